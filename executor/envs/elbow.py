@@ -1,23 +1,25 @@
 """Where the elbow goes while the hand keeps its way: off what is near, off the joints' limits, and else towards home.
 
 With the hand where it is wanted, one motion of the arm's seven joints is left, and this says how far along it the arm
-shall go next: the weighted mean of what three kinds of wish ask for. Each link between shoulder and hand is to keep
-`CLEAR_M` from everything solid, each joint `SPARE_RAD` from its limits, and where the hand moves the arm is to go
-towards home. What is looked at is the present state alone, so that equal episodes have equal elbows.
+shall go next. Where nothing is near, that is a little towards home. Else all postures that hold the hand are gone
+through to either side, for the hand as it is and as it will be soon, and the one is made for that costs least: each
+link between shoulder and hand is to keep `CLEAR_M` from everything solid, each joint `SPARE_RAD` from its limits, and
+the elbow is to go no farther than that is worth. A slope alone would not do: over a table the forearm has room on one
+side or the other, and seldom in between. What is looked at is the present state and the present action, so that equal
+episodes have equal elbows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 
 from executor.envs.obstacles import Obstacles
 from executor.geometry import Array, rotation_z
-from executor.robot.actions import joint_limits
-from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
-from executor.robot.tracking import ArmChain
+from executor.robot.actions import arm_chain, joint_limits
+from executor.robot.description import ARM_HOME
+from executor.robot.tracking import pose_error
 from executor.world.engine import pose_matrix
 from executor.world.world import World
 
@@ -32,9 +34,29 @@ LINKS = {"panda_link3": 3, "panda_link4": 4, "panda_link5": 5, "panda_link6": 6}
 
 _POINTS = 16  # On each link: 3 to 5 cm apart.
 _HOMEWARD = 0.1  # Share of the way home that the elbow goes an action: within a second it is on its side.
-_HOME, _SPARE, _CLEAR = 1.0, 4.0, 400.0  # Weights, for rad, rad and m, squared: 5 cm are worth a radian.
+_SPARE, _CLEAR = 4.0, 1200.0  # Weights, for rad and m, squared, beside 1 for rad to go: 3 cm are worth a radian.
+_DEEPEST_M = 0.04  # Inside solids what is deeper costs no more: which face is the nearest says little there.
+_APART_RAD, _STEPS = 0.25, 6  # Postures that are gone through to either side: to 1.5 rad, as far as elbows went.
 _LONGEST_RAD = 0.2  # As far as one action moves a joint.
+_DAMPING, _FLAT = 1e-4, 1e-12
 _ARM = slice(3, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class HandWish:
+    """Where a hand is, seen from the base, and where it is wanted now and soon.
+
+    Attributes:
+        reached: (1, 4, 4) where it is.
+        jacobian: (6, 7) how it moves and turns with the arm's joints, in the base's axes.
+        wanted: (2, 4, 4) where it is to be now, and where it will be soon if it goes on as it does.
+        bases: (2, 3) x, y [m] and yaw [rad] of the base then.
+    """
+
+    reached: Array
+    jacobian: Array
+    wanted: Array
+    bases: Array
 
 
 class Elbow:
@@ -45,59 +67,83 @@ class Elbow:
     """
 
     def __init__(self, world: World) -> None:
-        urdf = robot_urdf(world.scene.robot.scale, visual=False)
-        self._limits = joint_limits(world.scene.robot.scale)[_ARM]
+        scale = world.scene.robot.scale
+        self._chain, self._limits = arm_chain(scale), joint_limits(scale)[_ARM]
         self._obstacles = Obstacles(world)
-        # From link to link: each joint is gone through once.
-        self._chains = [ArmChain(urdf, *ends) for ends in pairwise((BASE_LINK, *LINKS))]
-        points = [_points(world, link) for link in LINKS]
-        self._points, self._ends = points, np.cumsum([len(own) for own in points])[:-1]
-        self._moved_by = np.concatenate([np.full(len(own), k) for own, k in zip(points, LINKS.values(), strict=True)])
+        # (L, 3, P) in frames of links; the frame of what a joint turns is that link's.
+        self._points = np.stack([_points(world, link).T for link in LINKS])[:, None, None]
+        self._turned_by = np.array(list(LINKS.values())) - 1
 
-    def wish(self, base: Array, arm: Array, hand_m: Array, jacobian: Array, *, homeward: bool) -> Array:
+    def wish(self, arm: Array, hand: HandWish, *, homeward: bool) -> Array:
         """Returns the (7,) change of posture, rad, that leaves the hand where it is.
 
         Args:
-            base: (3,) x, y [m] and yaw [rad] of the base.
             arm: (7,) the posture, rad.
-            hand_m: (3,) where the hand is then, seen from the base.
-            jacobian: (6, 7) how it moves and turns with the joints, in the base's axes.
+            hand: Where the hand is, and is wanted.
             homeward: Whether the arm shall go home, where nothing is in the way.
         """
-        way = np.linalg.svd(jacobian)[2][-1]
-        home = _HOMEWARD * float(way @ (np.array(ARM_HOME) - arm)) if homeward else 0.0
-        cleared = self._cleared(base, arm, hand_m, jacobian * way)
-        weight, rate, wanted = np.array([(_HOME, 1.0, home), *self._spared(arm, way), *cleared]).T
-        step = float((weight * rate * wanted).sum() / (weight * rate * rate).sum())
-        return np.asarray(np.clip(step, -_LONGEST_RAD, _LONGEST_RAD) * way)
+        ways, back = _freed(hand.jacobian[None])
+        home = _HOMEWARD * float(ways[0] @ (np.array(ARM_HOME) - arm)) if homeward else 0.0
+        arms = arm + _steps(back, pose_error(hand.wanted, hand.reached))
+        step = self._cheapest(arms, ways[0], hand, home) if self._costs(arms[None], hand.bases).any() else home
+        return np.asarray(np.clip(step, -_LONGEST_RAD, _LONGEST_RAD) * ways[0])
 
-    def _cleared(self, base: Array, arm: Array, hand_m: Array, speeds: Array) -> Iterator[tuple[float, float, float]]:
-        """Yields weight, growth a step along the way, and wanted growth of each link's gap that is too small, m.
+    def _cheapest(self, arms: Array, way: Array, hand: HandWish, home: float) -> float:
+        """Returns how far along a way, rad, to the posture that costs least.
 
         Args:
-            base, arm, hand_m: As for `wish`.
-            speeds: (6, 7) what each joint does to the hand in a step along the way.
+            arms: (2, 7) postures near those that have the hand where it is wanted, now and soon.
+            way: (7,) the motion that leaves the hand where it is.
+            hand: Where it is wanted.
+            home: How far to go where all else is equal.
         """
-        T, placed, first = np.eye(4), [], 0
-        for chain, points, joints in zip(self._chains, self._points, LINKS.values(), strict=True):
-            T, first = T @ chain.forward(arm[None, first:joints])[0], joints
-            placed.append(points @ T[:3, :3].T + T[:3, 3])
-        R, points = rotation_z(float(base[2])), np.concatenate(placed)
-        gaps = self._obstacles.nearest(points @ R.T + [base[0], base[1], 0.0], CLEAR_M)
-        for own in np.split(np.arange(len(points)), self._ends):
-            nearest = own[int(gaps.distance_m[own].argmin())]
-            if (gap_m := float(gaps.distance_m[nearest])) < CLEAR_M:
-                # As the hand would move if it were there, by the joints before that link.
-                move, turn = speeds[:, : self._moved_by[nearest]].sum(axis=1).reshape(2, 3)
-                speed = R @ (move + np.cross(turn, points[nearest] - hand_m))
-                yield _CLEAR, float(speed @ gaps.away[nearest]), CLEAR_M - gap_m
+        frames = self._chain.frames(arms)
+        arms = arms + _steps(_freed(self._chain.jacobian(frames))[1], pose_error(hand.wanted, frames[-1]))
+        gone, ways, found = np.stack([arms, arms]), np.stack([way, -way])[:, None], [np.stack([arms, arms])]
+        for _ in range(_STEPS):
+            frames = self._chain.frames(gone.reshape(4, -1))
+            along, back = _freed(self._chain.jacobian(frames))
+            along = along.reshape(gone.shape)
+            ways = np.where((along * ways).sum(axis=2, keepdims=True) < 0.0, -along, along)
+            error = pose_error(np.tile(hand.wanted, (2, 1, 1)), frames[-1])
+            gone = gone + _steps(back, error).reshape(gone.shape) + _APART_RAD * ways
+            found.append(gone)
+        costs = self._costs(np.concatenate(found), hand.bases).reshape(_STEPS + 1, 2, 2)
+        # From where it is, the arm has to pass all that lies between; later it is there already.
+        both = np.maximum.accumulate(costs[:, :, 0], axis=0) + costs[:, :, 1]
+        cost = np.concatenate([both[:0:-1, 1], both[:, 0]])
+        along_rad = _APART_RAD * np.arange(-_STEPS, _STEPS + 1)
+        cost += (along_rad - home) ** 2
+        k = int(cost.argmin())
+        if k in (0, len(cost) - 1):
+            return float(along_rad[k])
+        # The lowest point of a parabola through it and its neighbours.
+        bend = max(float(cost[k - 1] - 2.0 * cost[k] + cost[k + 1]), _FLAT)
+        return float(along_rad[k]) + _APART_RAD * float(cost[k - 1] - cost[k + 1]) / (2.0 * bend)
 
-    def _spared(self, arm: Array, way: Array) -> Iterator[tuple[float, float, float]]:
-        """Yields weight, growth and wanted growth of the room of joints that are near a limit, rad."""
-        low, high = self._limits.T
-        for room, sign in ((arm - low, 1.0), (high - arm, -1.0)):
-            for joint in np.flatnonzero(room < SPARE_RAD):
-                yield _SPARE, sign * float(way[joint]), SPARE_RAD - float(room[joint])
+    def _costs(self, arms: Array, bases: Array) -> Array:
+        """Returns (M, 2) what postures (M, 2, 7) over (2, 3) bases lack of the room that is wished for around them."""
+        shape = arms.shape[:2]
+        frames = self._chain.frames(arms.reshape(-1, arms.shape[-1]))[self._turned_by].reshape(-1, *shape, 4, 4)
+        points = frames[..., :3, :3] @ self._points + frames[..., :3, 3:]
+        turns = np.stack([rotation_z(float(yaw)) for yaw in bases[:, 2]])
+        places = (turns @ points).swapaxes(-1, -2)
+        places[..., :2] += bases[:, None, :2]
+        gaps = self._obstacles.nearest(places.reshape(-1, 3), CLEAR_M).distance_m.reshape(*places.shape[:-1])
+        short_m = np.clip(CLEAR_M - gaps.min(axis=-1), 0.0, CLEAR_M + _DEEPEST_M)
+        short_rad = np.maximum(SPARE_RAD - np.minimum(arms - self._limits[:, 0], self._limits[:, 1] - arms), 0.0)
+        return np.asarray(_CLEAR * (short_m**2).sum(axis=0) + _SPARE * (short_rad**2).sum(axis=-1))
+
+
+def _freed(jacobians: Array) -> tuple[Array, Array]:
+    """Returns, of N postures, (N, 7) motions that leave the hand where it is, and (N, 7, 6) least ones that move it."""
+    U, sizes, V = np.linalg.svd(jacobians)
+    damped = sizes / (sizes**2 + _DAMPING)
+    return V[:, 6], (V[:, :6].swapaxes(1, 2) * damped[:, None]) @ U.swapaxes(1, 2)
+
+
+def _steps(back: Array, error: Array) -> Array:
+    return np.asarray((back @ error[:, :, None])[:, :, 0])
 
 
 def _points(world: World, link: str) -> Array:

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from executor.envs.elbow import Elbow
+from executor.envs.elbow import Elbow, HandWish
 from executor.geometry import Array
 from executor.robot.actions import arm_chain, joint_limits
+from executor.robot.tracking import pose_error
 
 ARM_SPEEDS_RAD_S = np.array([2.175] * 4 + [2.61] * 3)
 """What Franka Robotics allows a Panda's joints. Where an elbow is elsewhere than a demonstration's was, the same motion
@@ -16,6 +17,10 @@ of the hand asks some joint for twice the speed; at the 1.2 rad/s of planned mot
 
 OWED_M, OWED_RAD = 0.05, 0.3
 """How far beyond what the arm reaches a wish may go on growing: as much as comes back within half a second."""
+
+AHEAD_S = 0.3
+"""How far ahead elbows look, if hand and base go on as they do: while they go round to another side. Farther ahead,
+hands that will have stopped seem to run into things."""
 
 _ARM = slice(3, 10)
 _INSET_RAD = 0.002  # Commands end so far before a limit of the arm.
@@ -41,6 +46,7 @@ class HandFollower:
         self._chain, self._limits = arm_chain(scale), joint_limits(scale)
         self._wanted = self._chain.forward(np.asarray(target, float)[None, _ARM])[0]
         self._most_rad = ARM_SPEEDS_RAD_S * period_s
+        self._ahead = AHEAD_S / period_s
 
     def joint_target(self, before: Array, action: Array) -> Array:
         """Returns the (12,) joint targets that a hand action asks for.
@@ -58,48 +64,63 @@ class HandFollower:
         ahead, aside = action[7:9]
         base = before[:3] + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, action[9]]
         fingers = np.full(2, action[6] * self._limits[-1, 1])
-        self._wanted[:3, 3] += action[:3]
-        self._wanted[:3, :3] = Rotation.from_rotvec(action[3:6]).as_matrix() @ self._wanted[:3, :3]
-        return np.concatenate([base, self._posture(base, before[_ARM], moves=bool(action[:6].any())), fingers])
+        self._wanted = _moved(self._wanted, action[:6])
+        soon = _moved(self._wanted, self._ahead * action[:6])
+        bases = np.stack([base, base + self._ahead * (base - before[:3])])
+        moves = bool(action[:6].any())
+        return np.concatenate([base, self._posture(before[_ARM], soon, bases, moves=moves), fingers])
 
-    def _posture(self, base: Array, before: Array, *, moves: bool) -> Array:
+    def _posture(self, before: Array, soon: Array, bases: Array, *, moves: bool) -> Array:
         """Returns the (7,) posture after one with the hand where it is wanted, or as near as may be."""
         low, high = self._limits[_ARM, 0] + _INSET_RAD, self._limits[_ARM, 1] - _INSET_RAD
         low = np.maximum(np.minimum(low, before), before - self._most_rad)
         high = np.minimum(np.maximum(high, before), before + self._most_rad)
         arm, weight, wish = before, _FREE, np.zeros(len(before))
         for number in range(_ITERATIONS):
-            reached, jacobian = (found[0] for found in self._chain.forward_and_jacobian(arm[None]))
-            error = np.concatenate([self._wanted[:3, 3] - reached[:3, 3], self._turn(reached)])
+            reached, jacobians = self._chain.forward_and_jacobian(arm[None])
+            error, jacobian = pose_error(self._wanted[None], reached)[0], jacobians[0]
             if weight == _FINE and np.linalg.norm(error) < _REACHED:
                 return arm
             if number == 0:
-                wish = self._elbow.wish(base, arm, reached[:3, 3], jacobian, homeward=moves)
-            rows = np.concatenate([jacobian, np.sqrt(weight) * np.eye(len(arm))])
-            sought = np.concatenate([error, np.sqrt(weight) * wish])
-            arm = np.clip(arm + _solved(rows, sought, low - arm - _APART_RAD, high - arm + _APART_RAD), low, high)
+                hand = HandWish(reached, jacobian, np.stack([self._wanted, soon]), bases)
+                wish = self._elbow.wish(arm, hand, homeward=moves)
+            arm = np.clip(arm + _solved(jacobian, error, weight, wish, low - arm, high - arm), low, high)
             weight, wish = _FINE, np.zeros(len(arm))
         self._forgive(arm)
         return arm
 
     def _forgive(self, arm: Array) -> None:
         """Brings what is wanted back to what a posture can still catch up with."""
-        reached = self._chain.forward(arm[None])[0]
-        owed_m, owed_rad = self._wanted[:3, 3] - reached[:3, 3], self._turn(reached)
-        if (length_m := float(np.linalg.norm(owed_m))) > OWED_M:
-            self._wanted[:3, 3] = reached[:3, 3] + owed_m * OWED_M / length_m
-        if (angle_rad := float(np.linalg.norm(owed_rad))) > OWED_RAD:
-            turn = Rotation.from_rotvec(owed_rad * OWED_RAD / angle_rad)
-            self._wanted[:3, :3] = turn.as_matrix() @ reached[:3, :3]
-
-    def _turn(self, reached: Array) -> Array:
-        """Returns the (3,) rotation vector from a hand pose to the one wanted, rad."""
-        return np.asarray(Rotation.from_matrix(self._wanted[:3, :3] @ reached[:3, :3].T).as_rotvec())
+        reached = self._chain.forward(arm[None])
+        owed = pose_error(self._wanted[None], reached)[0]
+        for part, most in ((owed[:3], OWED_M), (owed[3:], OWED_RAD)):
+            part *= min(1.0, most / max(float(np.linalg.norm(part)), _APART_RAD))
+        self._wanted = _moved(reached[0], owed)
 
 
-def _solved(rows: Array, sought: Array, low: Array, high: Array) -> Array:
-    """Returns the solution of a least-squares problem within bounds; without bounds it takes a tenth of the time."""
-    free = np.linalg.lstsq(rows, sought, rcond=None)[0]
-    if ((low <= free) & (free <= high)).all():
+def _moved(T: Array, motion: Array) -> Array:
+    """Returns a (4, 4) pose moved (3, m) and turned (3, rotation vector, rad) about its own origin, in outer axes."""
+    after = T.copy()
+    after[:3, 3] += motion[:3]
+    if motion[3:].any():
+        after[:3, :3] = Rotation.from_rotvec(motion[3:]).as_matrix() @ T[:3, :3]
+    return after
+
+
+def _solved(jacobian: Array, error: Array, weight: float, wish: Array, low: Array, high: Array) -> Array:
+    """Returns the (7,) change of posture within bounds that brings a hand nearest to where it is wanted.
+
+    Args:
+        jacobian: (6, 7) how the hand moves and turns with the joints.
+        error: (6,) how far it is off, m and rad.
+        weight: Of rad squared off the wish beside m and rad squared of the hand.
+        wish: (7,) the change that is best for the elbow.
+        low, high: (7,) bounds.
+    """
+    free = np.linalg.solve(jacobian.T @ jacobian + weight * np.eye(len(wish)), jacobian.T @ error + weight * wish)
+    if ((low - _APART_RAD <= free) & (free <= high + _APART_RAD)).all():
         return np.asarray(free)
-    return np.asarray(lsq_linear(rows, sought, (low, high), method="bvls").x)
+    # Without bounds it takes a tenth of the time.
+    rows = np.concatenate([jacobian, np.sqrt(weight) * np.eye(len(wish))])
+    sought = np.concatenate([error, np.sqrt(weight) * wish])
+    return np.asarray(lsq_linear(rows, sought, (low - _APART_RAD, high + _APART_RAD), method="bvls").x)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executor.datasets import samples
-from executor.datasets.formats.stream import FoldedEpisode
-from executor.datasets.store import StoredEpisode, start_of
+from executor.datasets.formats.export import open_set
+from executor.datasets.formats.stream import DEMONSTRATION, FoldedEpisode
+from executor.datasets.store import INDEX, EpisodeStore, NotADataset, StoredEpisode, start_of
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import noise_of, physics_of
 from executor.envs import TASK_ID
 from executor.machine.extras import require
+from executor.machine.workers.process import serve
 from executor.robot.actions import hand_actions, joint_limits
 from executor.robot.description import ARM_HOME
 from executor.rollouts.checkpoint import Checkpoint
@@ -24,6 +29,9 @@ from executor.world.physics import STANDARD, Physics
 from oag import Scene, Task
 
 Way = Literal["exact", "joint_target", "paper"]
+
+WORKER = "executor.envs.replay"
+"""The module whose processes do again what they are told the place of."""
 
 WAITS_S = 5.0
 """After the last action, for a goal that has to hold at rest."""
@@ -37,11 +45,51 @@ class Redone:
         name: The demonstration's.
         good: Whether it did again what it is there for: the same states, or success.
         progress: How far the task came, 0 to 1.
+        problem: Why it could not be done at all: what its process ended with.
     """
 
     name: str
     good: bool
     progress: float
+    problem: str = ""
+
+
+def count_of(path: Path) -> int:
+    """Returns how many demonstrations `redoings` yields.
+
+    Raises:
+        NotADataset: It is no data set of ours.
+    """
+    if is_store(path):
+        return sum(1 for _ in EpisodeStore.open(path).demonstrations())
+    found = open_set(path).found
+    return found.train + found.validation
+
+
+def is_store(path: Path) -> bool:
+    """Decides whether a folder is to be read as a store of episodes, rather than as what was exported of one."""
+    return (path / INDEX).exists() or not path.is_dir()
+
+
+def redoings(path: Path, way: Way) -> Iterator[Callable[[], Redone]]:
+    """Yields, demonstration by demonstration, what does it again and returns what comes of it.
+
+    Args:
+        path: A store, or a data set that was exported of one.
+        way: As for `replayed`; what was exported has no command log.
+
+    Raises:
+        NotADataset: Something of it cannot be read.
+    """
+    if is_store(path):
+        yield from (partial(replayed, episode, way) for episode in EpisodeStore.open(path).demonstrations())
+        return
+    if way == "exact":
+        raise NotADataset(f"{path} has actions, and no commands: it can be done again through the environment only")
+    stream = open_set(path)
+    for episode in stream.episodes():
+        if episode.about["kind"] == DEMONSTRATION:
+            yield partial(replayed_rows, episode, stream.found.rate_hz, way)
 
 
 def replayed(episode: StoredEpisode, way: Way) -> Redone:
@@ -170,3 +218,25 @@ def _then_still(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[
         still[[0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
     for _ in range(more):
         yield still
+
+
+def main() -> None:
+    """Does again what requests give the places of, until standard input ends; places of a set come in order."""
+    at: tuple[str, Way, int] | None = None
+    rest: Iterator[Callable[[], Redone]] = iter(())
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        nonlocal at, rest
+        path, way, place = str(request["set"]), request["way"], int(request["place"])
+        before, at = at, None  # After an error there is nothing to go on from.
+        if before is None or before[:2] != (path, way) or before[2] > place:
+            before, rest = (path, way, 0), redoings(Path(path), way)
+        redo = next(islice(rest, place - before[2], None))
+        at = (path, way, place + 1)
+        return asdict(redo())
+
+    serve(handle)
+
+
+if __name__ == "__main__":
+    main()

@@ -19,7 +19,8 @@ from executor.scenes.settle import Unsettled, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.scenefile import about_z
 
-_WALL_M, _THINNEST_M = 0.08, 0.01  # What is behind a wall that is looked over may stand against it.
+_WALL_M, _THINNEST_M = 0.08, 0.02  # What is behind a wall that is looked over may stand against it.
+_NEARER_M = 0.02  # So much a wall may be nearer than it was seen, where what is behind it leaves no room.
 _DIGITS = 4
 _CLEAR_M = 0.001
 
@@ -85,7 +86,7 @@ def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str)
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
     for number, wall in enumerate(walls):
         key = f"wall_{number}"
-        things[key] = _entry(_wall(wall, key, _thickness_m(wall, footprints)))
+        things[key] = _entry(_wall(wall, key, _back_m(wall, footprints)))
     return {"name": name, "objects": things}
 
 
@@ -137,19 +138,22 @@ def _entry(obj: SceneObject) -> dict[str, object]:
     return entry
 
 
-def _thickness_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
-    """How thick a wall can be for what stands behind it."""
-    thick_m = _WALL_M
+def _back_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
+    """How far behind a wall's face its back can be for what stands behind it; below 0 where that reaches through."""
+    back_m = _WALL_M
     for one in footprints:
         side, nearest = one.corners_m @ wall.along, float((one.corners_m @ wall.normal).max())
-        if side.max() > wall.span_m[0] and side.min() < wall.span_m[1] and nearest < wall.offset_m:
-            thick_m = min(thick_m, wall.offset_m - nearest - _CLEAR_M)
-    return max(thick_m, _THINNEST_M)
+        middle = float(np.mean(one.corners_m @ wall.normal))
+        if side.max() > wall.span_m[0] and side.min() < wall.span_m[1] and middle < wall.offset_m:
+            back_m = min(back_m, wall.offset_m - nearest - _CLEAR_M)
+    return back_m
 
 
-def _wall(wall: Wall, key: str, thick_m: float) -> SceneObject:
+def _wall(wall: Wall, key: str, back_m: float) -> SceneObject:
     low, high = wall.span_m
-    behind = (wall.offset_m - thick_m / 2) * wall.normal + (low + high) / 2 * wall.along
+    back_m = max(back_m, _THINNEST_M - _NEARER_M)
+    thick_m = max(back_m, _THINNEST_M)
+    behind = (wall.offset_m - back_m + thick_m / 2) * wall.normal + (low + high) / 2 * wall.along
     yaw = math.atan2(-wall.normal[1], -wall.normal[0])
     return SceneObject(
         id=key,

@@ -79,7 +79,7 @@ class LineTracker:
         residuals_m: list[float] = []
         for _ in range(iterations):
             reached, jacobian = self._chain.forward_and_jacobian(arm)
-            error = _error(targets, reached)
+            error = pose_error(targets, reached)
             residual_m = float(np.linalg.norm(error[:, :3], axis=1).max())
             turned_rad = float(np.linalg.norm(error[:, 3:], axis=1).max())
             if residual_m < POSITION_TOLERANCE_M and turned_rad < ROTATION_TOLERANCE_RAD:
@@ -93,14 +93,14 @@ class LineTracker:
             transposed = jacobian.transpose(0, 2, 1)
             step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[:, :, None]))[:, :, 0]
             arm = np.clip(arm + np.clip(step, -LONGEST_STEP_RAD, LONGEST_STEP_RAD), self._lower, self._upper)
-        worst = arm[int(np.linalg.norm(_error(targets, self._chain.forward(arm))[:, :3], axis=1).argmax())]
+        worst = arm[int(np.linalg.norm(pose_error(targets, self._chain.forward(arm))[:, :3], axis=1).argmax())]
         held = np.minimum(worst - self._lower, self._upper - worst) < AT_LIMIT_RAD
         self.at_limit = tuple(f"panda_joint{index + 1}" for index in np.flatnonzero(held))
         return None, residual_m
 
 
-def _error(targets: Array, reached: Array) -> Array:
-    """Returns (N, 6): position error and rotation error as a rotation vector, in the base frame."""
+def pose_error(targets: Array, reached: Array) -> Array:
+    """Returns (N, 6): how far poses (N, 4, 4) are off targets, m, and as a rotation vector, rad, in the base's axes."""
     E = targets[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)
     axis = 0.5 * np.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1)
     sine = np.maximum(np.linalg.norm(axis, axis=1), 1e-12)
@@ -134,7 +134,8 @@ class ArmChain:
             path.append(joints[link])
             link = _name(joints[link], "parent")
         fixed = np.eye(4)
-        steps: list[tuple[Array, Array, Array, Array]] = []
+        steps: list[tuple[Array, Array, Array]] = []
+        axes: list[tuple[float, ...]] = []
         for joint in reversed(path):
             fixed = fixed @ _origin(joint)
             if joint.get("type") == "fixed":
@@ -145,38 +146,41 @@ class ArmChain:
             K = np.zeros((4, 4))
             K[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
             # A turn by q after the fixed part is F + sin(q) F K + (1 - cos(q)) F K^2.
-            steps.append((fixed, fixed @ K, fixed @ K @ K, np.array(axis)))
+            steps.append((fixed, fixed @ K, fixed @ K @ K))
+            axes.append(axis)
             fixed = np.eye(4)
-        self._steps = steps
-        self._tip = fixed
+        self._fixed, self._turned, self._turned_twice = np.array(steps).transpose(1, 0, 2, 3)[:, :, None]
+        self._axes, self._tip = np.array(axes), fixed
 
     def forward(self, arms: Array) -> Array:
         """Returns (N, 4, 4) poses of the tip for postures (N, J)."""
-        return self._frames(arms)[-1]
+        return self.frames(arms)[-1]
 
     def forward_and_jacobian(self, arms: Array) -> tuple[Array, Array]:
-        """Returns (N, 4, 4) poses of the tip and (N, 6, J) Jacobians for postures (N, J).
+        """Returns (N, 4, 4) poses of the tip and (N, 6, J) Jacobians for postures (N, J)."""
+        frames = self.frames(arms)
+        return frames[-1], self.jacobian(frames)
 
-        Rows of a Jacobian are the tip's velocity and angular velocity, in the base's axes.
+    def frames(self, arms: Array) -> Array:
+        """Returns (J + 1, N, 4, 4) frames for postures (N, J): what each joint turns, which is a link, then the tip."""
+        sines, cosines = np.sin(arms).T[:, :, None, None], (1.0 - np.cos(arms)).T[:, :, None, None]
+        turns = self._fixed + sines * self._turned + cosines * self._turned_twice
+        found = np.empty((len(turns) + 1, *turns.shape[1:]))
+        T = found[0] = turns[0]
+        for j in range(1, len(turns)):
+            T = np.matmul(T, turns[j], out=found[j])
+        np.matmul(T, self._tip, out=found[-1])
+        return found
+
+    def jacobian(self, frames: Array) -> Array:
+        """Returns (N, 6, J) Jacobians at postures whose `frames` these are.
+
+        Rows are the tip's velocity and angular velocity, in the base's axes.
         """
-        frames = self._frames(arms)
-        tip = frames[-1]
-        axes = np.stack([T[:, :3, :3] @ step[3] for T, step in zip(frames, self._steps, strict=False)], axis=2)
-        arm_to_tip = np.stack([tip[:, :3, 3] - T[:, :3, 3] for T in frames[:-1]], axis=2)
-        # np.cross moves axes about, which costs more than the products.
-        x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
-        u, v, w = arm_to_tip[:, 0], arm_to_tip[:, 1], arm_to_tip[:, 2]
-        return tip, np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z], axis=1)
-
-    def _frames(self, arms: Array) -> list[Array]:
-        """Returns the frames after each joint (N, 4, 4), and the tip's last."""
-        sines, cosines = np.sin(arms)[:, :, None, None], 1.0 - np.cos(arms)[:, :, None, None]
-        T = np.broadcast_to(np.eye(4), (len(arms), 4, 4))
-        frames = []
-        for j, (F, FK, FKK, _) in enumerate(self._steps):
-            T = T @ (F + sines[:, j] * FK + cosines[:, j] * FKK)
-            frames.append(T)
-        return [*frames, T @ self._tip]
+        # (3, N, J) each; np.cross moves axes about, which costs more than the products.
+        x, y, z = (frames[:-1, :, :3, :3] @ self._axes[:, None, :, None])[..., 0].transpose(2, 1, 0)
+        u, v, w = (frames[-1, None, :, :3, 3] - frames[:-1, :, :3, 3]).transpose(2, 1, 0)
+        return np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z], axis=1)
 
 
 def _name(joint: ET.Element, tag: str) -> str:

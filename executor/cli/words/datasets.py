@@ -106,6 +106,8 @@ class ReplayOptions(CommonOptions):
     """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
     episodes: Maybe[int] = None
     """How many to do again, from the first on; by default all."""
+    workers: int = 1
+    """How many processes; one does them in this process."""
 
 
 Store = tyro.conf.Positional[

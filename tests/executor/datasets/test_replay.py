@@ -22,7 +22,15 @@ from tests.executor.helpers import MakeWorld
 pytestmark = pytest.mark.physics
 
 
-@pytest.mark.parametrize("options", [[], ["--through", "env"], ["--through", "env", "--actions", "paper"]])
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--through", "env"],
+        ["--through", "env", "--actions", "paper"],
+        pytest.param(["--workers", "2"], marks=pytest.mark.slow),
+    ],
+)
 def test_demonstrations_come_out_again(
     made_store: EpisodeStore, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -41,6 +49,17 @@ def test_other_commands_are_seen(made_store: EpisodeStore, tmp_path: Path, capsy
     assert run(["replay", str(store.path), "--episodes", "1"]) == 1
     out = capsys.readouterr()
     assert "0 of 1 gave the same states" in out.out and episode.name in out.err
+
+
+@pytest.mark.slow
+def test_what_a_process_cannot_read_is_one_clear_message(
+    made_store: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = EpisodeStore(Path(shutil.copytree(made_store.path, tmp_path / "s")))
+    episode = next(store.demonstrations())
+    (episode.path / SAMPLES).write_bytes(b"none")
+    assert run(["replay", str(store.path), "--workers", "2"]) == 2
+    assert str(episode.path / SAMPLES) in capsys.readouterr().err
 
 
 def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,18 @@ def test_the_elbow_gives_way_to_a_wall_beside_it(make_world: MakeWorld) -> None:
     # Where it cannot give way to both, it stays between them.
     between = stood_still(room((0.0, 0.10), (0.0, -0.18)), home, make_world)
     assert abs(elbow_m(between)[1]) < 0.02
+
+
+def test_the_elbow_goes_round_what_is_under_its_middle(make_world: MakeWorld) -> None:
+    # A post under the elbow: whichever way the elbow begins to go, it gets no farther off at first.
+    post = replace(room((0.0, 0.0)).objects["wall_0"], position=(-0.12, 0.0, 0.3375), bbox_extent=(0.05, 0.2, 0.675))
+    upright = replace(post, orientation=(1.0, 0.0, 0.0, 0.0))
+    scene = replace(room(), objects={"wall_0": upright})
+    home = np.array(ARM_HOME)
+    after = stood_still(scene, home, make_world)
+    around = Obstacles(make_world(scene))
+    before_m, after_m = (around.nearest(elbow_m(arm)[None], 1.0).distance_m[0] for arm in (home, after))
+    assert before_m < 0.05 and after_m > 0.1
 
 
 def test_joints_keep_off_their_limits_where_the_hand_lets_them(make_world: MakeWorld) -> None:

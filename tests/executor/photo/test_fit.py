@@ -20,7 +20,7 @@ from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.reconstruct import FittedRoom, reconstruct
-from executor.photo.scene import scene_of
+from executor.photo.scene import scene_json, scene_of
 from executor.photo.space.observation import Noise, Observation
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import tidied
@@ -123,6 +123,17 @@ def test_what_overlaps_is_taken_apart() -> None:
     assert found["a"].y_m + found["a"].size_m[1] / 2 <= found["b"].y_m - found["b"].size_m[1] / 2
     assert found["c"] == far, "what is behind a wall is not in it"
     assert len(notes) == 2
+
+
+def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
+    wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
+    for x_m, back_m, thick_m in ((2.5, 3.08, 0.08), (3.46, 3.059, 0.059), (3.41, 3.009, 0.02)):
+        scene = scene_json(
+            {"table": replace(TABLE, x_m=x_m, y_m=0.0, yaw_rad=0.0, size_m=(0.8, 0.6, 0.7))}, (wall,), "seen"
+        )
+        made = scene["objects"]["wall_0"]  # type: ignore[index]
+        assert made["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
+        assert made["position"][0] + made["bbox_extent"][0] / 2 == pytest.approx(back_m, abs=1e-3)
 
 
 def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:

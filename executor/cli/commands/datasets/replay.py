@@ -6,61 +6,98 @@ again through the environment is a measurement: 0 whatever comes of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
+from contextlib import closing
 from itertools import islice
 
-from executor.cli.errors import DONE, FAILED, BadOption, check
-from executor.cli.output import print_json, say, tell
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.executing import check_workers
+from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.words.datasets import ReplayOptions
-from executor.datasets.formats.export import open_set
-from executor.datasets.formats.stream import DEMONSTRATION
-from executor.datasets.store import INDEX, EpisodeStore, NotADataset
-from executor.envs.replay import Redone, Way, replayed, replayed_rows
+from executor.datasets.store import NotADataset
+from executor.envs.replay import WORKER, Redone, Way, count_of, is_store, redoings
+from executor.machine.workers.pool import WorkerOutcome, WorkerPool
 from oag import clopper_pearson
 
 
 def execute(options: ReplayOptions) -> int:
     """Does demonstrations again; returns the exit code."""
     check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
+    check_workers(options.workers)
     exact = options.through == "log"
     check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
-    way: Way = "exact" if exact else options.actions
-    found: list[Redone] = []
-    for one in islice(_redone(options, way), options.episodes):
-        found.append(one)
-        if not (options.json or one.good):
-            tell(f"  {one.name}: {_wrong(exact, one)}", style="red")
-    if not found:
+    if exact and not is_store(options.store):
+        raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
+    count = count_of(options.store)
+    if not count:
         raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
+    total = count if options.episodes is None else min(count, options.episodes)
+    found: list[Redone] = []
+    interrupted = False
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=ERR, disable=options.json or not ERR.is_terminal) as bar:
+        task = bar.add_task("doing again", total=total)
+        try:
+            with closing(_redone(options, "exact" if exact else options.actions, total)) as redone:
+                for one in redone:
+                    found.append(one)
+                    bar.update(task, advance=1, description=f"{sum(each.good for each in found)} good")
+                    if not (options.json or one.good):
+                        tell(f"  {one.name}: {_wrong(exact, one)}", style="red")
+        except KeyboardInterrupt:
+            interrupted = True
+    return _finished(options, found, exact=exact, interrupted=interrupted)
+
+
+def _finished(options: ReplayOptions, found: list[Redone], *, exact: bool, interrupted: bool) -> int:
     good = sum(one.good for one in found)
-    low, high = clopper_pearson(good, len(found))
-    code = FAILED if exact and good < len(found) else DONE
+    low, high = clopper_pearson(good, len(found)) if found else (0.0, 1.0)
+    code = INTERRUPTED if interrupted else FAILED if exact and good < len(found) else DONE
     if options.json:
-        failed = [one.name for one in found if not one.good]
-        numbers = {"way": way, "replayed": len(found), "good": good, "interval": [low, high], "failed": failed}
-        print_json({"ok": code == DONE, "exit_code": code, **numbers})
+        failed = sorted(one.name for one in found if not one.good)
+        numbers = {"replayed": len(found), "good": good, "interval": [low, high], "failed": failed}
+        way = "exact" if exact else options.actions
+        print_json({"ok": code == DONE, "exit_code": code, "way": way, **numbers})
         return code
-    what = "gave the same states" if exact else f"succeeded again through the environment, by {_WORDS[way]}"
+    what = "gave the same states" if exact else f"succeeded again through the environment, by {_WORDS[options.actions]}"
     words = f"{good} of {len(found)} {what} ({100 * low:.1f} to {100 * high:.1f} %)"
     say(f"{'replayed':11} {words}", style="bold" if good == len(found) else "yellow")
+    if interrupted:
+        tell("scene2demo: interrupted", style="yellow")
     return code
 
 
-def _redone(options: ReplayOptions, way: Way) -> Iterator[Redone]:
-    """Yields what comes of each demonstration of a store, or of what was exported of one."""
-    if (options.store / INDEX).exists() or not options.store.is_dir():
-        yield from (replayed(episode, way) for episode in EpisodeStore.open(options.store).demonstrations())
+def _redone(options: ReplayOptions, way: Way, total: int) -> Generator[Redone, None, None]:
+    """Yields what comes of each demonstration, as they end.
+
+    Raises:
+        NotADataset: One cannot be read.
+        WorkersUnusable: No worker process can be started.
+    """
+    if options.workers == 1:
+        yield from (redo() for redo in islice(redoings(options.store, way), total))
         return
-    stream = open_set(options.store)
-    if way == "exact":
-        raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
-    for episode in stream.episodes():
-        if episode.about["kind"] == DEMONSTRATION:
-            yield replayed_rows(episode, stream.found.rate_hz, way)
+    asked = [{"set": str(options.store.absolute()), "way": way, "place": place} for place in range(total)]
+    pool = WorkerPool(WORKER, min(options.workers, total), environment={"OMP_NUM_THREADS": "1"})
+    with closing(pool.run(asked)) as outcomes:
+        for outcome in outcomes:
+            yield _told(outcome)
+
+
+def _told(outcome: WorkerOutcome) -> Redone:
+    if outcome.ending == "finished":
+        return Redone(**outcome.answer)
+    if outcome.ending == "error" and outcome.answer.get("kind") == NotADataset.__name__:
+        raise NotADataset(str(outcome.answer.get("error", outcome.message)))
+    return Redone(f"demonstration {outcome.request['place'] + 1}", False, 0.0, outcome.message)
 
 
 _WORDS = {"joint_target": "joint targets", "paper": "the paper's hand actions"}
 
 
 def _wrong(exact: bool, replay: Redone) -> str:
+    if replay.problem:
+        return replay.problem
     return "other states" if exact else f"no success; it came {100 * replay.progress:.0f} % of the way"
