@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,13 +12,11 @@ import torch
 from numpy.typing import NDArray
 
 from executor.policies.chunks import targets_in_the_room
-from executor.policies.features import Numbers, own_numbers, state_numbers
+from executor.policies.features import Numbers, own_numbers, shown_numbers, state_numbers
 from executor.policies.networks import PolicyNetwork
-from executor.policies.trained import PolicyRecord, load_network, read_record
+from executor.policies.phases import PlanFollower
+from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
 from executor.policies.windows import chosen_points
-from oag.model.primitives import Primitive
-
-_LETS_GO = Primitive.UNGRASP.value
 
 
 class Acting(Protocol):
@@ -70,8 +67,9 @@ class Actor:
         self.execute = execute or record.settings.acts.execute
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
-        self._plan: list[int] = []
-        self._stage = self._first = 0
+        self._follower = PlanFollower(record, self.execute)
+        mean, deviation = record.numbers
+        self._scales = torch.from_numpy(mean), torch.from_numpy(deviation)
         self._points: NDArray[np.int64] | None = None
 
     @classmethod
@@ -93,26 +91,17 @@ class Actor:
     @property
     def phase(self) -> int:
         """Number of the primitive that it takes to be going on."""
-        return self.record.primitives[self._plan[self._stage]]
+        return self.record.primitives[self._follower.phase]
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begins an episode.
 
         Args:
             plan: Numbers of the primitives of the episode's plan, in order; which of them goes on is told the policy,
-                if it was trained so, and it tells itself when the next one begins.
+                if it was trained so (`phases.py`).
             seed: Of the episode; it chooses among points as it did for demonstrations.
         """
-        known = self.record.primitives
-        self._plan = [known.index(number) for number in plan if number in known] or [0]
-        self._stage = 0
-        if self.record.takeovers:
-            # What the planner begins with where it takes over from a robot that has closed its hand on something else,
-            # or leans on something: no plan begins so.
-            before = [number for number in known if number == _LETS_GO or number not in plan]
-            self._plan = [*map(known.index, before), *self._plan]
-            self._stage = len(before)
-        self._first = self._stage
+        self._follower.begin(plan)
         self._frames.clear()
         self._waiting.clear()
         if self._settings.sees.kind == "cloud":
@@ -129,43 +118,29 @@ class Actor:
         agent, sees = np.asarray(observation["agent_pos"])[None], self._settings.sees
         if self._points is None:
             environment = np.asarray(observation["environment_state"])[None]
-            numbers, cloud = state_numbers(agent, environment, sees.things, sees.handles)[0], None
+            numbers, cloud = state_numbers(agent, environment, sees.things, sees.handles), None
         else:
-            numbers, cloud = own_numbers(agent)[0], np.asarray(observation["point_cloud"], np.float32)[self._points]
-        frame = (numbers, self._plan[self._stage], cloud)
+            numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
+        if sees.phase and not self._waiting:
+            self._follower.go_on(shown_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
+        frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
 
     def _foretell(self, qpos: NDArray) -> NDArray:
-        """Returns (execute, 12 or 10) the next actions, and moves on in the plan."""
-        mean, deviation = self.record.numbers
-        numbers = torch.from_numpy((np.stack([frame[0] for frame in self._frames]) - mean) / deviation)
-        phase = torch.tensor([frame[1] for frame in self._frames]) if self._settings.sees.phase else None
+        """Returns (execute, 12 or 10) the next actions."""
+        phase = torch.tensor([frame[1] for frame in self._frames])
+        seen = torch.from_numpy(np.stack([frame[0] for frame in self._frames]))
+        numbers = normalised(seen, phase, self._scales)
         clouds = [frame[2] for frame in self._frames if frame[2] is not None]
         cloud = torch.from_numpy(np.stack(clouds))[None] if clouds else None
         with torch.inference_mode():
-            found, logits = self._network(numbers[None], None if phase is None else phase[None], cloud)
-        chunk = found[0, -1].numpy() * self.record.actions[1] + self.record.actions[0]
+            told = phase[None] if self._settings.sees.phase else None
+            # Of all ways of grasping it keeps to the one that most demonstrations have.
+            found, logits = self._network(numbers[None], told, cloud, torch.zeros_like(phase)[None])
+        mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
+        chunk = found[0, -1].numpy() * deviation + mean
         if logits is not None:
-            self._go_on(logits[0, -1, self.execute - 1].numpy())
+            self._follower.foretell(logits[0, -1, self.execute - 1].numpy())
         if self._settings.acts.kind == "joint_target":
             chunk = targets_in_the_room(qpos, chunk)
         return chunk[: self.execute]
-
-    def _go_on(self, logits: NDArray) -> None:
-        """Takes the next step of the plan where it is likelier than the present one, and so on.
-
-        One that has seen what the planner does where a policy went astray also goes back: to the latest earlier step
-        of the kind that is the likeliest of all.
-        """
-        begun, likeliest = self._stage, int(np.argmax(logits))
-        for now, following in pairwise(self._plan[begun:] if begun >= self._first else ()):
-            if logits[following] <= logits[now]:
-                break
-            self._stage += 1
-        if self._stage != begun or not self.record.takeovers or likeliest == self._plan[begun]:
-            return
-        places = [place for place, kind in enumerate(self._plan) if kind == likeliest]
-        if begun < self._first:
-            self._stage = places[0]
-        elif earlier := [place for place in places if place < begun]:
-            self._stage = earlier[-1]

@@ -6,6 +6,8 @@ that training and evaluation see the same. Arrays have one row a moment.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -16,6 +18,8 @@ Numbers = NDArray[np.float32]
 
 ROBOT_NUMBERS, THING_NUMBERS, HANDLE_NUMBERS = 17, 18, 7
 OWN_NUMBERS = 11
+
+_OPENING = 7  # Behind the arm's joints, or behind the hand's pose.
 
 
 def state_numbers(agent: NDArray, environment: NDArray, things: int, handles: int) -> Numbers:
@@ -64,6 +68,26 @@ def own_numbers(agent: NDArray) -> Numbers:
     turn = np.where(turn[:, :1] + turn[:, 3:] < 0.0, -turn, turn)
     hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
     return np.concatenate([hand_m, turn, agent[:, 19:20], agent[:, :3]], axis=1, dtype=np.float32)
+
+
+def shown_numbers(numbers: Numbers, kind: Literal["state", "cloud"], things: int, handles: int) -> Numbers:
+    """Returns (N, 1 + 4 * handles + 3 * things) of what is seen what shows how far a plan has come: the gripper's
+    opening (m), where a hand takes each thing and then each handle, from the hand (m), and how far each handle is open.
+    Of clouds it is the opening alone.
+
+    Args:
+        numbers: (N, F) as `state_numbers` or `own_numbers` gives them.
+        kind: Which of the two.
+        things, handles: Of how many they tell.
+    """
+    found = [numbers[:, _OPENING : _OPENING + 1]]
+    if kind == "state":
+        begins = ROBOT_NUMBERS + THING_NUMBERS * things
+        ends = [ROBOT_NUMBERS + THING_NUMBERS * (row + 1) for row in range(things)]
+        ends += [begins + HANDLE_NUMBERS * (row + 1) for row in range(handles)]
+        found += [numbers[:, end - 3 : end] for end in ends]
+        found += [numbers[:, begins : begins + HANDLE_NUMBERS * handles : HANDLE_NUMBERS]]
+    return np.concatenate(found, axis=1, dtype=np.float32)
 
 
 def _floor_m(agent: NDArray) -> NDArray:

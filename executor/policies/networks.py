@@ -24,11 +24,13 @@ class NetworkSizes:
         numbers: Of what is seen, points left out.
         action: Numbers of an action.
         phases: Primitives that occur.
+        ways: Ways of grasping that are told apart.
     """
 
     numbers: int
     action: int
     phases: int
+    ways: int
 
 
 class PointNet(nn.Module):
@@ -59,8 +61,9 @@ class PolicyNetwork(nn.Module):
         sees, acts, form = settings.sees, settings.acts, settings.network
         self._chunk, self._sizes = acts.chunk, sizes
         self._told = sizes.phases if sees.phase else 0
+        self._ways = sizes.ways if sees.way else 0
         self.cloud = PointNet(form.point_widths) if sees.kind == "cloud" else None
-        each = sizes.numbers + self._told + (form.point_widths[-1] if self.cloud is not None else 0)
+        each = sizes.numbers + self._told + self._ways + (form.point_widths[-1] if self.cloud is not None else 0)
         self.trunk: nn.Module = (
             _CausalTransformer(form, each, sees.frames)
             if form.kind == "transformer"
@@ -72,7 +75,7 @@ class PolicyNetwork(nn.Module):
         self.next_phase = nn.Linear(form.width, acts.chunk * sizes.phases) if self._told else None
 
     def forward(
-        self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None
+        self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
     ) -> tuple[Tensor, Tensor | None]:
         """Returns chunks of actions (B, T, H, A), and of what goes on after each of them (B, T, H, phases).
 
@@ -82,12 +85,15 @@ class PolicyNetwork(nn.Module):
             numbers: (B, T, F) normalised.
             phase: (B, T) which primitive goes on, where it is told.
             cloud: (B, T, P, 4), where it is seen.
+            way: (B, T) which way it grasps, where it is told.
         """
         parts = [numbers]
         if self.cloud is not None and cloud is not None:
             parts.append(self.cloud(cloud))
         if self._told and phase is not None:
             parts.append(nn.functional.one_hot(phase, self._told).to(numbers.dtype))
+        if self._ways and way is not None:
+            parts.append(nn.functional.one_hot(way, self._ways).to(numbers.dtype))
         found = self.trunk(torch.cat(parts, dim=-1))
         shape = (*found.shape[:2], self._chunk)
         logits = None if self.next_phase is None else self.next_phase(found).reshape(*shape, self._sizes.phases)

@@ -53,6 +53,8 @@ class Sees(Form):
         things, handles: Of how many it is told, those that the task names first ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
+        way: Whether it is told which posture its arm grasps with (`windows.py`): at work always the one that most
+            demonstrations have.
     """
 
     kind: Literal["state", "cloud"] = "state"
@@ -61,6 +63,7 @@ class Sees(Form):
     handles: Annotated[StrictInt, Field(ge=0, le=8)] = 1
     points: Annotated[StrictInt, Field(ge=16, le=POINTS)] = POINTS
     phase: StrictBool = False
+    way: StrictBool = False
 
 
 class Acts(Form):

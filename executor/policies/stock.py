@@ -75,10 +75,12 @@ class StockActor:
             primitives=(),
             numbers=(none, none),
             actions=(none, none),
+            left=(none, none),
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=data.demonstrations,
             takeovers=data.takeovers,
+            ways=0,
             data_key=content_key(data.key, str(config.type), str(self.execute)),
         )
         self._sentence = data.kinds[0].origin.query if data.kinds else ""

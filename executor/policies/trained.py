@@ -17,24 +17,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from bddl.files import temporary_beside
+from executor.datasets.formats.observations import LARGEST
 from executor.machine.files import content_key, json_text, read_json, write_json
 from executor.policies.chunks import numbers_each
-from executor.policies.features import Numbers
+from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
-from executor.policies.windows import Demonstrations, EpisodeKind, spread
+from executor.policies.windows import Demonstrations, EpisodeKind
+from oag.model.primitives import Primitive
 
-SCHEMA = "scene2demo-policy/1"
+SCHEMA = "scene2demo-policy/2"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
     *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
 )
-_LEAST_SPREAD = 1e-3  # m or rad: numbers that hardly vary are not blown up.
+_LEAST_SPREAD = 1e-3
+"""In m or rad: numbers that hardly vary are not blown up."""
+
+_SEEN_SHARE, _DONE_SHARE = 0.1, 0.05
+"""Of the deviation over all phases, the least that counts within one: where a primitive rests, a centimetre seen is no
+small thing, and a millimetre done no large one."""
+
+
+TAKEN_M = 0.1
+"""What every grasp of all demonstrations is nearer to is what they take: long handles are held 6 cm off the middle."""
+
+MOST_DEVIATIONS = 5.0
+"""What is seen counts as no farther from its mean: demonstrations hardly are, and nothing was learned of beyond."""
 
 
 class NotAPolicy(ValueError):
@@ -50,12 +65,14 @@ class PolicyRecord:
         seed: Of its first weights, of batches and noise.
         rate_hz: Actions a second.
         primitives: Numbers of the primitives that it knows as phases.
-        numbers: Mean and deviation (F,) of what is seen.
-        actions: The same (H, A) of chunks.
+        numbers: Mean and deviation (P, F) of what is seen, for each primitive where policies are told it, else P = 1.
+        actions: The same (P, H, A) of chunks.
+        left: Least and most (P, G) of what shows how far a plan has come, where each primitive had been left.
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
         takeovers: How many of them go on from where a policy had come to.
+        ways: How many ways of grasping it tells apart (`windows.py`).
         data_key: Follows from what they are.
     """
 
@@ -65,35 +82,41 @@ class PolicyRecord:
     primitives: tuple[int, ...]
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
+    left: tuple[Numbers, Numbers]
     kinds: tuple[EpisodeKind, ...]
     seeds: tuple[int, ...]
     demonstrations: int
     takeovers: int
+    ways: int
     data_key: str
 
     @classmethod
     def of(cls, settings: PolicySettings, seed: int, data: Demonstrations) -> PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
-        seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
+        told = data.told if settings.sees.phase else np.zeros_like(data.told)
+        count = len(data.primitives) if settings.sees.phase else 1
         return cls(
             settings=settings,
             seed=seed,
             rate_hz=data.rate_hz,
             primitives=data.primitives,
-            numbers=seen,
-            actions=done,
+            numbers=_spread(data.numbers, told, count, _SEEN_SHARE),
+            actions=_spread(chunks, told, count, _DONE_SHARE),
+            left=_left(settings, data),
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=len(data.names),
             takeovers=data.takeovers,
+            ways=int(data.ways.max()) + 1,
             data_key=data.key,
         )
 
     @property
     def sizes(self) -> NetworkSizes:
         """Of the network."""
-        return NetworkSizes(len(self.numbers[0]), numbers_each(self.settings.acts.kind), len(self.primitives))
+        each = numbers_each(self.settings.acts.kind)
+        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), self.ways)
 
     @property
     def key(self) -> str:
@@ -119,10 +142,12 @@ class PolicyRecord:
             "primitives": self.primitives,
             "numbers": self.numbers,
             "actions": self.actions,
+            "left": self.left,
             "seeds": self.seeds,
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "takeovers": self.takeovers,
+            "ways": self.ways,
             "data_key": self.data_key,
         }
 
@@ -138,11 +163,17 @@ class PolicyRecord:
             if told["schema"] != SCHEMA:
                 raise NotAPolicy(f"{source} is of {told['schema']!r}, this program reads {SCHEMA!r}")
             settings = settings_of(told["settings"], source)
-            seen, done = ([np.asarray(part, np.float32) for part in told[name]] for name in ("numbers", "actions"))
-            each = (settings.acts.chunk, numbers_each(settings.acts.kind))
-            if seen[0].shape != seen[1].shape or seen[0].ndim != 1 or [part.shape for part in done] != [each, each]:
+            names = ("numbers", "actions", "left")
+            seen, done, left = ([np.asarray(part, np.float32) for part in told[name]] for name in names)
+            count = len(told["primitives"]) if settings.sees.phase else 1
+            each = (count, settings.acts.chunk, numbers_each(settings.acts.kind))
+            shapes = [part.shape for part in (*seen, *left)]
+            if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
                 raise ValueError("arrays of other shapes than the settings say")
-            if not all(np.isfinite(part).all() for part in (*seen, *done)) or min(seen[1].min(), done[1].min()) <= 0:
+            if [part.shape for part in done] != [each, each]:
+                raise ValueError("arrays of other shapes than the settings say")
+            parts = (*seen, *done, *left)
+            if not all(np.isfinite(part).all() for part in parts) or min(seen[1].min(), done[1].min()) <= 0:
                 raise ValueError("numbers that are not finite, or deviations that are not above 0")
             return cls(
                 settings=settings,
@@ -151,10 +182,12 @@ class PolicyRecord:
                 primitives=tuple(int(number) for number in told["primitives"]),
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
+                left=(left[0], left[1]),
                 seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
-                takeovers=int(told.get("takeovers", 0)),
+                takeovers=int(told["takeovers"]),
+                ways=int(told["ways"]),
                 data_key=str(told["data_key"]),
             )
         except NotAPolicy:
@@ -163,7 +196,64 @@ class PolicyRecord:
             raise NotAPolicy(f"{source} does not say what a policy is: {problem}") from None
 
 
+def _spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: float) -> tuple[Numbers, Numbers]:
+    """Returns (count, ...) mean and standard deviation over the first axis, group by group.
+
+    What hardly varies within a group is not blown up: deviations are not below a share of that over all groups, nor
+    below `_LEAST_SPREAD`. A group that does not occur has the mean and the deviation over all.
+
+    Args:
+        values: (N, ...).
+        groups: (N,) which group each is of.
+        count: How many groups there are.
+        shares: That share.
+    """
+    stacked = np.asarray(values, dtype=np.float64)
+    mean, deviation = stacked.mean(axis=0), np.maximum(stacked.std(axis=0), _LEAST_SPREAD)
+    means, deviations = np.stack([mean] * count), np.stack([deviation] * count)
+    for group in np.unique(groups):
+        rows = stacked[groups == group]
+        means[group] = rows.mean(axis=0)
+        deviations[group] = np.maximum(rows.std(axis=0), np.maximum(shares * deviation, _LEAST_SPREAD))
+    return means.astype(np.float32), deviations.astype(np.float32)
+
+
+def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numbers]:
+    """Returns the least and the most of what shows how far a plan has come, where primitives had been left.
+
+    What is never left, such as the last one, has no bounds; nor has where things are that nothing takes hold of.
+    """
+    sees = settings.sees
+    shown = shown_numbers(data.numbers, sees.kind, sees.things, sees.handles)
+    count = len(data.primitives) if sees.phase else 1
+    most = np.full((count, shown.shape[1]), LARGEST, np.float32)
+    least = -most
+    if not sees.phase:
+        return least, most
+    rows, left = data.after_leaving(settings.acts.execute)
+    for phase in np.unique(left):
+        least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
+    behind_grasps = rows[np.array(data.primitives)[left] == Primitive.GRASP]
+    sites = sees.things + sees.handles if sees.kind == "state" else 0
+    for site in (slice(1 + 3 * place, 4 + 3 * place) for place in range(sites)):
+        if not len(behind_grasps) or np.linalg.norm(shown[behind_grasps, site], axis=1).max() > TAKEN_M:
+            least[:, site], most[:, site] = -LARGEST, LARGEST
+    return least, most
+
+
 _KINDS = TypeAdapter(tuple[EpisodeKind, ...])
+
+
+def normalised(numbers: Tensor, phase: Tensor, scales: tuple[Tensor, Tensor]) -> Tensor:
+    """Returns (..., F) numbers less their mean, by their deviation, in the phase that each is of.
+
+    Args:
+        numbers: (..., F).
+        phase: (...).
+        scales: Mean and deviation, (P, F).
+    """
+    mean, deviation = scales
+    return ((numbers - mean[phase]) / deviation[phase]).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS)
 
 
 def write_record(folder: Path, record: PolicyRecord) -> None:

@@ -21,6 +21,7 @@ from executor.policies.trained import (
     WEIGHTS,
     NotAPolicy,
     PolicyRecord,
+    normalised,
     read_tensors,
     step_path,
     write_record,
@@ -65,7 +66,9 @@ class Trainer:
             self._network.parameters(), form.learning_rate, weight_decay=form.weight_decay
         )
         self._average = {name: weight.detach().clone() for name, weight in self._network.state_dict().items()}
-        self._scales = [torch.as_tensor(part, device=self._device) for part in (*record.numbers, *record.actions)]
+        self._seen = (self._there(record.numbers[0]), self._there(record.numbers[1]))
+        self._done = (self._there(record.actions[0]), self._there(record.actions[1]))
+        self._told = data.told if record.settings.sees.phase else np.zeros_like(data.told)
         self._losses: list[tuple[int, float]] = []
         self.step = 0
         if (folder / RESUME).exists():
@@ -128,8 +131,8 @@ class Trainer:
         frames = data.frames(moments, settings.sees.frames)
         outputs = frames if settings.network.kind == "transformer" else frames[:, -1:]
         wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk)
-        mean, deviation, action_mean, action_deviation = self._scales
-        numbers = (self._there(data.numbers[frames]) - mean) / deviation
+        phase = self._there(self._told[frames])
+        numbers = normalised(self._there(data.numbers[frames]), phase, self._seen)
         if form.noise:
             numbers = numbers + form.noise * self._there(rng.standard_normal(numbers.shape, np.float32))
         cloud = None
@@ -138,9 +141,10 @@ class Trainer:
             shift = rng.uniform(-form.shift_m, form.shift_m, (len(moments), 1, 1, 3))
             jitter = form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
             cloud[..., :3] += self._there(shift.astype(np.float32)) + self._there(jitter)
-        phase = self._there(data.told[frames]) if settings.sees.phase else None
-        actions, logits = self._network(numbers, phase, cloud)
-        target = ((self._there(wanted) - action_mean) / action_deviation).reshape(actions.shape)
+        way = self._there(data.ways[frames])
+        actions, logits = self._network(numbers, phase if settings.sees.phase else None, cloud, way)
+        begun = self._there(self._told[outputs.ravel()])
+        target = ((self._there(wanted) - self._done[0][begun]) / self._done[1][begun]).reshape(actions.shape)
         loss = nn.functional.l1_loss(actions, target)
         if logits is not None:
             loss = loss + _PHASE_WEIGHT * nn.functional.cross_entropy(

@@ -22,6 +22,13 @@ from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
+from oag.model.primitives import Primitive
+
+SAME_WAY_RAD = 1.0
+"""Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand
+makes 0.3 rad."""
+
+MOST_WAYS = 8  # What a few of a hundred demonstrations do is not learned from them.
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +61,8 @@ class Demonstrations:
         kinds: What the episodes are of, each once.
         seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
+        lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
+            and else where its episode ends.
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
         clouds: (M, P, 4) float16 points and mask, or None.
@@ -63,6 +72,7 @@ class Demonstrations:
             policy it is at first what that one took to be going on.
         primitives: The numbers of primitives that occur, in the order of their numbers.
         takeovers: How many episodes go on from where a policy had come to.
+        ways: (M,) which way the episode takes things, 0 being the way of the most.
     """
 
     names: tuple[str, ...]
@@ -72,6 +82,7 @@ class Demonstrations:
     seeds: tuple[int, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
+    lasts: NDArray[np.int64]
     qpos: NDArray[np.float32]
     numbers: Numbers
     clouds: NDArray[np.float16] | None
@@ -80,9 +91,19 @@ class Demonstrations:
     told: NDArray[np.int64]
     primitives: tuple[int, ...]
     takeovers: int
+    ways: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.starts)
+
+    def after_leaving(self, moments: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Returns rows in which another primitive has just begun, so many moments from each beginning on, and beside
+        each the one that was left."""
+        begun = np.flatnonzero((self.phases[1:] != self.phases[:-1]) & (self.starts[1:] == self.starts[:-1])) + 1
+        rows = begun[:, None] + np.arange(moments)
+        now = self.phases[np.minimum(rows, self.ends[begun, None] - 1)]
+        within = (rows < self.ends[begun, None]) & (now == self.phases[begun, None])
+        return rows[within], np.broadcast_to(self.phases[begun - 1, None], rows.shape)[within]
 
     def frames(self, moments: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Returns (B, count) the moments up to each; before an episode begins, its first stands."""
@@ -91,9 +112,18 @@ class Demonstrations:
 
     def chunks(self, moments: NDArray[np.int64], length: int) -> tuple[Numbers, NDArray[np.int64]]:
         """Returns (B, length, A) the actions from each moment on, as they are foretold, and (B, length) what goes on
-        when each of them is done; after an episode ends, its last action stands."""
-        rows = np.minimum(moments[:, None] + np.arange(length), self.ends[moments, None] - 1)
-        after = np.minimum(rows + 1, self.ends[moments, None] - 1)
+        when each of them is done.
+
+        Where a primitive ends, its last action stands: whoever is told what goes on does not begin with the next one
+        before looking again. So do the last action and the last primitive of an episode.
+
+        Args:
+            moments: (B,) moments.
+            length: How many actions.
+        """
+        later = moments[:, None] + np.arange(length)
+        rows = np.minimum(later, self.lasts[moments, None] - 1)
+        after = np.minimum(later + 1, self.ends[moments, None] - 1)
         actions = self.actions[rows]
         if actions.shape[-1] == self.qpos.shape[-1]:
             actions = targets_from_here(self.qpos[moments], actions)
@@ -133,7 +163,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
-    phases = np.concatenate(going_on)
+    phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     told = np.concatenate(
         [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
     )
@@ -146,7 +176,8 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         kinds=_kinds(episodes),
         seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
-        ends=np.repeat(ends, lengths),
+        ends=episode_ends,
+        lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
@@ -155,6 +186,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         told=np.searchsorted(primitives, told),
         primitives=primitives,
         takeovers=_takeovers(episodes),
+        ways=np.repeat(ways([_postures_at_grasps(episode) for episode in episodes]), lengths),
     )
 
 
@@ -239,6 +271,47 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
     return primitives[running[np.minimum(following, len(running) - 1)]]
 
 
+def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
+    """Returns (N,) which way each demonstration takes things, 0 being the way of the most.
+
+    A hand gets to the same place with the elbow on either side and the wrist turned either way; what decides it is
+    not seen, and the mean of two postures reaches nowhere. A way is a posture that others are near to, those that most
+    others are near to first. From `MOST_WAYS` on, all that are left are one.
+
+    Args:
+        postures: Of each demonstration, (G, 7) the arm at each of its grasps, rad. The last ones are compared with the
+            last ones, since some demonstrations begin in the middle.
+    """
+    near = np.array([[_apart_rad(one, other) <= SAME_WAY_RAD for other in postures] for one in postures])
+    found = np.full(len(postures), MOST_WAYS - 1)
+    left = np.ones(len(postures), dtype=bool)
+    for way in range(MOST_WAYS - 1):
+        if not left.any():
+            break
+        usual = near[np.where(left, near.astype(int) @ left, -1).argmax()] & left
+        found[usual], left = way, left & ~usual
+    return found
+
+
+def _apart_rad(one: NDArray, other: NDArray) -> float:
+    """Returns how far two demonstrations' postures are apart at the most different of their grasps, over all joints."""
+    count = min(len(one), len(other))
+    return float(np.abs(one[len(one) - count :] - other[len(other) - count :]).sum(axis=1).max(initial=0.0))
+
+
+def _postures_at_grasps(episode: FoldedEpisode) -> NDArray[np.float32]:
+    """Returns (G, 7) the arm where each of an episode's grasps begins."""
+    grasping = episode.columns["primitive_index"] == Primitive.GRASP
+    begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
+    return episode.columns["observation.state"][begun, 3:10]
+
+
+def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns (M,) of each moment where the primitive that is going on ends, within its episode."""
+    borders = np.append(np.flatnonzero((phases[1:] != phases[:-1]) | (ends[1:] != ends[:-1])) + 1, len(phases))
+    return borders[np.searchsorted(borders, np.arange(len(phases)), side="right")]
+
+
 def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> NDArray[np.int64]:
     """Returns (N,) the primitives that a policy is told to be going on.
 
@@ -258,9 +331,3 @@ def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
     return tuple(
         dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size) for unit in units)
     )
-
-
-def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:
-    """Returns mean and standard deviation over the first axis, the latter not below `least`."""
-    stacked = np.asarray(values, dtype=np.float64)
-    return stacked.mean(axis=0).astype(np.float32), np.maximum(stacked.std(axis=0), least).astype(np.float32)

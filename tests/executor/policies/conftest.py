@@ -37,7 +37,7 @@ def picked(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 def small(**parts: dict[str, object]) -> PolicySettings:
     """Returns settings of a small policy of the state."""
     content: dict[str, dict[str, object]] = {
-        "sees": {"phase": True},
+        "sees": {"phase": True, "way": True},
         "acts": {"chunk": 8, "execute": 4},
         "network": {"width": 32, "layers": 2},
         "training": {"steps": 6, "batch": 16, "average": 0.9},

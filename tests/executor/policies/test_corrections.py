@@ -95,30 +95,12 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     settings = small()
     both = read_demonstrations([picked.path, corrected.path], settings)
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
-    first = int(np.flatnonzero(both.starts == len(both) - sum(int(e.meta["samples"]) for e in episodes))[0])
+    first = int(np.unique(both.starts)[both.names.index(unit.name)])
     assert [both.primitives[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
     assert np.array_equal(both.told[first + 4 : first + 20], both.phases[first + 4 : first + 20])
     write_set(stream_of(corrected), "zarr", tmp_path / "z")
     exported = read_demonstrations([tmp_path / "z"], settings)
     assert exported.takeovers == 2 and exported.primitives == read_demonstrations([corrected.path], settings).primitives
-
-
-def test_who_has_seen_corrections_goes_back_in_the_plan(
-    policy: Path, picked: EpisodeStore, corrected: EpisodeStore
-) -> None:
-    record = PolicyRecord.of(small(), 0, read_demonstrations([picked.path, corrected.path], small()))
-    for seen, expected in ((record, 17), (replace(record, takeovers=0), 3)):
-        actor = Actor("a", seen, seen.network())
-        actor.begin([17, 1, 2, 3, 7], 0)
-        assert actor.phase == 17
-        logits = np.zeros(len(seen.primitives))
-        for number in (1, 2, 3):
-            logits[seen.primitives.index(number)] = number
-            actor._go_on(logits)
-        assert actor.phase == 3
-        logits[seen.primitives.index(17)] = 9.0
-        actor._go_on(logits)
-        assert actor.phase == expected
 
 
 def test_what_cannot_be_corrected_is_refused(

@@ -21,8 +21,19 @@ from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMB
 from executor.policies.judging.comparison import PolicyScore, paired_tests
 from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
+from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
-from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, load_network, read_record, read_tensors
+from executor.policies.trained import (
+    ABOUT,
+    MOST_DEVIATIONS,
+    WEIGHTS,
+    NotAPolicy,
+    PolicyRecord,
+    load_network,
+    normalised,
+    read_record,
+    read_tensors,
+)
 from executor.policies.training import Trainer, learning_rate, parameters
 from executor.policies.windows import Demonstrations, read_demonstrations
 from executor.robot.actions import joint_limits
@@ -78,6 +89,12 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     border = int(data.ends[0])
     assert len(data.names) == 2 and border < len(data)
     assert data.frames(np.array([border]), 3).tolist() == [[border, border, border]]
+    assert (data.phases[data.lasts - 1] == data.phases).all() and (data.lasts <= data.ends).all()
+    begins = int(np.flatnonzero(np.diff(data.phases))[0]) + 1
+    chunk, after = data.chunks(np.array([begins - 2]), 4)
+    expected = targets_from_here(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
+    assert np.array_equal(chunk, expected)
+    assert after[0].tolist() == data.phases[begins - 1 : begins + 3].tolist() and after[0, 0] != after[0, 1]
     chunk, after = data.chunks(np.array([border - 2]), 4)
     expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
     assert np.array_equal(chunk, expected)
@@ -134,6 +151,27 @@ def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
     assert first.key != second.key
 
 
+def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> None:
+    record = PolicyRecord.of(small(), 0, data)
+    mean, deviation = (torch.from_numpy(part) for part in record.numbers)
+    grasping = data.told == record.primitives.index(3)
+    seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.told), (mean, deviation)).numpy()
+    assert np.allclose(seen[grasping].mean(axis=0), 0.0, atol=0.02) and np.abs(seen).max() <= MOST_DEVIATIONS
+    assert (record.numbers[1] >= 0.099 * np.maximum(data.numbers.std(axis=0), 1e-3)).all()
+    whole = PolicyRecord.of(small(sees={"phase": False}), 0, data)
+    assert whole.numbers[0].shape == (1, data.numbers.shape[1])
+    assert np.allclose(whole.numbers[0], data.numbers.mean(axis=0), atol=1e-5)
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
+    torch.manual_seed(0)
+    network = PolicyNetwork(small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, ways=4)).eval()
+    numbers, phase = torch.randn(1, 1, 5), torch.ones(1, 1, dtype=torch.int64)
+    usual, other = (network(numbers, phase, way=torch.full((1, 1), way))[0] for way in (0, 1))
+    assert torch.equal(usual, other) is not told
+
+
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     losses: list[float] = []
     record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
@@ -180,9 +218,9 @@ def test_the_future_does_not_reach_the_past(picked: EpisodeStore, data: Demonstr
     network = PolicyRecord.of(small(**kinds), 0, data).network().eval()  # type: ignore[arg-type]
     numbers, phase = torch.zeros(1, 4, data.numbers.shape[1]), torch.zeros(1, 4, dtype=torch.int64)
     with torch.inference_mode():
-        before = network(numbers, phase)[0]
+        before = network(numbers, phase, way=phase)[0]
         numbers[0, 3] = 5.0
-        after = network(numbers, phase)[0]
+        after = network(numbers, phase, way=phase)[0]
     assert torch.equal(before[0, :3], after[0, :3]) and not torch.equal(before[0, 3], after[0, 3])
 
 
@@ -207,6 +245,17 @@ def test_the_expert_succeeds_through_the_watch_that_judges_policies(picked: Epis
     for _ in range(5):
         idle.look(env.step(env.target.astype(np.float32))[4])
     assert idle.outcome(0).failure == "not-reached"
+    env.close()
+
+
+def test_policies_act_in_the_rooms_that_demonstrations_are_of(picked: EpisodeStore, data: Demonstrations) -> None:
+    (kind,) = data.kinds
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
+    for episode in picked.demonstrations():
+        observation, _ = env.reset(seed=int(episode.meta["unit"]["seed"]))
+        assert env.episode.scene.objects == episode.scene.objects
+        # Sizes are adjusted to the gripper once: the glass fills most of the 5.6 cm between the fingers.
+        assert 0.038 < observation["environment_state"][8] < 0.055
     env.close()
 
 

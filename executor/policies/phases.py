@@ -1,0 +1,149 @@
+"""Which step of an episode's plan goes on: as the policy foretells it, and as what it sees allows it.
+
+A plan says that GRASP begins with the hand at its place, and ends with something between the fingers; and that a door
+is open when it was opened. So GRASP, what goes before it, and what opens and shuts count as done only where what shows
+of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on nothing
+begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked; a
+door that comes no farther is left. No contact and no detector is asked: it is what the policy sees anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.policies.features import Numbers
+from executor.policies.trained import PolicyRecord
+from oag.model.primitives import Primitive
+
+OPENING_SLACK_M, NEAR_SLACK_M, OPEN_SLACK = 0.01, 0.02, 0.05
+"""How far beyond what demonstrations showed is as good at least: by so much do fingers give, or stand farther apart
+around what they hold askew; from so much farther away they still close around a handle of 2 cm; and so much of its
+range less open is a door as open."""
+
+PATIENCE_S = 2.0
+"""For how long it is not let go on where it would: fingers close in half a second."""
+
+EMPTY_SHARE = 0.5
+"""Of the least that fingers were apart behind a grasp: with less they have shut on nothing. What they hold is as thick,
+and a door that swings presses them together by a fifth."""
+
+_SLACK_SHARE = 0.25  # The same of what demonstrations differ by: where they differ much, it does not matter.
+
+_APPROACH, _GRASP, _LETS_GO = (one.value for one in (Primitive.APPROACH, Primitive.GRASP, Primitive.UNGRASP))
+_MOVES_DOORS = (Primitive.ARTICULATE_OPEN.value, Primitive.ARTICULATE_CLOSE.value)
+
+
+class PlanFollower:
+    """Follows the plan of one episode after the other.
+
+    Args:
+        record: The policy that acts.
+        execute: How many actions it does before it looks again.
+    """
+
+    def __init__(self, record: PolicyRecord, execute: int) -> None:
+        self._known, self._takeovers = record.primitives, record.takeovers
+        least, most = record.left
+        self._empty_m = EMPTY_SHARE * least[:, 0]
+        sees = record.settings.sees
+        places = 3 * (sees.things + sees.handles) if sees.kind == "state" else 0
+        self._of_grasps, self._of_doors = slice(0, 1 + places), slice(1 + places, None)
+        least_slack = np.full(least.shape[-1], NEAR_SLACK_M)
+        least_slack[:1], least_slack[self._of_doors] = OPENING_SLACK_M, OPEN_SLACK
+        slack = np.maximum(least_slack, _SLACK_SHARE * (most - least))
+        self._least, self._most = least - slack, most + slack
+        self._plan: list[int] = []
+        self._looks_a_second = record.rate_hz / execute
+        self._stage = self._first = self._held_back = 0
+        self._foretold: NDArray | None = None
+
+    @property
+    def phase(self) -> int:
+        """Which of the primitives that the policy knows goes on."""
+        return self._plan[self._stage]
+
+    def begin(self, plan: Sequence[int]) -> None:
+        """Begins an episode with the numbers of its plan's primitives, in order."""
+        known = self._known
+        self._plan = [known.index(number) for number in plan if number in known] or [0]
+        self._first = 0
+        if self._takeovers:
+            # What the planner begins with where it takes over from a robot that has closed its hand on something else,
+            # or leans on something: no plan begins so.
+            before = [number for number in known if number == _LETS_GO or number not in plan]
+            self._plan = [*map(known.index, before), *self._plan]
+            self._first = len(before)
+        self._stage, self._foretold, self._held_back = self._first, None, 0
+
+    def foretell(self, logits: NDArray) -> None:
+        """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
+        self._foretold = logits
+
+    def go_on(self, shown: Numbers) -> None:
+        """Takes the step of the plan that goes on now.
+
+        It is the next one where that was foretold to be likelier than the present one, and so on. One that has seen
+        what the planner does where a policy went astray also goes back: to the latest earlier step of the kind that was
+        the likeliest of all.
+
+        Args:
+            shown: (G,) what now shows how far it has come.
+        """
+        if self._foretold is None:
+            return
+        foreseen = self._foreseen(self._foretold)
+        if (missed := self._missed(foreseen, shown)) is not None:
+            self._stage, self._held_back = missed, 0
+            return
+        if foreseen < self._stage:
+            self._stage = foreseen
+        while self._stage < foreseen and self._may_leave(self._stage, shown):
+            self._stage += 1
+        self._held_back = self._held_back + 1 if self._stage < foreseen else 0
+        if self._held_back > PATIENCE_S * self._looks_a_second:
+            door = self._known[self._plan[self._stage]] in _MOVES_DOORS
+            self._stage = self._stage + 1 if door else self._approach_before(self._stage)
+            self._held_back = 0
+
+    def _may_leave(self, stage: int, shown: Numbers) -> bool:
+        """Decides whether a step of the plan, that another one follows, is done as far as it shows."""
+        now, following = self._plan[stage], self._plan[stage + 1]
+        if _GRASP in (self._known[now], self._known[following]):
+            part = self._of_grasps
+        elif self._known[now] in _MOVES_DOORS:
+            part = self._of_doors
+        else:
+            return True
+        return bool(((self._least[now, part] <= shown[part]) & (shown[part] <= self._most[now, part])).all())
+
+    def _missed(self, foreseen: int, shown: Numbers) -> int | None:
+        """Returns the step of the APPROACH to a grasp that should hold by now, and shut on nothing."""
+        numbers = [self._known[phase] for phase in self._plan[: max(foreseen, self._stage)]]
+        grasped = next((at for at in reversed(range(len(numbers))) if numbers[at] in (_GRASP, _LETS_GO)), None)
+        if grasped is None or numbers[grasped] == _LETS_GO or shown[0] >= self._empty_m[self._plan[grasped]]:
+            return None
+        return self._approach_before(grasped)
+
+    def _approach_before(self, stage: int) -> int:
+        """Returns the step of the APPROACH that leads to another one; where there is none, that one itself."""
+        kinds = [self._known[phase] for phase in self._plan[:stage]]
+        return next((at for at in reversed(range(stage)) if kinds[at] == _APPROACH), stage)
+
+    def _foreseen(self, logits: NDArray) -> int:
+        """Returns which step goes on, as it was foretold."""
+        begun, foreseen, likeliest = self._stage, self._stage, int(np.argmax(logits))
+        for now, following in pairwise(self._plan[begun:] if begun >= self._first else ()):
+            if logits[following] <= logits[now]:
+                break
+            foreseen += 1
+        if foreseen != begun or not self._takeovers or likeliest == self._plan[begun]:
+            return foreseen
+        places = [place for place, kind in enumerate(self._plan) if kind == likeliest]
+        if begun < self._first:
+            return places[0]
+        earlier = [place for place in places if place < begun]
+        return earlier[-1] if earlier else begun

@@ -1,0 +1,143 @@
+"""Which step of the plan goes on: as foretold, but never past a grasp that holds nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.datasets.store import EpisodeStore
+from executor.policies.judging.outcomes import NEAR_M
+from executor.policies.phases import EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
+from executor.policies.trained import PolicyRecord
+from executor.policies.windows import MOST_WAYS, read_demonstrations, ways
+from tests.executor.policies.conftest import small
+
+pytestmark = pytest.mark.physics
+
+PLAN = [17, 1, 2, 3, 7]
+APPROACH, CONVERGE, GRASP, LIFT = 1, 2, 3, 4
+EXECUTE = 4
+
+
+@pytest.fixture(scope="module")
+def record(picked: EpisodeStore) -> PolicyRecord:
+    """Returns a policy of picking up."""
+    return PolicyRecord.of(small(), 0, read_demonstrations([picked.path], small()))
+
+
+def at(record: PolicyRecord, step: int) -> PlanFollower:
+    """Returns who follows the plan, come as far as a step, with all that shows as demonstrations had it."""
+    follower = PlanFollower(record, EXECUTE)
+    follower.begin(PLAN)
+    for place in range(step):
+        foretold(record, follower, PLAN[place + 1])
+        follower.go_on(typical(record, PLAN[place]))
+    assert record.primitives[follower.phase] == PLAN[step]
+    return follower
+
+
+def foretold(record: PolicyRecord, follower: PlanFollower, number: int) -> None:
+    """Has a primitive foretold to go on."""
+    logits = np.zeros(len(record.primitives))
+    logits[record.primitives.index(number)] = 9.0
+    follower.foretell(logits)
+
+
+def typical(record: PolicyRecord, number: int) -> np.ndarray:
+    """Returns what showed of a grasp where demonstrations had left a primitive."""
+    phase = record.primitives.index(number)
+    return (record.left[0][phase] + record.left[1][phase]) / 2
+
+
+def test_demonstrations_say_what_shows_where_a_primitive_is_left(record: PolicyRecord) -> None:
+    least, most = (bound[record.primitives.index(3)] for bound in record.left)
+    # The fingers are neither shut nor open.
+    assert 0.035 < least[0] <= most[0] < 0.055
+    assert (least[1:4] <= most[1:4]).all() and np.abs([least[1:4], most[1:4]]).max() < NEAR_M
+    assert (most[4:7] > 100.0).all()  # Nothing takes hold of the refrigerator's handle.
+    assert (record.left[1][record.primitives.index(7)] > 100.0).all()  # What ends the plan is never left.
+
+
+def test_a_primitive_is_left_where_demonstrations_left_it(record: PolicyRecord) -> None:
+    follower = at(record, CONVERGE)
+    shown = typical(record, 2)
+    foretold(record, follower, 3)
+    far = shown.copy()
+    far[1] = record.left[1][record.primitives.index(2), 1] + 2 * NEAR_SLACK_M
+    follower.go_on(far)
+    assert record.primitives[follower.phase] == 2
+    follower.go_on(shown)
+    assert record.primitives[follower.phase] == 3
+
+
+@pytest.mark.parametrize("step", [GRASP, LIFT])
+def test_fingers_that_shut_on_nothing_begin_anew_at_the_approach(record: PolicyRecord, step: int) -> None:
+    follower = at(record, step)
+    foretold(record, follower, 7)
+    empty = typical(record, 3)
+    empty[0] = 0.9 * EMPTY_SHARE * record.left[0][record.primitives.index(3), 0]
+    follower.go_on(empty)
+    assert record.primitives[follower.phase] == PLAN[APPROACH]
+
+
+def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None:
+    follower = at(record, GRASP)
+    crooked = typical(record, 3)
+    crooked[0] = 0.07
+    looks = 0
+    while record.primitives[follower.phase] == 3:
+        foretold(record, follower, 7)
+        follower.go_on(crooked)
+        looks += 1
+    assert record.primitives[follower.phase] == PLAN[APPROACH]
+    assert PATIENCE_S < looks * EXECUTE / record.rate_hz <= PATIENCE_S + EXECUTE / record.rate_hz
+
+
+@pytest.mark.parametrize("least", [0.6, 0.9])
+def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
+    record: PolicyRecord, least: float
+) -> None:
+    primitives = (3, 4, 5)
+    left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
+    left[0][1, 7], left[1][1, 7] = least, 1.0
+    follower = PlanFollower(replace(record, primitives=primitives, left=(left[0], left[1])), EXECUTE)
+    follower.begin((4, 5))
+    shown, looks = np.full(8, 0.7), 0
+    while follower.phase == 1:
+        follower.foretell(np.array([0.0, 0.0, 9.0]))
+        follower.go_on(shown)
+        looks += 1
+    assert looks == (1 if least < 0.7 else int(PATIENCE_S * record.rate_hz / EXECUTE) + 1)
+
+
+def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:
+    follower = at(record, GRASP)
+    foretold(record, follower, 3)
+    closing = typical(record, 3)
+    closing[0] = 0.0
+    follower.go_on(closing)
+    assert record.primitives[follower.phase] == 3
+
+
+def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) -> None:
+    for seen, expected in ((replace(record, takeovers=1), 17), (record, 3)):
+        follower = at(seen, GRASP)
+        foretold(seen, follower, 17)
+        follower.go_on(typical(seen, 2))
+        assert seen.primitives[follower.phase] == expected
+
+
+def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
+    rng = np.random.default_rng(0)
+    one, other = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 1.0])
+    near = [one + rng.normal(0.0, 0.05, (1, 7)) for _ in range(6)]
+    far = [other + rng.normal(0.0, 0.05, (1, 7)) for _ in range(4)]
+    assert ways([*far, *near]).tolist() == [1] * 4 + [0] * 6
+    # Two grasps have to be alike both; what begins behind the first is judged by the last.
+    both = [np.concatenate([a, b]) for a, b in zip(near, [*near[:5], far[0]], strict=True)]
+    assert ways([*both, near[0], far[1]]).tolist() == [0] * 5 + [1, 0, 1]
+    assert ways([]).tolist() == [] and ways([np.zeros((0, 7))]).tolist() == [0]
+    scattered = [np.full((1, 7), float(place)) for place in range(2 * MOST_WAYS)]
+    assert max(ways(scattered)) == MOST_WAYS - 1
