@@ -4,7 +4,8 @@
                                  [--out FILE]
 
 Without a store, two short demonstrations are generated. Without `--python`, lerobot (which needs Python 3.12), h5py and
-zarr 2 are installed into `.venv-interop`. robomimic 0.5 and DP3 are on no index: `--beside` names checkouts of them,
+zarr 2 are installed into `.venv-interop`. LeRobot's own command, `lerobot-train`, trains a small ACT for 50 steps as
+well. robomimic 0.5 and DP3 are on no index: `--beside` names checkouts of them,
 whose own loaders then take 50 steps too, in a Python that has what they import. Exit code 1 says that something was
 read otherwise than it was written, or that nothing was learned from it.
 """
@@ -29,13 +30,14 @@ from executor.datasets.formats.export import Format, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore
-from executor.machine.files import write_json
+from executor.machine.files import read_json, write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = ROOT / ".venv-interop"
 READER = Path(__file__).with_name("interop_reading.py")
-WANTED = ("lerobot[dataset]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16")
+WANTED = ("lerobot[dataset,training]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16")
 KINDS: tuple[Format, ...] = ("lerobot", "robomimic", "zarr")
+TRAINED_STEPS = 50
 INCLUDE: tuple[Extra, ...] = ("depth", "segmentation", "point_cloud")
 
 
@@ -58,16 +60,18 @@ def main() -> int:
         quiet["PYTHONPATH"] = os.pathsep.join(str(path.resolve()) for path in options.beside)
         done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
         read = json.loads(done.stdout.splitlines()[-1])
+        trained = _trained(python, folder / "lerobot", folder / "trained", quiet)
         wrong = [words for kind in KINDS for words in _compared(EpisodeStore(store), kind, read[kind])]
+    if trained:
+        wrong.append(f"lerobot-train: {trained}")
     for kind in KINDS:
         first, last = read[kind].get("loss_first_last", (1.0, 0.0))
         if not last < first:
             wrong.append(f"{kind}: 50 steps of training took the loss from {first:.4f} to {last:.4f}")
     if options.out:
         write_json(options.out, {"ok": not wrong, "wrong": wrong, "read": read})
-    print(
-        "\n".join(wrong) or f"{read['lerobot']['rows']} rows of {read['lerobot']['episodes']} episodes, all as written"
-    )
+    good = f"{read['lerobot']['rows']} rows of {read['lerobot']['episodes']} episodes, all as written; "
+    print("\n".join(wrong) or good + f"lerobot-train took {TRAINED_STEPS} steps")
     return 1 if wrong else 0
 
 
@@ -85,6 +89,29 @@ def _compared(store: EpisodeStore, kind: Format, read: dict[str, Any]) -> list[s
     return wrong
 
 
+def _trained(python: Path, data: Path, out: Path, environment: dict[str, str]) -> str:
+    """Has LeRobot's own command train a small policy of its own; returns what went wrong, empty when nothing did."""
+    told = {
+        "dataset.repo_id": "scene2demo/interop",
+        "dataset.root": data,
+        "policy.type": "act",
+        "policy.push_to_hub": "false",
+        "policy.device": "cpu",
+        **{"policy.dim_model": 64, "policy.n_heads": 2, "policy.dim_feedforward": 128},
+        **{"policy.chunk_size": 8, "policy.n_action_steps": 8},
+        **{"steps": TRAINED_STEPS, "save_freq": TRAINED_STEPS, "batch_size": 8, "num_workers": 0},
+        "output_dir": out,
+    }
+    words = [f"--{name}={value}" for name, value in told.items()]
+    done = subprocess.run(
+        [python.with_name("lerobot-train"), *words], check=False, capture_output=True, text=True, env=environment
+    )
+    weights = out / "checkpoints" / "last" / "pretrained_model" / "model.safetensors"
+    if done.returncode == 0 and weights.is_file():
+        return ""
+    return f"exit code {done.returncode}, and no weights: {' / '.join(done.stderr.splitlines()[-3:])}"
+
+
 def _made(folder: Path) -> Path:
     if run(["generate", "T5", "T6", "--episodes", "1", "--seed", "62900", "--workers", "1", "--out", str(folder)]):
         raise RuntimeError("the demonstrations could not be made")
@@ -92,13 +119,14 @@ def _made(folder: Path) -> Path:
 
 
 def _environment(interpreter: str) -> Path:
-    python = ENVIRONMENT / "bin" / "python"
-    if not python.exists():
+    python, has = ENVIRONMENT / "bin" / "python", ENVIRONMENT / "has.json"
+    if not has.exists() or read_json(has) != list(WANTED):
         if shutil.which(interpreter) is None:
             raise SystemExit(f"no {interpreter} was found, which lerobot needs; name one with --interpreter")
         print(f"[interop] installing {' '.join(WANTED)} into {ENVIRONMENT}", file=sys.stderr)
         subprocess.run([interpreter, "-m", "venv", ENVIRONMENT], check=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *WANTED], check=True)
+        write_json(has, list(WANTED))
     return python
 
 

@@ -98,7 +98,7 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            return samples.unpacked(read_bounded(self.path / file, _LARGEST_SAMPLES_BYTES))
+            return samples.unpacked(read_bounded(self._own(file), _LARGEST_SAMPLES_BYTES))
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
@@ -111,12 +111,17 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            with (self.path / file).open("rb") as stream:
+            with self._own(file).open("rb") as stream:
                 return samples.shapes(stream.read(_BEGIN_BYTES))
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
             raise NotADataset(f"{self.path / file}: {problem}") from None
+
+    def _own(self, file: str) -> Path:
+        if Path(file).name != file or file == "..":
+            raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
+        return self.path / file
 
     @property
     def corrections(self) -> tuple[Mapping[str, Any], ...]:

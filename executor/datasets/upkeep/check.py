@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from executor.datasets import samples
-from executor.datasets.footage import footage_path
+from executor.datasets.footage import DEPTH, SEGMENTATION, footage_path
 from executor.datasets.formats.fold import joint_names
 from executor.datasets.formats.videos import count_of
 from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
-from executor.datasets.units import DemoUnit
+from executor.datasets.units import DemoUnit, Recording
 from executor.pictures.video import VideoFailed
 from oag.model.errors import InputError
 
@@ -67,8 +68,11 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     elif episode.name != unit.folder(version):
         yield f"its folder should be named {unit.folder(version)}"
     for pair in episode.corrections:
-        if missing := sorted(set(_PER_SAMPLE) - set(episode.motion(pair["samples"]))):
+        motion = episode.motion(pair["samples"])
+        if missing := sorted(set(_PER_SAMPLE) - set(motion)):
             yield f"{pair['samples']} lacks {', '.join(missing)}"
+        aside = Path(pair["samples"]).stem
+        yield from _flaws_of_pictures(episode.path, aside, unit.recording, len(motion[_PER_SAMPLE[0]]))
     if not episode.has_samples:
         if episode.succeeded:
             yield "it succeeded, and its samples are missing"
@@ -94,9 +98,16 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     samples.commands(arrays)
     if episode.task.name == "":
         yield "its task has no name"
-    for view in unit.recording.views:
-        video = footage_path(episode.path, view)
-        if not video.is_file():
-            yield f"{video.name} is missing"
-        elif (seen := count_of(video)) != count:
-            yield f"{video.name} has {seen} pictures for {count} samples"
+    yield from _flaws_of_pictures(episode.path, "", unit.recording, count)
+
+
+def _flaws_of_pictures(unit: Path, aside: str, recording: Recording, count: int) -> Iterator[str]:
+    """Yields what is wrong with the videos of a motion of so many samples, in a unit's folder or in one of its own."""
+    kinds = ("", *(kind for kind, asked in ((DEPTH, recording.depth), (SEGMENTATION, recording.segmentation)) if asked))
+    for view in recording.views:
+        for kind in kinds:
+            video = footage_path(unit / aside, view, kind)
+            if not video.is_file():
+                yield f"{video.relative_to(unit)} is missing"
+            elif (seen := count_of(video)) != count:
+                yield f"{video.relative_to(unit)} has {seen} pictures for {count} samples"

@@ -17,7 +17,7 @@ from executor.datasets.footage import POSES, Filmed
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION
 from executor.datasets.plan import series_of
-from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.worker import run_unit
@@ -43,6 +43,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
     """Returns a store with one episode that succeeded after revisions."""
     store = EpisodeStore(tmp_path_factory.mktemp("evolved") / "s")
     wanted = {"seed": 62400, "episodes": 1, "evolve": True, "flows": "paper", "views": ["head"], "size": list(SIZE)}
+    wanted |= {"depth": False, "segmentation": False}
     (series,) = series_of({**wanted, "sources": [{"families": ["T4"]}]})
     store.add_requests([series.to_json()])
     (unit,) = series.units()
@@ -77,6 +78,38 @@ def test_a_missing_attempt_is_found(store: EpisodeStore, episode: StoredEpisode,
         assert flaw.episode == episode.name and place.name in flaw.what
     finally:
         place.write_bytes(kept)
+
+
+def test_a_file_that_a_unit_names_elsewhere_is_refused(episode: StoredEpisode) -> None:
+    for name in ("../x.xz", "/x.xz", "a/b.xz", ".."):
+        with pytest.raises(NotADataset, match="no file of its folder"):
+            episode.motion(name)
+
+
+@pytest.mark.render
+@pytest.mark.slow
+def test_corrections_are_drawn_anew_with_their_episode(
+    store: EpisodeStore, episode: StoredEpisode, tmp_path: Path
+) -> None:
+    out, size = tmp_path / "drawn", ["--views", "wrist", "--size", "64", "48", "--channels", "rgb", "depth"]
+    assert run(["dataset", "render", str(store.path), "--out", str(out), *size, "--workers", "1"]) == 0
+    (drawn,) = EpisodeStore(out).episodes()
+    assert list(flaws(EpisodeStore(out))) == []
+    assert [pair["samples"] for pair in drawn.corrections] == [pair["samples"] for pair in episode.corrections]
+    for before, after in zip(episode.corrections, drawn.corrections, strict=True):
+        motion, again = episode.motion(before["samples"]), drawn.motion(after["samples"])
+        assert all(np.array_equal(again[name], motion[name]) for name in motion if not name.startswith(POSES))
+        assert after["pictures"]["views"].keys() == {"wrist"}
+        aside = drawn.path / Path(after["samples"]).stem
+        assert {path.name for path in aside.iterdir()} == {"wrist.mp4", "wrist.depth.mkv"}
+    stream = stream_of(EpisodeStore(out), ("corrections", "depth"))
+    assert stream.found.corrections == len(episode.corrections) and stream.found.views == {"wrist": (64, 48)}
+    assert [one.length for one in stream.episodes()] == [
+        one.length for one in stream_of(store, ("corrections",)).episodes()
+    ]
+    (aside / "wrist.depth.mkv").unlink()
+    (flaw,) = flaws(EpisodeStore(out))
+    assert flaw.what == f"{aside.name}/wrist.depth.mkv is missing"
 
 
 def test_steps_of_a_repeated_attempt_are_told_apart_as_those_of_the_recording_are(episode: StoredEpisode) -> None:
