@@ -13,6 +13,8 @@ conversation.json   where a model was asked for boxes: what was said; exchanges.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from PIL import Image
@@ -23,6 +25,7 @@ from executor.photo.inputs.annotations import FLOOR
 from executor.photo.overlay import outlined, shown_things
 from executor.photo.pipeline import Given, Result
 from executor.photo.reconstruct import FittedThing
+from executor.photo.refusal import PhotoRefused
 from executor.photo.report import photo_page
 from executor.photo.scene import MadeScene, provenance
 from executor.photo.variations import COUNT
@@ -68,6 +71,17 @@ def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
         if keep is None or (path / name).resolve() != keep.resolve():
             (path / name).unlink()
     return path
+
+
+@contextmanager
+def none_left(folder: Path) -> Iterator[None]:
+    """Where a photograph is refused before anything was written, its empty folder goes."""
+    try:
+        yield
+    except PhotoRefused:
+        if not any(folder.iterdir()):
+            folder.rmdir()
+        raise
 
 
 def kept_scene(folder: Path, given: Given) -> Path | None:

@@ -43,7 +43,7 @@ class Given:
         name: Of the scene.
         picture, camera, detections: As they were read.
         depth: As it was read; None where the picture is all there is.
-        floor: Without depth, what the picture's lines and a known length or height tell of the floor.
+        seen, floor: The picture in the level frame, and what levels it.
         left_out: What was found and the library has nothing for.
     """
 
@@ -52,13 +52,14 @@ class Given:
     depth: Depth | None
     camera: Intrinsics
     detections: tuple[Sighting, ...]
-    floor: FloorSeen | None = None
+    seen: Observation
+    floor: FloorSeen
     left_out: tuple[LeftOut, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
-        scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
+        scale = None if self.depth is not None else (self.floor.up.tolist(), self.floor.height_m)
         told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
         parts = (
             self.picture.rgb.tobytes(),
@@ -74,8 +75,6 @@ class Result:
 
     Attributes:
         given: The input.
-        seen: The picture in the level frame.
-        floor: The floor.
         found: The things, and what was left out.
         made: The scene.
         varied: The same room with the next best models.
@@ -83,12 +82,20 @@ class Result:
     """
 
     given: Given
-    seen: Observation
-    floor: FloorSeen
     found: FittedRoom
     made: MadeScene
     varied: tuple[RoomVariation, ...]
     took_s: Mapping[str, float]
+
+    @property
+    def seen(self) -> Observation:
+        """The picture in the level frame."""
+        return self.given.seen
+
+    @property
+    def floor(self) -> FloorSeen:
+        """The floor."""
+        return self.given.floor
 
 
 @dataclass(frozen=True)
@@ -137,13 +144,17 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
     if measured is not None and beside.camera_height_m is not None:
         measured = scaled_by_floor(measured, intrinsics, find_upright(shown, intrinsics), beside.camera_height_m)
-    # A network takes its time and a model its price: all that is given beside them has been read by now.
+    # A network takes its time and a model its price: all that is given beside them has been read by now, and with depth
+    # the floor has been found.
+    level = None if measured is None else observe(shown, measured, intrinsics)
     found = Detections(()) if beside.detect is None else beside.detect(shown)
     if beside.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
-    floor = _levelled(shown, intrinsics, found.things, beside) if measured is None else None
-    return Given(picture.stem, shown, measured, intrinsics, found.things, floor, found.left_out)
+    if level is None:
+        floor = _levelled(shown, intrinsics, found.things, beside)
+        level = flat_observation(shown, intrinsics, floor), floor
+    return Given(picture.stem, shown, measured, intrinsics, found.things, *level, found.left_out)
 
 
 def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
@@ -180,21 +191,16 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
         variations: Whether the next best models are made rooms of as well.
 
     Raises:
-        PhotoRefused: No floor is seen, or nothing is recognised.
-        ValueError: There is neither depth nor anything that is known of the floor.
+        PhotoRefused: Nothing is recognised.
     """
     began = time.perf_counter()
-    if given.depth is not None:
-        seen, floor = observe(given.picture, given.depth, given.camera)
-        walls = find_walls(seen, given.detections)
-    elif given.floor is not None:
-        floor, walls = given.floor, ()
-        seen = flat_observation(given.picture, given.camera, floor)
-    else:
-        raise ValueError("expected depth, or what is known of the floor")
-    levelled = time.perf_counter()
+    seen, floor, depth = given.seen, given.floor, given.depth
+    walls = () if depth is None else find_walls(seen, given.detections)
+    walled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    found = reconstruct(seen, given.detections, walls, told, floor.spread_share)
+    # In depths that are guessed, more stands out of floor and walls than is there.
+    alone = depth is not None and not depth.guessed
+    found = reconstruct(seen, given.detections, walls, told, floor.spread_share, alone=alone or not given.detections)
     fitted = time.perf_counter()
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
@@ -203,9 +209,9 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()
     took = {
-        "floor and walls": levelled - began,
-        "fitting": fitted - levelled,
+        "walls": walled - began,
+        "fitting": fitted - walled,
         "settling": settled - fitted,
         "variations": time.perf_counter() - settled,
     }
-    return Result(given, seen, floor, found, made, varied, took)
+    return Result(given, found, made, varied, took)

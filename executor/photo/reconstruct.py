@@ -86,6 +86,8 @@ def reconstruct(
     walls: tuple[Wall, ...],
     told: Callable[[str], None] = lambda words: None,
     scale_share: float = 0.0,
+    *,
+    alone: bool = True,
 ) -> FittedRoom:
     """Returns the things of a picture, fitted by models of the library.
 
@@ -95,6 +97,7 @@ def reconstruct(
         walls: The walls.
         told: Is told of each thing when it is fitted for good.
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
+        alone: Whether with depth things are looked for that nobody has put a box around.
     """
     room = _Room(seen, walls, detections, scale_share)
     boxes = range(len(detections))
@@ -114,7 +117,7 @@ def reconstruct(
     for index in boxes:
         if room.is_doubtful(index):
             told(room.fit_anything(index))
-    if seen.has_depth:
+    if seen.has_depth and alone:
         room.discover(told)
     return room.result()
 

@@ -17,10 +17,11 @@ from executor.bench.photo.drawn import DrawnRoom, each_once
 from executor.bench.photo.foreign import CATEGORY, foreign_models, with_foreign_items
 from executor.bench.photo.matching import matched
 from executor.bench.photo.score import compared, in_level_frame, support_counts
-from executor.bench.photo.sensor import MOCKED, ORACLE, Detector
+from executor.bench.photo.sensor import MOCKED, ORACLE, MockedDetector
 from executor.bench.photo.tracks import Track, input_of
-from executor.bench.photo.truth import NoPlace, Shot, photograph, photographer
+from executor.bench.photo.truth import NoPlace, Shot, photograph, photograph_for, photographer
 from executor.geometry import Array
+from executor.photo.inputs.annotations import Detector
 from executor.photo.pipeline import Result, reconstructed
 from executor.photo.refusal import PhotoRefused
 from executor.scenes.pair import NotDrawn
@@ -33,9 +34,10 @@ _STREAM = 180  # Keeps these draws apart from those of the rooms.
 def measure(
     folder: Path,
     rooms: Sequence[DrawnRoom],
-    detector: Detector,
+    detector: MockedDetector,
     told: Callable[[Mapping[str, Any]], None],
     track: Track = "B",
+    detect: Detector | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Yields the result of every room, measured where it has no file yet.
 
@@ -45,19 +47,28 @@ def measure(
         detector: The quality of the mocked detector.
         told: Is told of every room.
         track: What is given.
+        detect: Of track F, the detector.
     """
     with photographer(), foreign_models(folder / "foreign") if track == "G" else nullcontext(()) as foreign:
-        yield from each_once(folder, f"room-{track}", rooms, lambda room: _room(room, detector, track, foreign), told)
+
+        def measured(room: DrawnRoom) -> dict[str, Any]:
+            return _room(room, detector, track, foreign, detect)
+
+        yield from each_once(folder, f"room-{track}", rooms, measured, told)
 
 
-def _room(room: DrawnRoom, detector: Detector, track: Track, foreign: Sequence[Imported]) -> dict[str, Any]:
+def _room(
+    room: DrawnRoom, detector: MockedDetector, track: Track, foreign: Sequence[Imported], detect: Detector | None
+) -> dict[str, Any]:
     base: dict[str, Any] = {"schema": SCHEMA, "room": room.name, "family": room.family, "track": track}
-    base["boxes"] = {"A": ORACLE, "C": "none"}.get(track, MOCKED)
+    base["boxes"] = {"A": ORACLE, "C": "none", "F": "a detector's"}.get(track, MOCKED)
     try:
         scene = room.pair().scene
         if foreign:
             scene = with_foreign_items(scene, foreign, np.random.default_rng([*room.entropy, _STREAM + 1]))
-        shot = photograph(scene, room.camera_seed)
+        items = [thing.id for thing in scene.objects.values() if thing.category == CATEGORY]
+        # Of what is as small as they are, a picture of the whole room shows too little to count.
+        shot = photograph_for(scene, items, room.camera_seed)[0] if foreign else photograph(scene, room.camera_seed)
     except (NotDrawn, NoPlace) as problem:
         return {**base, "not_photographed": str(problem), "refused": str(problem), "things": []}
     rng = np.random.default_rng([*room.entropy, _STREAM])
@@ -66,7 +77,7 @@ def _room(room: DrawnRoom, detector: Detector, track: Track, foreign: Sequence[I
     counted = {name: mask for name, mask in masks.items() if not foreign or categories[name] == CATEGORY}
     began, worked = time.perf_counter(), time.process_time()
     try:
-        made = input_of(track, room.name, shot, categories, detector, rng)
+        made = input_of(track, room.name, shot, categories, detector, rng, detect)
         result = reconstructed(made.given, variations=False)
     except PhotoRefused as problem:
         things = [_compared(shot, name, categories[name], masks, None, None).to_json() for name in counted]

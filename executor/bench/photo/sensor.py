@@ -32,7 +32,7 @@ so many pixels; and how soft its edges are."""
 
 
 @dataclass(frozen=True)
-class Detector:
+class MockedDetector:
     """How good the mocked detector is.
 
     Attributes:
@@ -81,7 +81,7 @@ def exact_boxes(masks: Mapping[str, NDArray[np.bool_]], categories: Mapping[str,
 def mocked_boxes(
     masks: Mapping[str, NDArray[np.bool_]],
     categories: Mapping[str, str],
-    detector: Detector,
+    detector: MockedDetector,
     rng: np.random.Generator,
 ) -> dict[str, Sighting]:
     """Returns object id -> what a detector of this quality finds of it; who is missed is not in it.

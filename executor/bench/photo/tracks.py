@@ -11,17 +11,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.bench.photo.sensor import Detector, exact_boxes, mocked_boxes, mono_like, noisy
+from executor.bench.photo.sensor import MockedDetector, exact_boxes, mocked_boxes, mono_like, noisy
 from executor.bench.photo.truth import Shot
-from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.annotations import Detector, Sighting
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.pipeline import Given
-from executor.photo.space.level import find_upright, levelled_by_height
+from executor.photo.space.floor import observe
+from executor.photo.space.level import find_upright, flat_observation, levelled_by_height
 from executor.photo.space.rescale import scaled_by_floor
 
-Track = Literal["A", "B", "C", "D", "E", "G"]
+Track = Literal["A", "B", "C", "D", "E", "F", "G"]
 TITLES: Mapping[Track, str] = MappingProxyType(
     {
         "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
@@ -30,8 +31,10 @@ TITLES: Mapping[Track, str] = MappingProxyType(
         "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
         "E": "track E: the simulator's depth, bent, blurred and of wrong scale, which stands in for a network's; the "
         "camera's height known; a mocked detector: the simulator's own boxes, spoilt",
-        "G": "track G: things of foreign shapes in the place of all items, noisy depth, and the simulator's own boxes, "
-        "spoilt, without names; only the foreign things count",
+        "F": "track F: noisy depth, and boxes and names by a detector that looked at the drawn picture; of the "
+        "simulator, picture and camera alone",
+        "G": "track G: things of foreign shapes in the place of all items, photographed as for a task, noisy "
+        "depth, and the simulator's own boxes, spoilt, without names; only the foreign things count",
     }
 )
 """Track -> what its table is called."""
@@ -59,8 +62,9 @@ def input_of(
     name: str,
     shot: Shot,
     categories: Mapping[str, str],
-    detector: Detector,
+    detector: MockedDetector,
     rng: np.random.Generator,
+    detect: Detector | None = None,
 ) -> TrackInput:
     """Returns what a track gives of a shot.
 
@@ -71,6 +75,7 @@ def input_of(
         categories: id -> what it is, of every thing that is seen.
         detector: The quality of the mocked detector.
         rng: What chance is drawn from.
+        detect: Of track F, the detector.
 
     Raises:
         PhotoRefused: The track has to level the picture by its lines or its floor, and cannot.
@@ -80,29 +85,33 @@ def input_of(
     camera = Intrinsics(shot.K[0, 0], shot.K[1, 1], shot.K[0, 2], shot.K[1, 2], "taken from the simulator")
     picture = Photograph(Path(name), shot.rgb, Exif(None, None, ""))
     height_m = float(shot.T_world_camera[2, 3])
-    depth, floor = None, None
+    depth = None
     if track == "A":
         depth = Depth(shot.depth_m, _CLEAN)
-    elif track == "D":
-        floor = levelled_by_height(find_upright(picture, camera), height_m)
     elif track == "E":
-        guessed = Depth(mono_like(shot.depth_m, rng), _MONO)
+        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, guessed=True)
         depth = scaled_by_floor(guessed, camera, find_upright(picture, camera), height_m)
-    else:
+    elif track != "D":
         depth = Depth(noisy(shot.depth_m, rng), _NOISY)
-    return TrackInput(Given(name, picture, depth, camera, tuple(boxes.values()), floor), boxes)
+    if depth is not None:
+        seen, floor = observe(picture, depth, camera)
+    else:
+        floor = levelled_by_height(find_upright(picture, camera), height_m)
+        seen = flat_observation(picture, camera, floor)
+    detections = tuple(boxes.values()) if detect is None else detect(picture).things
+    return TrackInput(Given(name, picture, depth, camera, detections, seen, floor), boxes)
 
 
 def _boxes(
     track: Track,
     masks: Mapping[str, NDArray[np.bool_]],
     categories: Mapping[str, str],
-    detector: Detector,
+    detector: MockedDetector,
     rng: np.random.Generator,
 ) -> dict[str, Sighting]:
     if track == "A":
         return exact_boxes(masks, categories)
-    if track == "C":
+    if track in ("C", "F"):
         return {}
     if track == "G":
         return mocked_boxes(masks, dict.fromkeys(masks, ""), replace(detector, misnamed=0.0), rng)

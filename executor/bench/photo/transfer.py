@@ -23,9 +23,9 @@ import llm
 from executor.bench.photo.drawn import DrawnRoom, each_once
 from executor.bench.photo.matching import matched
 from executor.bench.photo.measure import category_in
-from executor.bench.photo.sensor import Detector
+from executor.bench.photo.sensor import MockedDetector
 from executor.bench.photo.tracks import Track, input_of
-from executor.bench.photo.truth import MOST_PICTURES, NoPlace, Shot, photograph_for, photographer
+from executor.bench.photo.truth import MOST_PICTURES, TASK_SIZE_PX, NoPlace, Shot, photograph_for, photographer
 from executor.evolution.evolve import evolve
 from executor.photo.pipeline import reconstructed
 from executor.photo.refusal import PhotoRefused
@@ -38,8 +38,9 @@ from oag.task.sizes import Sizing
 SCHEMA = "scene2demo-photo-transfer/1"
 _STREAM = 181  # Keeps these draws apart from those of the rooms and of other tracks.
 CAMERA = (
-    f"photographed for the task: the first of at most {MOST_PICTURES} places, drawn from a seed around what it names, "
-    "from which all of that is seen, else the one that shows most"
+    f"photographed for the task ({TASK_SIZE_PX[0]} x {TASK_SIZE_PX[1]}): the first of at most {MOST_PICTURES} places, "
+    "drawn from a seed around what it names, from which all of that and some floor are seen, else the one that shows "
+    "most"
 )
 """How the photographs are taken, for the table's title."""
 
@@ -49,7 +50,7 @@ _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 def transfer(
     folder: Path,
     rooms: Sequence[DrawnRoom],
-    detector: Detector,
+    detector: MockedDetector,
     told: Callable[[Mapping[str, Any]], None],
     track: Track,
 ) -> Iterator[dict[str, Any]]:
@@ -66,7 +67,7 @@ def transfer(
         yield from each_once(folder, f"transfer-{track}", rooms, lambda one: _measured(one, detector, track), told)
 
 
-def _measured(unit: DrawnRoom, detector: Detector, track: Track) -> dict[str, Any]:
+def _measured(unit: DrawnRoom, detector: MockedDetector, track: Track) -> dict[str, Any]:
     began = time.process_time()
     base: dict[str, Any] = {"schema": SCHEMA, "pair": unit.name, "family": unit.family, "track": track}
     try:
@@ -86,7 +87,7 @@ def _measured(unit: DrawnRoom, detector: Detector, track: Track) -> dict[str, An
     return {**base, **attempt, "cpu_s": time.process_time() - began}
 
 
-def _attempted(unit: DrawnRoom, pair: ScenePair, shot: Shot, detector: Detector, track: Track) -> dict[str, Any]:
+def _attempted(unit: DrawnRoom, pair: ScenePair, shot: Shot, detector: MockedDetector, track: Track) -> dict[str, Any]:
     """What becomes of the query by way of the photograph, stage by stage; the last one is that at which it ended."""
     rng = np.random.default_rng([*unit.entropy, _STREAM])
     masks = shot.visible()

@@ -37,6 +37,11 @@ _FILLED = 0.9  # Of half the picture's width.
 MOST_PICTURES = 16
 """That are looked at for one that shows what a task names."""
 
+TASK_SIZE_PX = (960, 720)
+"""Of these pictures: a glass that is 4 m away is 150 pixels of it, and 60 of one of 640 x 480."""
+
+_FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some nobody can tell what is level.
+
 
 class NoPlace(ValueError):
     """There is no place in a room from which it can be photographed."""
@@ -102,8 +107,8 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
 def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
     """Returns the photograph that somebody takes who wants something done, and how many were looked at.
 
-    Places are drawn from a seed around what the task names. The first from which all of that is seen is taken; where
-    none of them shows all, the one that shows most.
+    Places are drawn from a seed around what the task names. The first from which all of that and some floor are seen is
+    taken; where none of them shows all, the one that shows most.
 
     Args:
         scene: The room.
@@ -116,11 +121,20 @@ def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Sho
     rng, wanted = np.random.default_rng([seed, 19]), set(names)
     looked_at: list[Shot] = []
     while len(looked_at) < MOST_PICTURES:
-        looked_at.append(_taken(scene, _camera(scene, rng, SIZE_PX, wanted), SIZE_PX))
-        if wanted <= looked_at[-1].visible().keys():
+        looked_at.append(_taken(scene, _camera(scene, rng, TASK_SIZE_PX, wanted), TASK_SIZE_PX))
+        if _shown(looked_at[-1], wanted) == (True, len(wanted)):
             break
-    best = max(looked_at, key=lambda shot: len(wanted & shot.visible().keys()))
-    return best, len(looked_at)
+    return max(looked_at, key=lambda shot: _shown(shot, wanted)), len(looked_at)
+
+
+def _shown(shot: Shot, wanted: Collection[str]) -> tuple[bool, int]:
+    """Whether a picture shows enough floor, and how many things of those that somebody wants to see."""
+    height, width = shot.depth_m.shape
+    rows, columns = np.mgrid[0.5:height, 0.5:width]
+    rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(shot.K).T
+    heights_m = shot.T_world_camera[2, 3] + shot.depth_m * (rays @ shot.T_world_camera[2, :3])
+    floor = (shot.depth_m > 0.0) & (np.abs(heights_m) < _FLOOR_M)
+    return bool(floor.mean() >= _FLOOR_SHARE), len(set(wanted) & shot.visible().keys())
 
 
 def _taken(scene: Scene, camera: Camera, size_px: tuple[int, int]) -> Shot:

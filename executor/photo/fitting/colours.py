@@ -25,6 +25,12 @@ def seen_colour(patch: Patch, guess: Guess) -> tuple[int, int, int] | None:
     return red, green, blue
 
 
+def unlike_seen(patch: Patch, guess: Guess) -> float:
+    """Returns how far a model's own colours are from what was seen, 0 to about 2; 0 where nothing of it is seen."""
+    shown, own = _shown(patch, coloured(patch, guess))
+    return _unlike(_linear(shown), own) if len(shown) >= _LEAST_PX else 0.0
+
+
 def coloured(patch: Patch, guess: Guess) -> Guess:
     """Returns a guess with that of its model's colours which is most like what was seen; as it is where it has none."""
     option = next((one for one in guess.entry.parameters if isinstance(one, Option) and one.name == _OPTION), None)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.colours import coloured, seen_colour
+from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
@@ -22,6 +22,7 @@ from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import outline_starts, points_of, starts
 from executor.photo.fitting.turns import all_turns, quarter_of
 from executor.photo.space.observation import Observation
+from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 """How many pixels of a thing are compared to choose starts, to search, and to choose options."""
@@ -29,6 +30,7 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _TURNED, _LIKELY = 2, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
+_LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
@@ -36,6 +38,9 @@ _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
 _MISNAMED = 12.0
 """Less, a model of another name has to cost: a name is wrong once in twenty, and then one of forty, 6.6 by itself."""
+
+
+_LOOK = 20.0  # Of a thing without a name, another colour by a third of its light is as unlikely as a wrong name.
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,7 @@ def fit_thing(
     has_depth = around.seen.has_depth
     if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    if points is not None and len(points) < 8:
+    if points is not None and len(points) < _LEAST_POINTS:
         return None
     coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
@@ -148,7 +153,7 @@ def fit_thing(
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
     ranked = _best_of_models(finished)
-    ranked = _best_of_models([*(_polished(search, fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    ranked = _by_look(fine, [*(_polished(search, fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
@@ -257,6 +262,16 @@ def _best_of_models(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     for one in sorted(guesses, key=lambda one: one.cost):
         best.setdefault(one.guess.entry.model, one)
     return list(best.values())
+
+
+def _by_look(fine: Likelihood, guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """The cheapest guess of each model, the cheapest first; items, which may be of one shape, by their colours too."""
+    ranked = _best_of_models(guesses)
+    items = [one for one in ranked if kind_of(one.guess.entry.category, 0.0) is Kind.ITEM]
+    if len({one.guess.entry.category for one in items}) < 2 or items[0] is not ranked[0]:
+        return ranked
+    best = min(items, key=lambda one: one.cost + _LOOK * unlike_seen(fine.patch, one.guess))
+    return [best, *(one for one in ranked if one is not best)]
 
 
 def _polished(search: Likelihood, fine: Likelihood, best: RatedGuess) -> RatedGuess:

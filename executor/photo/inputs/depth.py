@@ -36,10 +36,12 @@ class Depth:
     Attributes:
         z_m: (H, W) along the camera's axis, 0 where nothing was measured.
         source: The file and its unit, for people.
+        guessed: Whether a network has guessed them: what is flat is bent in them, so that pieces of it stand out.
     """
 
     z_m: Array
     source: str
+    guessed: bool = False
 
 
 DepthSource: TypeAlias = Callable[[Photograph], Depth]

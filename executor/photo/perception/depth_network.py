@@ -5,6 +5,7 @@ Source: Yang et al. 2024, Depth Anything V2; its indoor weights are those that D
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ def guessed_depth(folder: Path) -> DepthSource:
             answer = network.model(**pixels)
         guessed = network.processor.post_process_depth_estimation(answer, target_sizes=[picture.rgb.shape[:2]])
         z_m = guessed[0]["predicted_depth"].numpy().astype(np.float64)
-        return checked_depth(folder, z_m, picture.size_px, 1.0, f"guessed from the picture by {folder.name}")
+        told = f"guessed from the picture by {folder.name}"
+        return replace(checked_depth(folder, z_m, picture.size_px, 1.0, told), guessed=True)
 
     return depth

@@ -12,7 +12,7 @@ import pytest
 from executor.assets.library import sample
 from executor.bench.photo.card import card_rows
 from executor.bench.photo.score import compared, iou, support_counts, turned_rad, visible_box
-from executor.bench.photo.sensor import Detector, mocked_boxes, noisy
+from executor.bench.photo.sensor import MockedDetector, mocked_boxes, noisy
 from oag import SceneObject
 from oag.model.scenefile import about_z
 from tests.source_tree import first_party_imports, modules
@@ -84,7 +84,7 @@ def test_the_mocked_detector_is_as_bad_as_it_says() -> None:
     mask = np.zeros((200, 200), dtype=bool)
     mask[50:150, 60:160] = True
     masks = {f"cup_{number}": mask for number in range(400)}
-    found = mocked_boxes(masks, dict.fromkeys(masks, "cup"), Detector(), np.random.default_rng(0))
+    found = mocked_boxes(masks, dict.fromkeys(masks, "cup"), MockedDetector(), np.random.default_rng(0))
     named = sum(one.category == "cup" for one in found.values())
     assert 365 <= len(found) <= 393 and 340 <= named < len(found)
     left = np.array([one.box_px[0] for one in found.values()])

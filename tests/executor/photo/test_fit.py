@@ -113,6 +113,27 @@ def test_a_box_around_nothing_makes_nothing() -> None:
     assert [one.reason for one in room.unfitted] == ["nothing in its box stands out from what is around it"]
 
 
+@pytest.mark.parametrize("pixels", [0, 5, 9])
+def test_a_thing_of_which_hardly_a_pixel_is_known_is_left_out(pixels: int) -> None:
+    seen, _ = seen_from_above(TABLE)
+    few = np.zeros(seen.z_m.shape, dtype=bool)
+    few[210, 20 : 20 + pixels] = True
+    thing = Sighting("", None, (20.0, 210.0, 33.0, 211.0), 1.0, "drawn", few)
+    room = reconstruct(seen, [thing], (), alone=False)
+    assert room.things == () and [one.detection for one in room.unfitted] == [thing]
+
+
+@pytest.mark.slow
+def test_things_of_one_shape_are_told_apart_by_their_colour() -> None:
+    fruit = Guess(LIBRARY["orange"], 2.05, -0.05, 0.0, 0.7, (0.08, 0.08, 0.08))
+    seen, boxes = seen_from_above(TABLE, fruit)
+    unnamed = [boxes[0], replace(boxes[1], label="", category=None)]
+    for colour, category in (((235, 120, 20), "orange"), ((170, 15, 20), "apple")):
+        painted = np.where((seen.rgb == COLOURS[2]).all(axis=-1, keepdims=True), np.uint8(colour), seen.rgb)
+        room = reconstruct(replace(seen, rgb=painted), unnamed, (), alone=False)
+        assert [thing.fit.guess.entry.category for thing in room.things] == ["table", category]
+
+
 def test_what_overlaps_is_taken_apart() -> None:
     wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
     cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))

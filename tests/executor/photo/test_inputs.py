@@ -191,6 +191,9 @@ def test_the_command_line_says_in_one_message_what_cannot_be_used(
     Image.new("1", (8000, 70)).save("huge.png")
     np.save("centimetres.npy", np.full(SIZE[::-1], 25000, np.uint16))
     np.save("small.npy", np.full((10, 10), 2.5))
+    below = np.maximum(np.arange(120) - 59.5, 1e-3)  # A floor 1.4 m under a camera that looks straight ahead.
+    depth_m = np.where(below > 30.0, 1.4 * 138.6 / below, 0.0)
+    np.save("floor.npy", np.tile(depth_m[:, None], (1, 160)))
     photographed(folder, 28, (4000, 2000))
     for name, label, box in (("outside", "cup", [300, 10, 400, 90]), ("unknown", "mugg", [10, 10, 60, 90])):
         Path(f"{name}.json").write_text(json.dumps({"things": [{"label": label, "box": box}]}))
@@ -199,8 +202,8 @@ def test_the_command_line_says_in_one_message_what_cannot_be_used(
         ("noise.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "no floor is seen in it",
         ("noise.png", "--depth", "small.npy", "--boxes", "own.json", *camera): "10 x 10 pixels, the picture 160 x 120",
         ("noise.png", "--depth", "centimetres.npy", "--boxes", "own.json", *camera): "--depth-unit-m",
-        ("noise.png", "--depth", "depth.npy", "--boxes", "outside.json", *camera): "not in the picture of 160 x 120",
-        ("noise.png", "--depth", "depth.npy", "--boxes", "unknown.json", *camera): "near it: mug",
+        ("noise.png", "--depth", "floor.npy", "--boxes", "outside.json", *camera): "not in the picture of 160 x 120",
+        ("noise.png", "--depth", "floor.npy", "--boxes", "unknown.json", *camera): "near it: mug",
         ("phone.jpg", "--depth", "depth.npy", "--boxes", "own.json"): "it was cut",
         ("huge.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "at most 4096",
         ("half.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "truncated",

@@ -148,4 +148,4 @@ def test_where_nothing_is_nothing_is_made(shot: Shot, folder: Path, capsys: pyte
     code = run(["photo", str(folder / "room.png"), *map(str, arguments), "--out", str(folder / "none")])
     said = " ".join(capsys.readouterr().err.split())
     assert code == 2 and "nothing in it was recognised" in said and "cup" in said
-    assert not (folder / "none" / "scene.json").exists()
+    assert not (folder / "none").exists()

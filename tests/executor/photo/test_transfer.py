@@ -6,12 +6,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import bddl
 import llm
+from executor.bench.photo import transfer
 from executor.bench.photo.drawn import DrawnRoom, drawn, each_once
 from executor.bench.photo.transfer import renamed, transfer_rows
 from executor.scenes.pair import ScenePair
@@ -19,6 +21,38 @@ from executor.scenes.reading import load_scene
 from oag import Scene, compose
 
 QUERY = "put the glass into the refrigerator"
+
+
+class Rolled:
+    """A rollout as far as it is asked about here."""
+
+    def __init__(self, succeeded: bool) -> None:
+        self.succeeded = succeeded
+
+
+def executed(monkeypatch: pytest.MonkeyPatch, at_once: bool, evolved: bool, rehearsed: bool = True) -> dict[str, Any]:
+    """Returns what is told of a plan that succeeds at once or not, and after self-evolution or not."""
+    true = load_scene("kitchen_t1")
+    task = llm.propose(QUERY, true).task
+    pair = ScenePair("T1-1", "T1", QUERY, true, task)
+    story = SimpleNamespace(succeeded=evolved, revisions=2, rollout=Rolled(evolved))
+    monkeypatch.setattr(transfer, "rollout", lambda *given, **more: Rolled(at_once))
+    monkeypatch.setattr(transfer, "evolve", lambda *given, **more: story)
+    monkeypatch.setattr(transfer, "_outcome", lambda done: {"succeeded": done.succeeded, "failure": "slip: it fell"})
+    return transfer._executed(compose(task, scene=true), pair, 0, not rehearsed)
+
+
+@pytest.mark.parametrize("evolved", [True, False])
+def test_a_plan_that_fails_in_the_true_room_is_revised_there(monkeypatch: pytest.MonkeyPatch, evolved: bool) -> None:
+    told = executed(monkeypatch, at_once=False, evolved=evolved)
+    assert (told["transferred"], told["evolved"], told["revisions"]) == (False, evolved, 2)
+    assert (told["stage"], told["why"]) == ("execution", "slip: it fell")
+
+
+def test_a_plan_that_was_revised_in_its_rehearsal_counts_as_evolved_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = executed(monkeypatch, at_once=True, evolved=False, rehearsed=False)
+    assert (told["transferred"], told["evolved"]) == (False, True)
+    assert executed(monkeypatch, at_once=True, evolved=False)["transferred"]
 
 
 def called_otherwise(scene: Scene) -> tuple[Scene, dict[str, str]]:

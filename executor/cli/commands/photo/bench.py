@@ -12,13 +12,14 @@ from rich.table import Table
 from executor.bench.photo.card import PRINTED, card_rows
 from executor.bench.photo.drawn import HOUSEHOLD, MOST_ROOMS, drawn
 from executor.bench.photo.measure import measure
-from executor.bench.photo.sensor import Detector
+from executor.bench.photo.sensor import MockedDetector
 from executor.bench.photo.tracks import TITLES
 from executor.bench.photo.transfer import CAMERA, transfer, transfer_rows
 from executor.cli.errors import DONE, check
 from executor.cli.output import OUT, print_json, say, tell
 from executor.cli.words.running import BenchPhotoOptions
 from executor.machine.files import write_json
+from executor.photo.perception.folders import detector_in
 
 
 def execute(options: BenchPhotoOptions) -> int:
@@ -28,15 +29,18 @@ def execute(options: BenchPhotoOptions) -> int:
     check(0 <= options.kitchens <= MOST_ROOMS, "--kitchens", options.kitchens, f"0 to {MOST_ROOMS}")
     check(options.rooms + options.kitchens > 0, "--rooms", options.rooms, "at least 1, or --kitchens beside it")
     check(not options.transfer or options.track != "G", "--track", options.track, "one with a query's own things")
+    same = (options.track == "F") == (options.detector is not None) and not (options.track == "F" and options.transfer)
+    check(same, "--detector", options.detector, "a folder with --track F, which measures rooms; none otherwise")
+    detect = None if options.detector is None else detector_in(options.detector)
     options.out.mkdir(parents=True, exist_ok=True)
-    rooms, detector = drawn(options.seed, options.rooms, options.kitchens), Detector()
+    rooms, detector = drawn(options.seed, options.rooms, options.kitchens), MockedDetector()
     summary: dict[str, Any] = {"seed": options.seed, "rooms": options.rooms, "kitchens": options.kitchens}
     if options.transfer:
         done = list(transfer(options.out, rooms, detector, _silent if options.json else _tell_pair, options.track))
         rows, title = transfer_rows(done), f"transfer of plans, {TITLES[options.track]}; {CAMERA}"
         beside = ""
     else:
-        done = list(measure(options.out, rooms, detector, _silent if options.json else _tell, options.track))
+        done = list(measure(options.out, rooms, detector, _silent if options.json else _tell, options.track, detect))
         rows, title = card_rows(done), TITLES[options.track]
         beside = f"beside it: {PRINTED}"
         homes = [room for room in done if room["family"] == HOUSEHOLD]

@@ -7,7 +7,7 @@ from pathlib import Path
 from executor.cli.errors import check
 from executor.cli.output import tell
 from executor.cli.words.shared import PhotoInputs
-from executor.photo.folder import kept_scene, prepared, write_result
+from executor.photo.folder import kept_scene, none_left, prepared, write_result
 from executor.photo.inputs.annotations import Detector, boxes_in
 from executor.photo.inputs.depth import DepthSource, depth_in
 from executor.photo.perception.depth_network import guessed_depth
@@ -86,7 +86,8 @@ def scene_of_photograph(picture: Path, beside: PhotoInputs, folder: Path, *, qui
     if kept is not None:
         return kept
     prepared(folder, force=True)
-    result = reconstructed(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
+    with none_left(folder):
+        result = reconstructed(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
     write_result(folder, result)
     if result.made.refused:
         raise RoomRefused(picture, result.made.refused, folder)

@@ -10,7 +10,7 @@ from executor.cli.judging import REPLAY, connected
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.running import PhotoOptions
 from executor.machine.files import write_json
-from executor.photo.folder import CONVERSATION, EXCHANGES, prepared, result_json, write_result
+from executor.photo.folder import CONVERSATION, EXCHANGES, none_left, prepared, result_json, write_result
 from executor.photo.inputs.annotations import Detections, Detector
 from executor.photo.inputs.picture import Photograph
 from executor.photo.perception.asked import asks
@@ -29,7 +29,8 @@ def execute(options: PhotoOptions) -> int:
     given = read_photograph(options.picture, options.beside, _asked(options))
     # Where a model was asked, the folder has what was said already.
     folder = options.out if options.model is not None else prepared(options.out, force=options.force)
-    result = reconstructed(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
+    with none_left(folder):
+        result = reconstructed(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
     write_result(folder, result)
     code = FAILED if result.made.refused else DONE
     if options.json:
