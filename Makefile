@@ -6,8 +6,11 @@ BIN := .venv/bin
 PYTHONS := $(PYTHON) python3 python3.13 python3.12 python3.11
 OUT ?= runs/t1
 QUERY ?= put the glass into the refrigerator
+BASELINES ?= unchecked checked repaired constraint-pose sampled-grasp one-demonstration
+EPISODES ?= 20
+SEED ?= 62000
 
-.PHONY: help setup demo test test-all lint conformance interop reference doctor repair clean
+.PHONY: help setup demo test test-all lint conformance interop baselines reference doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -41,6 +44,15 @@ conformance: setup  ## Compares BDDL with the reference implementation, which it
 
 interop: setup  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop.
 	$(BIN)/python -m benchmarks.interop --out build/interop.json
+
+baselines: setup  ## Measures what others do in our rooms (BASELINES, EPISODES, SEED; ROBOGEN=checkout reads its plans).
+	@for baseline in $(BASELINES); do \
+	    $(BIN)/scene2demo bench T1 T2 T3 T4 T5 T6 --baseline $$baseline --episodes $(EPISODES) --seed $(SEED) \
+	        --out runs/baselines || exit $$?; \
+	done
+	$(BIN)/scene2demo bench T1 T2 T3 T4 T5 T6 --episodes $(EPISODES) --seed $(SEED) --out runs/baselines
+	$(BIN)/python -m benchmarks.baselines runs/baselines
+	@if [ -n "$(ROBOGEN)" ]; then $(BIN)/python -m benchmarks.robogen_plans "$(ROBOGEN)"; fi
 
 reference: setup  ## Writes the API reference, from the docstrings, to build/reference/index.html.
 	$(BIN)/pdoc -d google -o build/reference bddl oag llm executor

@@ -8,6 +8,7 @@ from typing import Any
 
 from executor.baselines.checking import checked, mistaken, repaired, unchecked
 from executor.baselines.constraint_pose import LIBRARY_OF_CONSTRAINTS
+from executor.baselines.one_demonstration import replayed
 from executor.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
 from executor.bench.units import Baseline, Unit, outcome_version
 from executor.bench.work import run_unit
@@ -66,7 +67,9 @@ def run_baseline(unit: Unit) -> dict[str, Any]:
     if baseline in _MISTAKEN:
         kind, pair, graph = mistaken(unit)
         return {"mistake": kind, **_counted(unit, _MISTAKEN[baseline], (pair, graph))}
-    return _counted(unit, _RIGHT[baseline])
+    if baseline in _RIGHT:
+        return _counted(unit, _RIGHT[baseline])
+    return replayed(unit)
 
 
 def _counted(unit: Unit, way: Way, ready: tuple[ScenePair, ObjectActionGraph] | None = None) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from bddl import Not, format, parse_formula
 from oag import Scene, SimpleTask, Task
 
 Subtasks = tuple[SimpleTask, ...]
-Mistake = Callable[[Subtasks, Scene, random.Random], Subtasks | None]
+Spoil = Callable[[Subtasks, Scene, random.Random], Subtasks | None]
 """Returns subtasks with something wrong, or None where there is no place for this kind of mistake."""
 
 
@@ -90,7 +90,7 @@ def _dropped_step(subtasks: Subtasks, scene: Scene, rng: random.Random) -> Subta
     return _with(subtasks, at, replace(subtasks[at], flow=flow[:step] + flow[step + 1 :]))
 
 
-MISTAKES: dict[str, Mistake] = {
+MISTAKES: dict[str, Spoil] = {
     "dropped subtask": _dropped_subtask,
     "wrong object": _wrong_object,
     "flipped goal": _flipped_goal,

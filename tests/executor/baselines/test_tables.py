@@ -1,0 +1,84 @@
+"""The scripts beside the baselines: recorded decompositions that are verified, and the table of a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import baselines, robogen_plans
+from executor.bench.store import BenchFolder
+from executor.bench.units import BenchSetting, Series
+
+# Of the form of RoboGen's examples, written for this test.
+CONFIGURATION = """\
+- use_table: true
+- center: (1.0, 0.2, 0)
+  lang: a cold cupboard
+  name: ColdCupboard
+  size: 1.8
+  type: urdf
+- center: (0.5, 0.5, 0)
+  lang: a red pear
+  name: Pear
+  size: 0.08
+  type: mesh
+- set_joint_angle_object_name: ColdCupboard
+- spatial_relationships: []
+- task_description: The robot keeps the pear cold
+  task_name: keep cold
+"""
+KEEP = (
+    "grasp the cold cupboard door\nopen the cold cupboard door\n{release}"
+    "grasp the pear\nmove the pear into the cold cupboard\n"
+)
+RELEASE = "release the cold cupboard door\n"
+END = "release the pear\ngrasp the cold cupboard door again\nclose the cold cupboard door"
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    plans = {
+        "complete": KEEP.format(release=RELEASE) + END,
+        "never_lets_go": KEEP.format(release="") + END.removeprefix("release the pear\n"),
+        "twist": " grasp the cold cupboard door\n twist the door",
+    }
+    for name, steps in plans.items():
+        folder = tmp_path / "example_tasks" / name / f"task_{name}"
+        folder.mkdir(parents=True)
+        (folder.parent / "a_task.yaml").write_text(CONFIGURATION)
+        (folder.parent / "a_distractor.yaml").write_text("- name: pot\n  size: 0.3\n  type: mesh\n")
+        (folder / "substeps.txt").write_text(steps)
+    return tmp_path
+
+
+def test_recorded_decompositions_are_verified_as_written_and_as_their_code_does(
+    checkout: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert robogen_plans.main([str(checkout)]) == 0
+    told = capsys.readouterr().out
+    assert "complete: PROVED as written, PROVED as its code does" in told
+    assert "never_lets_go: REFUTED as written, PROVED as its code does" in told
+    assert "3 decompositions; 1 outside the language: {'twist': 1}" in told
+    assert "as written: {'PROVED': 1, 'REFUTED': 1, 'with a proved fix': 1}" in told
+
+
+def test_what_is_no_checkout_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert robogen_plans.main([str(tmp_path)]) == 2 and baselines.main([str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("usage") == 2
+
+
+def test_the_paper_stands_in_a_column_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = BenchFolder(tmp_path)
+    ours, theirs = (Series("T2", 1, 2, BenchSetting(baseline=name), "v") for name in (None, "constraint-pose"))
+    folder.add_series([ours, theirs])
+    for series in (ours, theirs):
+        for unit in series.units():
+            ended = "succeeded" if series is ours else "failed"
+            folder.write(unit, "v", {"ended": ended, "simulated_s": 4.0})
+    assert baselines.main([str(tmp_path)]) == 0
+    head, _, other, own = capsys.readouterr().out.splitlines()
+    assert head.split("|")[-2].strip().startswith("the paper's own row")
+    assert "| like GenSim2 (own code) | own | 1 to 2 | 0 of 2, 0 % (0.0 to 84.2) | 0 | 8 s |" in other
+    assert other.endswith("| M3 GenSim2 (Primitive): 5 / 78 |")
+    assert "2 of 2, 100 %" in own and own.endswith("| 0 s | - |")
