@@ -13,7 +13,8 @@ import numpy as np
 from executor.geometry import Array
 from executor.machine.extras import require
 from executor.photo.space.observation import Observation
-from executor.photo.space.standing_out import Box, box_of
+from executor.photo.space.standing_out import box_of
+from llm.sight.forms import Box, overlap
 
 _MODEL_M = 0.01  # What a model differs from a thing even where it is the right one.
 _SIGMAS = 3.0
@@ -78,13 +79,7 @@ class Claim:
 
     def fills(self, box_px: Box) -> bool:
         """Decides whether it is what a box was drawn around: the two boxes have half of their area in common."""
-        if self.box_px is None:
-            return False
-        low = np.maximum(self.box_px[:2], box_px[:2])
-        high = np.minimum(self.box_px[2:], box_px[2:])
-        common = float(np.prod(np.maximum(high - low, 0.0)))
-        both = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (self.box_px, box_px)) - common
-        return common >= _LEAST_COMMON * both
+        return self.box_px is not None and overlap(self.box_px, box_px) >= _LEAST_COMMON
 
 
 def _share_in_picture(seen: Observation, corners_m: Array) -> float:

@@ -12,9 +12,7 @@ from scipy.ndimage import binary_erosion, label, median_filter, uniform_filter
 from executor.geometry import Array
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
-
-Box = tuple[float, float, float, float]
-"""In pixels: x0, y0, x1, y1."""
+from llm.sight.forms import Box
 
 LEAST_PX = 120
 """Of a piece that is looked at: smaller ones are mostly edges of what was fitted a little off."""
