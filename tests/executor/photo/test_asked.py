@@ -39,9 +39,13 @@ THINGS = [
 
 @pytest.fixture
 def picture(tmp_path: Path) -> Path:
-    """A picture of nothing in particular, with a depth of 2.5 m everywhere."""
+    """A picture of nothing but a floor, 1.4 m under a camera that looks straight ahead."""
     Image.new("RGB", SIZE, (90, 120, 60)).save(tmp_path / "room.png")
-    np.save(tmp_path / "depth.npy", np.full(SIZE[::-1], 2.5))
+    width, height = SIZE
+    focal_px = width / 2 / np.tan(np.radians(30.0))
+    below_px = np.arange(height) + 0.5 - height / 2
+    depth_m = np.where(below_px > height / 4, 1.4 * focal_px / np.maximum(below_px, 1.0), 0.0)
+    np.save(tmp_path / "depth.npy", np.tile(depth_m[:, None], (1, width)))
     return tmp_path / "room.png"
 
 
