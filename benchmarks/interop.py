@@ -3,11 +3,12 @@
     python -m benchmarks.interop [--store STORE] [--python PYTHON] [--interpreter PYTHON3.12] [--beside DIR...]
                                  [--out FILE]
 
-Without a store, two short demonstrations are generated. Without `--python`, lerobot (which needs Python 3.12), h5py and
-zarr 2 are installed into `.venv-interop`. LeRobot's own command, `lerobot-train`, trains a small ACT for 50 steps as
-well. robomimic 0.5 and DP3 are on no index: `--beside` names checkouts of them,
-whose own loaders then take 50 steps too, in a Python that has what they import. Exit code 1 says that something was
-read otherwise than it was written, or that nothing was learned from it.
+Without a store, two short demonstrations are generated. Without `--python`, lerobot (which needs Python 3.12), h5py,
+zarr 2 and this package are installed into `.venv-interop`. LeRobot's own commands work on it as well: `lerobot-train`
+trains a small ACT for 50 steps, and `lerobot-eval` lets that act in our environment, and films it. robomimic 0.5 and
+DP3 are on no index: `--beside` names checkouts of them, whose own loaders then take 50 steps too, in a Python that has
+what they import. Exit code 1 says that something was read otherwise than it was written, or that nothing was learned
+from it.
 """
 
 from __future__ import annotations
@@ -31,13 +32,17 @@ from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore
 from executor.machine.files import read_json, write_json
+from executor.machine.vulkan import activate
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = ROOT / ".venv-interop"
 READER = Path(__file__).with_name("interop_reading.py")
-WANTED = ("lerobot[dataset,training]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16")
+WANTED = ("lerobot[dataset,training]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16", f"{ROOT}[sim,gym]")
 KINDS: tuple[Format, ...] = ("lerobot", "robomimic", "zarr")
 TRAINED_STEPS = 50
+ACTED_STEPS = 20
+_WEIGHTS = Path("checkpoints", "last", "pretrained_model")
+_DRIVERS = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 INCLUDE: tuple[Extra, ...] = ("depth", "segmentation", "point_cloud")
 
 
@@ -45,7 +50,7 @@ def main() -> int:
     """Exports, reads, compares; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.interop", description=__doc__.split("\n")[0])
     parser.add_argument("--store", type=Path, help="what to export; by default two demonstrations, made first")
-    parser.add_argument("--python", type=Path, help="a Python that has lerobot, h5py and zarr 2")
+    parser.add_argument("--python", type=Path, help="a Python that has lerobot, h5py, zarr 2 and scene2demo[sim,gym]")
     parser.add_argument("--interpreter", default="python3.12", help="a Python 3.12 that makes such an environment")
     parser.add_argument("--beside", type=Path, nargs="*", default=[], help="checkouts of robomimic and of DP3")
     parser.add_argument("--out", type=Path, help="where the figures go, as JSON")
@@ -60,10 +65,13 @@ def main() -> int:
         quiet["PYTHONPATH"] = os.pathsep.join(str(path.resolve()) for path in options.beside)
         done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
         read = json.loads(done.stdout.splitlines()[-1])
-        trained = _trained(python, folder / "lerobot", folder / "trained", quiet)
+        activate()
+        told = {**quiet, **{name: os.environ[name] for name in _DRIVERS if name in os.environ}, "PYTHONPATH": str(ROOT)}
+        unable = _trained(python, folder / "lerobot", folder / "trained", told)
+        unable = unable or _acted(python, folder / "trained", folder / "acted", told)
         wrong = [words for kind in KINDS for words in _compared(EpisodeStore(store), kind, read[kind])]
-    if trained:
-        wrong.append(f"lerobot-train: {trained}")
+    if unable:
+        wrong.append(unable)
     for kind in KINDS:
         first, last = read[kind].get("loss_first_last", (1.0, 0.0))
         if not last < first:
@@ -71,7 +79,8 @@ def main() -> int:
     if options.out:
         write_json(options.out, {"ok": not wrong, "wrong": wrong, "read": read})
     good = f"{read['lerobot']['rows']} rows of {read['lerobot']['episodes']} episodes, all as written; "
-    print("\n".join(wrong) or good + f"lerobot-train took {TRAINED_STEPS} steps")
+    stock = f"lerobot-train took {TRAINED_STEPS} steps, and lerobot-eval {ACTED_STEPS}"
+    print("\n".join(wrong) or good + stock)
     return 1 if wrong else 0
 
 
@@ -102,14 +111,29 @@ def _trained(python: Path, data: Path, out: Path, environment: dict[str, str]) -
         **{"steps": TRAINED_STEPS, "save_freq": TRAINED_STEPS, "batch_size": 8, "num_workers": 0},
         "output_dir": out,
     }
+    return _stock(python, "lerobot-train", told, out / _WEIGHTS / "model.safetensors", environment)
+
+
+def _acted(python: Path, trained: Path, out: Path, environment: dict[str, str]) -> str:
+    """Has LeRobot's own command let that policy act in our environment; returns what went wrong, as `_trained`."""
+    told = {
+        **{"env.discover_packages_path": "executor.envs", "env.type": "scene2demo", "env.task": "T5-v0"},
+        **{"env.action_mode": "paper", "env.episode_length": ACTED_STEPS},
+        **{"policy.path": trained / _WEIGHTS, "policy.device": "cpu"},
+        **{"eval.n_episodes": 1, "eval.batch_size": 1},
+        "output_dir": out,
+    }
+    return _stock(python, "lerobot-eval", told, out / "eval_info.json", environment)
+
+
+def _stock(python: Path, command: str, told: dict[str, object], result: Path, environment: dict[str, str]) -> str:
     words = [f"--{name}={value}" for name, value in told.items()]
     done = subprocess.run(
-        [python.with_name("lerobot-train"), *words], check=False, capture_output=True, text=True, env=environment
+        [python.with_name(command), *words], check=False, capture_output=True, text=True, env=environment
     )
-    weights = out / "checkpoints" / "last" / "pretrained_model" / "model.safetensors"
-    if done.returncode == 0 and weights.is_file():
+    if done.returncode == 0 and result.is_file():
         return ""
-    return f"exit code {done.returncode}, and no weights: {' / '.join(done.stderr.splitlines()[-3:])}"
+    return f"{command}: exit code {done.returncode}, no {result.name}: {' / '.join(done.stderr.splitlines()[-3:])}"
 
 
 def _made(folder: Path) -> Path:
