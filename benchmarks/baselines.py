@@ -26,7 +26,7 @@ HEAD = (
     "success",
     "score",
     "simulated in vain",
-    "the paper's own row",
+    "the paper's own row (success / score)",
 )
 
 
