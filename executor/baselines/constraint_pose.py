@@ -27,7 +27,7 @@ import numpy as np
 
 from executor.assets.model import Region
 from executor.assets.transforms import bounds
-from executor.baselines.standing import fallen_short, go, stance_before
+from executor.baselines.standing import fallen_short, go, near_by, stance_before
 from executor.geometry import Array, heading_of, rotation_z, transform, wrap_angle
 from executor.motion.articulation.doors import handles_to_close, handles_to_open
 from executor.motion.articulation.work import Swing, end_fractions, handle_contacts, interval
@@ -47,7 +47,7 @@ from executor.primitives.driving import (
     regions_for,
     support_of,
 )
-from executor.primitives.grasp import approach, handle_in_use
+from executor.primitives.grasp import handle_in_use
 from executor.primitives.library import LIBRARY, Runner
 from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
@@ -87,11 +87,6 @@ def navigate_to_target(session: Session, action: Action) -> StepResult:
     if isinstance(stance.followup, Lift):
         plan = plan.with_numbers((step for step, _ in moves_after(session, Primitive.GRASP)), stance.followup.moves)
     return go(replace(session, plan=plan), stance.approach[0], action)
-
-
-def come_near(session: Session, action: Action) -> StepResult:
-    """Takes up the pose before the grasp, where NAVIGATE_TO_TARGET has not."""
-    return navigate_to_target(session, action) if session.plan.stance is None else approach(session, action)
 
 
 def stroke(session: Session, action: Action) -> StepResult:
@@ -150,7 +145,7 @@ LIBRARY_OF_CONSTRAINTS: Mapping[Primitive, Runner] = MappingProxyType(
     {
         **LIBRARY,
         Primitive.NAVIGATE_TO_TARGET: navigate_to_target,
-        Primitive.APPROACH: come_near,
+        Primitive.APPROACH: near_by(navigate_to_target),
         Primitive.ARTICULATE_OPEN: stroke,
         Primitive.ARTICULATE_CLOSE: stroke,
         Primitive.NAVIGATE_TO_SUPPORT: navigate_to_support,

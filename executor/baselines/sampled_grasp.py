@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from executor.assets.surface import surface_of
-from executor.baselines.standing import go, stance_before
+from executor.baselines.standing import go, near_by, stance_before
 from executor.geometry import Array, heading_of, transform
 from executor.machine.extras import require
 from executor.motion.articulation.work import Swing
@@ -29,7 +29,6 @@ from executor.motion.grasping.reach import Lift
 from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.moves import MOVES
 from executor.primitives.driving import leave, next_of
-from executor.primitives.grasp import approach
 from executor.primitives.library import LIBRARY, Runner
 from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
@@ -69,11 +68,6 @@ def navigate_to_target(session: Session, action: Action) -> StepResult:
     return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (found,)))
 
 
-def come_near(session: Session, action: Action) -> StepResult:
-    """Takes up the pose before the grasp, where NAVIGATE_TO_TARGET has not."""
-    return navigate_to_target(session, action) if session.plan.stance is None else approach(session, action)
-
-
 def left_out(session: Session, action: Action) -> StepResult:
     """Does nothing: what this does would be learned."""
     return session.done(action)
@@ -83,7 +77,7 @@ LIBRARY_OF_SAMPLES: Mapping[Primitive, Runner] = MappingProxyType(
     {
         **LIBRARY,
         Primitive.NAVIGATE_TO_TARGET: navigate_to_target,
-        Primitive.APPROACH: come_near,
+        Primitive.APPROACH: near_by(navigate_to_target),
         Primitive.ARTICULATE_OPEN: left_out,
         Primitive.ARTICULATE_CLOSE: left_out,
         Primitive.NAVIGATE_TO_SUPPORT: left_out,

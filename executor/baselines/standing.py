@@ -14,6 +14,8 @@ from executor.motion.planning.candidates import REACHES_M, HandGoal, is_base_fre
 from executor.motion.planning.carry import drive_to
 from executor.motion.planning.stance import PARKED_CLEARANCE_M, Stance
 from executor.primitives.driving import follow_legs
+from executor.primitives.grasp import approach
+from executor.primitives.library import Runner
 from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM
@@ -56,6 +58,11 @@ def fallen_short(session: Session, what: str) -> Failure:
     """Returns the failure of a robot that has no place and no posture for the one pose."""
     message = f"straight before {what} there is no room for the base, or no posture of the arm for the hand's pose"
     return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=session.subtask.target),))
+
+
+def near_by(navigate: Runner) -> Runner:
+    """Returns what APPROACH does: it takes up the pose before the grasp, by `navigate` where nothing has driven yet."""
+    return lambda session, action: (navigate if session.plan.stance is None else approach)(session, action)
 
 
 def go(session: Session, goal: Array, action: Action, *measured: Measurement) -> StepResult:
