@@ -129,6 +129,7 @@ class _Room:
         self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
     ) -> None:
         self.seen, self.walls, self.detections, self.scale_share = seen, walls, list(detections), scale_share
+        self._boxed = len(self.detections)  # Whatever is detected after these, nobody has put a box around.
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
@@ -210,7 +211,7 @@ class _Room:
         places = sorted({0.0, *(self._heights(detection, points))})
         entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
         found = fit_thing(around, detection.box_px, entries, places, points) if entries else None
-        if found is not None and not self._is_there(detection, found, around):
+        if found is not None and not self._is_there(index, found, around):
             found = None
         least = _LEAST_ALONE
         if before is not None and detection.category is not None:
@@ -225,7 +226,7 @@ class _Room:
 
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
-        given, tried = len(self.detections), list[NDArray[np.bool_]]()
+        tried: list[NDArray[np.bool_]] = []
         for _ in range(_MOST_FOUND):
             pieces = standing_out(self.seen, self._others()[0], self.walls)
             piece = next((one for one in pieces if not any(_alike(one, other) for other in tried)), None)
@@ -234,7 +235,7 @@ class _Room:
             tried.append(piece)
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
             told(self.fit_anything(len(self.detections) - 1))
-        found = [index for index in self.fits if index >= given and self.fits[index].guess.bottom_m == 0.0]
+        found = [index for index in self.fits if index >= self._boxed and self.fits[index].guess.bottom_m == 0.0]
         # The first ones were fitted among nothing, and each to the piece of it that stood out.
         for index in found:
             own = self._depths.pop(index)
@@ -271,13 +272,13 @@ class _Room:
             return np.asarray(self.seen.points_m[detection.mask & self.seen.measured])
         return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
 
-    def _is_there(self, detection: Sighting, found: Fit, around: Around) -> bool:
+    def _is_there(self, index: int, found: Fit, around: Around) -> bool:
         """Whether a fit that nobody has named is seen wherever it says, and is what the box was drawn around."""
         if not self.seen.has_depth:
             return True
         claim = self._claim(found.guess, around)
-        boxed = detection.source == STOOD_OUT or claim.fills(detection.box_px)
-        return boxed and claim.is_borne_out(_LEAST_SEEN_PX)
+        fills = index >= self._boxed or claim.fills(self.detections[index].box_px)
+        return fills and claim.is_borne_out(_LEAST_SEEN_PX)
 
     def _claim(self, guess: Guess, around: Around) -> Claim:
         return Claim.of(self.seen, self._depth_of(guess), around.other_m, guess.corners_m())
