@@ -10,15 +10,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.footprint import Footprint
 from executor.assets.library import LIBRARY
-from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
 from executor.photo.fitting.fit import Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.rim import beneath
-from executor.photo.fitting.starts import foot_of, large_enough, points_of
+from executor.photo.fitting.starts import (
+    CARRIED,
+    foot_of,
+    is_large,
+    large_enough,
+    named_models,
+    points_of,
+    stands_on_floor,
+)
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
@@ -26,9 +34,6 @@ from executor.photo.space.standing_out import box_of, standing_out
 from executor.photo.space.walls import Wall
 from executor.photo.supports import heights_behind, heights_under, tops_of
 from oag import Kind, kind_of
-
-CARRIED = ("microwave",)
-"""Furniture that stands on furniture."""
 
 _SAME_M = 0.001
 _UNLIKELY = 10.0
@@ -39,6 +44,7 @@ _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+_BESIDE_M = 0.05
 _RIGHT = 0.9  # What explains less may be turned otherwise.
 _LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
@@ -105,7 +111,7 @@ def reconstruct(
     """
     room = _Room(seen, walls, detections, scale_share)
     boxes = range(len(detections))
-    standing = [index for index in boxes if _stands(detections[index])]
+    standing = [index for index in boxes if stands_on_floor(detections[index])]
     carried = [index for index in boxes if index not in standing]
     # What is near hides what is far, and is large in the picture.
     standing.sort(key=lambda index: -detections[index].area_px)
@@ -143,6 +149,7 @@ class _Room:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
+        self._known: dict[int, frozenset[int]] = {}  # index -> what else was fitted when it was.
         self._empty = _floor_depth(seen)
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
@@ -161,8 +168,9 @@ class _Room:
         detection = self.detections[index]
         self._depths.pop(index, None)
         before = self.fits.pop(index, None)
+        self._known[index] = frozenset(self.fits)
         around = self._around(index, hidden_by)
-        entries = _entries(detection)
+        entries = named_models(detection)
         if not self.seen.has_depth:
             # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
             entries = with_parts(entries, detection.doors, detection.drawers)
@@ -194,10 +202,8 @@ class _Room:
         around = self._around(index, ())
         points = self._points(detection, around)
         others = [] if points is None else large_enough(points, [0.0])
-        others = [
-            entry for entry in others if entry.category not in (detection.category, *CARRIED) and _is_large(entry)
-        ]
-        return self._kept(index, renamed(around, found, detection.box_px, _entries(detection), others))
+        others = [entry for entry in others if entry.category not in (detection.category, *CARRIED) and is_large(entry)]
+        return self._kept(index, renamed(around, found, detection.box_px, named_models(detection), others))
 
     def _kept(self, index: int, found: Fit | None) -> str:
         """Keeps a fit, and says what it is."""
@@ -220,7 +226,9 @@ class _Room:
         found = self.fits.pop(index)
         cost = prior_cost(found.guess, self._near())
         self.fits[index] = found
-        return cost > _UNLIKELY or found.explained < _RIGHT or self._is_seen_through(index)
+        found_since = [one.guess for number, one in self.fits.items() if number not in self._known[index]]
+        beside = any(_is_beside(found.guess, one) for one in found_since)
+        return beside or cost > _UNLIKELY or found.explained < _RIGHT or self._is_seen_through(index)
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
@@ -368,19 +376,11 @@ class _Room:
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
 
-def _entries(detection: Sighting) -> list[ModelEntry]:
-    return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
-
-
-def _stands(detection: Sighting) -> bool:
-    """Whether a thing is taken to stand on the floor."""
-    large = all(_is_large(entry) for entry in _entries(detection))
-    return detection.category is not None and large and detection.category not in CARRIED
-
-
-def _is_large(entry: ModelEntry) -> bool:
-    """Whether a model is of furniture."""
-    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
+def _is_beside(first: Guess, second: Guess) -> bool:
+    """Decides whether two things on the floor stand so near each other that either tells where the other one ends."""
+    if first.bottom_m or second.bottom_m:
+        return False
+    return Footprint.of(first.as_object()).gap_m(Footprint.of(second.as_object())) < _BESIDE_M
 
 
 def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:

@@ -204,3 +204,8 @@ def depth_picture(guess: Guess, seen: Observation) -> Array:
     if rays.size:
         depth[window] = body.depth(guess, seen.eye_m, rays.reshape(-1, 3)).reshape(rays.shape[:2])
     return depth
+
+
+def is_round(entry: ModelEntry) -> bool:
+    """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
+    return entry.length.of_width and entry.length.low == entry.length.high == 1.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.body import Guess, Size, is_round
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -148,6 +148,8 @@ def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
     against = _against(_FAR_M)
     for wall in walls:
         reach = length / 2 * abs(float(ahead @ wall.normal)) + width / 2 * abs(float(aside @ wall.normal))
+        if is_round(guess.entry):
+            reach = width / 2
         gap = float(at @ wall.normal) - wall.offset_m - reach
         side = float(at @ wall.along)
         if not wall.span_m[0] - 0.3 < side < wall.span_m[1] + 0.3:

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.descent import is_round
+from executor.photo.fitting.body import Guess, body_of, is_round
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
