@@ -76,7 +76,7 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
-    if around.headings_rad:
+    if around.headings_rad and not is_round(entry):
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)

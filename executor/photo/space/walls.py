@@ -23,7 +23,7 @@ _TRIALS, _SAMPLES = 250, 4000
 _SEEN_THROUGH = 0.04  # Of the pixels that look at it.
 _BEGINS = 2.0  # Percent of the pixels that look over a wall: its top, but for noise.
 _BEYOND_M, _BEYOND = 0.15, 0.04
-"""So much of what is seen may be farther than a wall's plane, of what can be a wall where no boxes tell furniture."""
+"""So much of what is seen may stand beyond a wall's plane, of what can be a wall where no boxes tell furniture."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,9 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
 
 
 def _ends_room(wall: Wall, points: Array) -> bool:
-    """Whether hardly anything is seen beyond its plane, to its sides and above it too: fronts have a room behind."""
-    return float((points[:, :2] @ wall.normal < wall.offset_m - _BEYOND_M).mean()) < _BEYOND
+    """Whether hardly anything but floor is seen beyond its plane, to its sides and above it too: fronts have a room."""
+    beyond = (points[:, :2] @ wall.normal < wall.offset_m - _BEYOND_M) & (points[:, 2] > _ABOVE_FLOOR_M)
+    return float(beyond.mean()) < _BEYOND
 
 
 def _differs(wall: Wall, other: Wall) -> bool:
