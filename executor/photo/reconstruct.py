@@ -14,7 +14,7 @@ from executor.assets.footprint import Footprint
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
-from executor.photo.fitting.fit import Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
+from executor.photo.fitting.fit import LEAST_POINTS, Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.rim import beneath
@@ -355,7 +355,8 @@ class _Room:
         """Heights that a thing may stand on: those under its points, or without depth those behind its box's end."""
         tops = list(tops_of(self.fits.values()))
         if points is not None:
-            return heights_under(points, tops)
+            of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
+            return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
         told = None if detection.on is None else self.fits.get(detection.on)
         return heights_behind(self.seen, detection, tops, told)
 

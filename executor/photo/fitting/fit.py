@@ -30,7 +30,7 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
-_LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
+LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
@@ -118,7 +118,11 @@ def fit_thing(
     has_depth = around.seen.has_depth
     if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    if points is not None and len(points) < _LEAST_POINTS:
+    flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M] if has_depth else []
+    if points is not None and len(points) < LEAST_POINTS:
+        # Of what is flat and far hardly a point stands out: its box tells more.
+        points, entries = points[:0], flat
+    if not entries:
         return None
     coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
@@ -132,14 +136,13 @@ def fit_thing(
             else starts(points, entries, bottom, around.near.walls)
         )
     ]
-    if points is not None:
-        # Of what is flat and far hardly a point stands out: its box tells more.
-        flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
-        begun += [
-            coarse.rated(guess, colours=False)
-            for bottom in (bottoms_m if flat else ())
-            for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
-        ]
+    begun += [
+        coarse.rated(guess, colours=False)
+        for bottom in (bottoms_m if flat else ())
+        for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
+    ]
+    if not begun:
+        return None
     boxes = sorted(
         (
             search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)

@@ -98,6 +98,8 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
         bottom_m: Height of what the thing stands on.
         walls: Whose directions furniture often has.
     """
+    if not len(points):
+        return
     flat = points[:, :2]
     own = _outline_yaw(flat)
     yaws = [own, *(wall.yaw_rad for wall in walls)]
