@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.footprint import Footprint
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
@@ -44,7 +43,6 @@ _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
-_BESIDE_M = 0.05
 _RIGHT = 0.9  # What explains less may be turned otherwise.
 _LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
@@ -121,7 +119,7 @@ def reconstruct(
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in standing:
-        if room.is_unlikely(index):
+        if room.is_unlikely(index, _RIGHT):
             told(room.fit_again(index, hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
@@ -149,7 +147,6 @@ class _Room:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
-        self._known: dict[int, frozenset[int]] = {}  # index -> what else was fitted when it was.
         self._empty = _floor_depth(seen)
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
@@ -168,7 +165,6 @@ class _Room:
         detection = self.detections[index]
         self._depths.pop(index, None)
         before = self.fits.pop(index, None)
-        self._known[index] = frozenset(self.fits)
         around = self._around(index, hidden_by)
         entries = named_models(detection)
         if not self.seen.has_depth:
@@ -219,16 +215,19 @@ class _Room:
             return True
         return self.seen.has_depth and (self.fits[index].explained < _DOUBTFUL or self._is_seen_through(index))
 
-    def is_unlikely(self, index: int) -> bool:
-        """Decides whether what is known now speaks against a fit that was found when less was known."""
+    def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
+        """Decides whether what is known now speaks against a fit that was found when less was known.
+
+        Args:
+            index: Which detection.
+            least_explained: Share of its pixels that it has to explain.
+        """
         if index not in self.fits or not self.seen.has_depth:
             return False
         found = self.fits.pop(index)
         cost = prior_cost(found.guess, self._near())
         self.fits[index] = found
-        found_since = [one.guess for number, one in self.fits.items() if number not in self._known[index]]
-        beside = any(_is_beside(found.guess, one) for one in found_since)
-        return beside or cost > _UNLIKELY or found.explained < _RIGHT or self._is_seen_through(index)
+        return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
@@ -375,13 +374,6 @@ class _Room:
         tops = tops_of(self.fits.values())
         beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
-
-
-def _is_beside(first: Guess, second: Guess) -> bool:
-    """Decides whether two things on the floor stand so near each other that either tells where the other one ends."""
-    if first.bottom_m or second.bottom_m:
-        return False
-    return Footprint.of(first.as_object()).gap_m(Footprint.of(second.as_object())) < _BESIDE_M
 
 
 def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
