@@ -19,6 +19,9 @@ from executor.scenes.vary import MOST_EPISODES
 SCHEMA = "scene2demo-demonstration/1"
 MOST_STANCES = 32
 View = Literal["global", "head", "wrist"]
+Pushed = Literal["base", "item"]
+"""What pushes in the middle of an episode are at: the robot's base, or the item that the task is about."""
+
 Side = Annotated[StrictInt, Field(ge=32, le=1024, multiple_of=2)]
 
 
@@ -79,10 +82,12 @@ class Takeover:
     Attributes:
         policy: Key of its weights and of all that it is.
         execute: How many actions of a chunk it does before it looks again.
+        pushes: What is pushed once while it acts, each at a time and in a direction that the unit's seed draws.
     """
 
     policy: str
     execute: Annotated[StrictInt, Field(ge=1, le=64)]
+    pushes: tuple[Pushed, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +165,8 @@ class DemoUnit:
             del said["stances"]
         if self.takeover is None:
             del said["takeover"]
+        elif not self.takeover.pushes:
+            del said["takeover"]["pushes"]
         return said
 
     @classmethod

@@ -322,6 +322,8 @@ class CorrectOptions(CommonOptions):
     """How many actions of a chunk are done before the policy looks again; by default what its settings say."""
     step: Maybe[int] = None
     """The weights after so many steps of training, where they were kept; by default the last."""
+    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
+    """What is pushed once while the policy acts; the planner then takes over at a moment after the first push."""
     noise_m: float = 0.0
     """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
     workers: int = 2
