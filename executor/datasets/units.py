@@ -57,7 +57,7 @@ class Origin:
         family: "T1" to "T6", or None for a sentence of one's own.
         query: The sentence; empty for a family, which has its own.
         scene: Name of a scene, or its file; empty for a family, which draws its own.
-        scene_key: Key of the scene's content, so that another content makes another unit.
+        scene_key: Key of the scene's content, so that another content makes another unit; empty where seeds draw it.
     """
 
     family: Family | None = None
