@@ -56,7 +56,7 @@ def kitchens() -> tuple[Listed, ...]:
 
 
 def of_seed(name: str, seed: int) -> str:
-    """Returns the scene that an episode is in: of "t1" to "t4" the kitchen of its seed, and else the one of the name."""
+    """Returns the scene that an episode is in: of "t1" to "t4" the kitchen of its seed, else that of the name."""
     return f"{name}-{seed}" if _KITCHENS.fullmatch(name) else name
 
 

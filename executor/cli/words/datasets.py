@@ -45,7 +45,7 @@ class GenerateOptions(CommonOptions):
     """Families of the benchmark, a sentence (with --scene), or a YAML file that lists what to make."""
     out: ResultsFolder
     scene: Maybe[str] = None
-    """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: of each episode the kitchen that its
+    """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: the kitchen that an episode's
     seed draws."""
     episodes: int = 20
     """How many episodes of each to make; those that fail are counted, and left out of data sets."""
