@@ -342,17 +342,14 @@ def read_measurements(told: Mapping[str, object], kinds: Iterable[type[Measureme
         told: What was written.
         kinds: Records that it can be of.
     """
-    # Takes as long to import as all of this package.
-    from pydantic import ValidationError
-
-    from oag.model.forms import adapter
+    from pydantic import TypeAdapter, ValidationError  # Takes as long to import as all of this package.
 
     left, found = dict(told), list[tuple[int, Measurement]]()
     for kind in kinds:
         own = {field.name: left[field.name] for field in fields(kind) if field.name in left}
         if own:
             try:
-                record = adapter(kind).validate_python(own)
+                record = TypeAdapter(kind).validate_python(own)
             except ValidationError:
                 continue
             found.append((min(list(told).index(name) for name in own), record))
