@@ -28,6 +28,7 @@ from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, 
 from executor.datasets.variation import Variation
 from executor.machine.extras import require
 from executor.machine.files import content_key, json_text
+from executor.scenes.drawn import of_seed
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag.model.errors import InputError
@@ -147,5 +148,9 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         return
     file = beside / wanted.scene
     name = str(file) if wanted.scene.endswith(".json") else wanted.scene
+    if of_seed(name, wanted.seed) != name:
+        # What seeds draw follows from them and from the program.
+        yield Origin(query=wanted.query, scene=name)
+        return
     scene = scene_for(wanted.query, name, full_size=wanted.full_size)
     yield Origin(query=wanted.query, scene=name, scene_key=content_key(json_text(scene.to_json())))

@@ -8,17 +8,21 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, StrictFloat, StrictInt, TypeAdapter
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
 from executor.datasets.variation import Variation
 from executor.machine.files import content_key, json_text
 from executor.pictures.cameras import VIEWS
 from executor.scenes.vary import MOST_EPISODES
+from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-demonstration/1"
 MOST_STANCES = 32
 View = Literal["global", "head", "wrist"]
+Pushed = Literal["base", "item"]
+"""What pushes in the middle of an episode are at: the robot's base, or the item that the task is about."""
+
 Side = Annotated[StrictInt, Field(ge=32, le=1024, multiple_of=2)]
 
 
@@ -54,7 +58,7 @@ class Origin:
         family: "T1" to "T6", or None for a sentence of one's own.
         query: The sentence; empty for a family, which has its own.
         scene: Name of a scene, or its file; empty for a family, which draws its own.
-        scene_key: Key of the scene's content, so that another content makes another unit.
+        scene_key: Key of the scene's content, so that another content makes another unit; empty where seeds draw it.
     """
 
     family: Family | None = None
@@ -79,10 +83,12 @@ class Takeover:
     Attributes:
         policy: Key of its weights and of all that it is.
         execute: How many actions of a chunk it does before it looks again.
+        pushes: What is pushed once while it acts, each at a time and in a direction that the unit's seed draws.
     """
 
     policy: str
     execute: Annotated[StrictInt, Field(ge=1, le=64)]
+    pushes: tuple[Pushed, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +166,8 @@ class DemoUnit:
             del said["stances"]
         if self.takeover is None:
             del said["takeover"]
+        elif not self.takeover.pushes:
+            del said["takeover"]["pushes"]
         return said
 
     @classmethod
@@ -169,7 +177,7 @@ class DemoUnit:
         Raises:
             ValueError: It did not give this.
         """
-        return TypeAdapter(cls).validate_python(value)
+        return adapter(cls).validate_python(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,4 +211,4 @@ class DemoSeries:
         Raises:
             ValueError: It did not give this.
         """
-        return TypeAdapter(cls).validate_python(value)
+        return adapter(cls).validate_python(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata
 from typing import Any
 
@@ -28,6 +28,7 @@ from executor.results.run_record import filled_task
 from executor.robot.description import drives
 from executor.rollouts.running import rollout
 from executor.rollouts.stances import seed_nearest_home
+from executor.scenes.drawn import of_seed
 from executor.scenes.pair import Changes
 from executor.scenes.reading import scene_for
 from executor.scenes.rooms.room import Stray
@@ -94,7 +95,7 @@ def prepared(unit: DemoUnit) -> Prepared:
         )
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return Prepared(pair.query, compose(task, scene=pair.scene), pair.strays)
-    nominal = _scene(unit.origin.query, unit.origin.scene)
+    nominal = _scene(unit.origin.query, of_seed(unit.origin.scene, unit.seed))
     if unit.full_size:
         nominal = nominal.with_robot(FULL_SCALE)
     strays: dict[str, Stray] = {}
@@ -114,7 +115,7 @@ def _distracted(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
     return lambda scene, task: with_distractors(scene, task, unit.variation.distractors, unit.draws("distractors"))
 
 
-@cache
+@lru_cache(maxsize=4)
 def _scene(query: str, name: str) -> Scene:
     return scene_for(query, name)
 

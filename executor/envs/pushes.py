@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
+from executor.datasets.units import Pushed
 from executor.geometry import Array
 from executor.robot.description import BASE_FORCE_N
 from executor.world.engine import ROBOT
 from executor.world.world import World
 
-Pushed = Literal["base", "item"]
-DISTANCE_M = {"base": 0.05, "item": 0.03}
+DISTANCE_M: dict[Pushed, float] = {"base": 0.05, "item": 0.03}
 """How far each is pushed: as somebody who brushes past would do it."""
 
 SPEED_M_S = {"base": 0.3, "item": 0.1}  # Slow enough that what is pushed stops when it is let go of.

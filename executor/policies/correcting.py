@@ -24,7 +24,7 @@ from executor.envs.environment import SceneEnvironment
 from executor.machine.workers.process import serve
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
-from executor.policies.judging.evaluation import environment_for, most_steps, plan_of
+from executor.policies.judging.evaluation import environment_for, most_steps, plan_of, pusher_of
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.outcomes import OutcomeWatch
 from executor.policies.windows import EpisodeKind
@@ -47,6 +47,7 @@ class _Moment:
         phase: Number of the primitive that the policy takes to be going on.
         at_s: Simulated time.
         because: "stalled", "time", or "drawn".
+        pushes: What pushed until then, as it was.
     """
 
     start: Checkpoint
@@ -54,6 +55,7 @@ class _Moment:
     phase: int
     at_s: float
     because: str
+    pushes: tuple[dict[str, Any], ...]
 
 
 @dataclass
@@ -90,6 +92,7 @@ class Corrector:
             "policy": unit.takeover.policy if unit.takeover is not None else "",
             "because": moment.because,
             "at_s": round(moment.at_s, 3),
+            **({"pushes": list(moment.pushes)} if moment.pushes else {}),
             "phase": moment.phase,
             "subtask": moment.subtask,
             "first_step": done.how.first_step,
@@ -117,10 +120,12 @@ class Corrector:
         actor.begin(plan_of(env.episode.task), unit.seed)
         watch, stall, moments = OutcomeWatch(env.episode, env.world), StallWatch(rate_hz), []
         most = len(env.episode.task.subtasks) - 1
+        pusher = pusher_of(env, unit.seed, unit.takeover.pushes if unit.takeover is not None else ())
+        env.disturb(pusher)
 
         def now(because: str) -> _Moment:
-            subtask = min(int(info["stage"]), most)
-            return _Moment(env.checkpoint(), subtask, actor.phase, env.world.time_s, because)
+            subtask, applied = min(int(info["stage"]), most), tuple(push.to_json() for push in pusher.applied)
+            return _Moment(env.checkpoint(), subtask, actor.phase, env.world.time_s, because, applied)
 
         for _ in range(most_steps(env.family, rate_hz)):
             moments.append(now("drawn"))
@@ -132,6 +137,8 @@ class Corrector:
         rng = unit.draws("takeover")
         if watch.succeeded_s is None and rng.uniform() < WHERE_IT_STALLED:
             return now("stalled" if stall.stalled else "time")
+        # Before the first push it is as it would be without any.
+        moments = [moment for moment in moments if moment.pushes] or moments
         return moments[int(rng.integers(len(moments)))]
 
 

@@ -3,6 +3,7 @@
 kitchen02-b          the second variation of a room, with the usual seed
 kitchen02-13000-b    the same with its seed: the name that its records have
 t1-12000             the kitchen of a long task that this seed stands for; t1_012000 is what its records say
+t1                   where episodes have seeds: of each one the kitchen that its own stands for
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ USUAL_KITCHENS = range(12000, 12003)
 
 _ROOM = re.compile(r"([a-z]+\d+)(?:-(\d{1,10}))?-([a-c])")
 _KITCHEN = re.compile(r"[tT]([1-4])[-_](\d{1,10})")
+_KITCHENS = re.compile(r"[tT][1-4]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,11 @@ def kitchens() -> tuple[Listed, ...]:
         for family, query in long_horizon.QUERIES.items()
         for seed in USUAL_KITCHENS
     )
+
+
+def of_seed(name: str, seed: int) -> str:
+    """Returns the scene that an episode is in: of "t1" to "t4" the kitchen of its seed, else that of the name."""
+    return f"{name}-{seed}" if _KITCHENS.fullmatch(name) else name
 
 
 def named(name: str) -> Scene | None:

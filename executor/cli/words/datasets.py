@@ -45,7 +45,8 @@ class GenerateOptions(CommonOptions):
     """Families of the benchmark, a sentence (with --scene), or a YAML file that lists what to make."""
     out: ResultsFolder
     scene: Maybe[str] = None
-    """Name of a scene, or a scene's JSON file, that the sentence is about."""
+    """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: the kitchen that an episode's
+    seed draws."""
     episodes: int = 20
     """How many episodes of each to make; those that fail are counted, and left out of data sets."""
     seed: int = 0
@@ -322,6 +323,8 @@ class CorrectOptions(CommonOptions):
     """How many actions of a chunk are done before the policy looks again; by default what its settings say."""
     step: Maybe[int] = None
     """The weights after so many steps of training, where they were kept; by default the last."""
+    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
+    """What is pushed once while the policy acts; the planner then takes over at a moment after the first push."""
     noise_m: float = 0.0
     """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
     workers: int = 2

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from executor.bench.units import Family
+from executor.datasets.units import Pushed
 from executor.envs import MOST_STEPS
 from executor.envs.environment import SceneEnvironment
-from executor.envs.pushes import Pushed, Pusher, drawn_pushes
+from executor.envs.pushes import Pusher, drawn_pushes
 from executor.policies.acting import Acting
 from executor.policies.judging.axes import drawn_numbers
 from executor.policies.judging.helping import PlannerHelp, Reason, StallWatch, help_on, hold_and_see
@@ -124,7 +125,7 @@ def run_episode(
     episode = env.episode
     actor.begin(plan_of(episode.task), seed)
     watch, monitors = OutcomeWatch(episode, env.world), MonitorWatch(env.world, episode.task)
-    pusher = _pusher(env, seed, conditions.pushes)
+    pusher = pusher_of(env, seed, conditions.pushes)
     states: list[bytes] = []
     rate_hz, left = actor.record.rate_hz, most_steps(env.family, actor.record.rate_hz)
     outcome: EpisodeOutcome | None = None
@@ -168,7 +169,7 @@ def run_episode(
     )
 
 
-def _pusher(env: SceneEnvironment, seed: int, kinds: tuple[Pushed, ...]) -> Pusher:
+def pusher_of(env: SceneEnvironment, seed: int, kinds: tuple[Pushed, ...]) -> Pusher:
     """Returns what pushes in an episode: at times and in directions that its seed draws."""
     target = env.episode.task.subtasks[0].target
     return Pusher(drawn_pushes(kinds, seed, PUSHED_BETWEEN_S), target if target in env.world.dynamic_ids else None)

@@ -12,6 +12,7 @@ from executor.datasets.plan import series_of
 from executor.datasets.units import DemoUnit
 from executor.datasets.variation import UNVARIED
 from executor.datasets.work import drawn_values, prepared
+from executor.scenes.drawn import of_seed
 from oag import Scene
 from oag.task.sizes import PAPER_GRIPPER
 
@@ -86,3 +87,18 @@ def test_sizes_are_adjusted_once_where_a_sentence_is_asked_of_a_scene() -> None:
     glass = todo.graph.scene["glass_0"]
     assert glass.scale != (1.0, 1.0, 1.0) and min(glass.extent_m[:2]) <= PAPER_GRIPPER.widest_m
     assert todo.graph.scene.with_scales(todo.graph.task.scales)["glass_0"] == glass
+
+
+def test_a_sentence_may_be_about_the_kitchen_that_each_seed_draws() -> None:
+    (series,) = series_of({"seed": 62990, "episodes": 2, "sources": [{"query": "pick up the glass", "scene": "t1"}]})
+    origins = {unit.origin for unit in series.units()}
+    assert [(origin.scene, origin.scene_key) for origin in origins] == [("t1", "")]
+    assert of_seed("t1", 62990) == "t1-62990" and of_seed("t1-5", 62990) == "t1-5" and of_seed("t5", 1) == "t5"
+
+
+@pytest.mark.slow
+def test_each_seed_draws_its_own_kitchen_for_a_sentence() -> None:
+    (series,) = series_of({"seed": 62990, "episodes": 2, "sources": [{"query": "pick up the glass", "scene": "t1"}]})
+    first, second = (prepared(unit).graph.scene for unit in series.units())
+    assert (first.name, second.name) == ("t1_062990", "t1_062991")
+    assert first.objects.keys() != second.objects.keys() or first.robot != second.robot

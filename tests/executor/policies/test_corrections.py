@@ -41,15 +41,17 @@ def policy(picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def corrected(policy: Path, picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns the store of two corrections of it, of short episodes."""
+    """Returns the store of two corrections of it, of short episodes; in the second the base is pushed."""
     store = EpisodeStore(tmp_path_factory.mktemp("corrected") / "s")
     first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
     unit = replace(first, seed=62970, takeover=Takeover(policy_key(policy), 4))
-    store.add_requests([DemoSeries(unit, 2).to_json()])
+    pushed = replace(unit, seed=62971, takeover=Takeover(policy_key(policy), 4, ("base",)))
+    store.add_requests([DemoSeries(unit, 1).to_json(), DemoSeries(pushed, 1).to_json()])
     corrector = Corrector(Actor.load(policy, execute=4))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("executor.policies.judging.evaluation.MOST_S", 3.0)
-        for one in DemoSeries(unit, 2).units():
+        patch.setattr("executor.policies.judging.evaluation.PUSHED_BETWEEN_S", (0.5, 1.0))
+        for one in (unit, pushed):
             run_unit(store, one, outcome_version(), maker=corrector.make)
     corrector.close()
     return store
@@ -91,6 +93,10 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     assert unit.takeover == Takeover(policy_key(policy), 4) and told["policy"] == policy_key(policy)
     assert told["because"] in ("stalled", "time", "drawn") and told["phase"] in (17, 1, 2, 3, 7)
     assert episodes[0].start is not None and episodes[0].arrays["time_s"][0] >= told["at_s"] > 0.5
+    assert "pushes" not in told and "pushes" not in episodes[0].meta["unit"]["takeover"]
+    after = episodes[1].meta["takeover"]
+    assert [push["what"] for push in after["pushes"]] == ["base"] == episodes[1].meta["unit"]["takeover"]["pushes"]
+    assert after["pushes"][0]["moved_m"] > 0.02 and after["at_s"] > after["pushes"][0]["at_s"]
     assert replayed(episodes[0], "exact").good and replayed(episodes[0], "joint_target").good
     settings = small()
     both = read_demonstrations([picked.path, corrected.path], settings)
@@ -115,6 +121,7 @@ def test_what_cannot_be_corrected_is_refused(
     assert run(["correct", str(policy), "--execute", "9", *out]) == 2
     assert "--execute 9: expected 1 to 8" in str(last_json(capsys)["error"])
     assert run(["correct", str(policy), "--noise-m", "1", *out]) == 2
+    assert run(["correct", str(policy), "--push", "base", "base", *out]) == 2
     assert not (tmp_path / "s").exists()
 
 

@@ -63,6 +63,7 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     check(0.0 <= options.noise_m <= _MOST_NOISE_M, "--noise-m", options.noise_m, f"0 to {_MOST_NOISE_M}")
+    check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
     settings = record.settings
     told = "one that is told the primitive that is going on (phase = true), as else corrections contradict the rest"
     check(settings.sees.phase, "POLICY", options.policy, told)
@@ -77,6 +78,6 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
         replace(kind.variation, noise_m=options.noise_m),
         Recording(rate_hz=record.rate_hz),
         full_size=kind.full_size,
-        takeover=Takeover(policy_key(options.policy, options.step), count),
+        takeover=Takeover(policy_key(options.policy, options.step), count, options.push),
     )
     return DemoSeries(unit, options.episodes)

@@ -156,7 +156,7 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
         names = ", ".join(kind.origin.label for kind in kinds)
         raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
     origin = kinds[0].origin
-    if origin.scene:
+    if origin.scene_key:
         key = content_key(json_text(scene_for(origin.query, origin.scene).to_json()))
         check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
     return kinds[0]
