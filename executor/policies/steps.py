@@ -24,8 +24,8 @@ def step_number(subtask: Count, primitive: Count) -> Count:
     return _EACH * subtask + primitive
 
 
-def subtask_of(step: int) -> int:
-    """Returns the index of the subtask that a step is of."""
+def subtask_of(step: Count) -> Count:
+    """Returns the index of the subtask that a step is of; of an array one of each."""
     return step // _EACH
 
 

@@ -22,7 +22,7 @@ from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
-from executor.policies.steps import step_number
+from executor.policies.steps import step_number, subtask_of
 from oag.model.primitives import Primitive
 
 SAME_WAY_RAD = 1.0
@@ -187,7 +187,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         told=np.searchsorted(steps, told),
         steps=steps,
         takeovers=_takeovers(episodes),
-        ways=_ways(episodes),
+        ways=_ways(episodes, going_on),
     )
 
 
@@ -270,18 +270,15 @@ def _going_on(episode: FoldedEpisode) -> NDArray[np.int64]:
     if not len(running):
         return primitives
     following = np.searchsorted(running, np.arange(len(primitives)))
-    return step_number(_subtasks(episode), primitives)[running[np.minimum(following, len(running) - 1)]]
-
-
-def _subtasks(episode: FoldedEpisode) -> NDArray[np.int64]:
-    """Returns (N,) which subtask of the whole task goes on; what a planner went on with begins in the middle of it."""
     takeover = episode.about.get("takeover")
-    return episode.columns["subtask_index"] + (int(takeover["subtask"]) if takeover else 0)
+    # What a planner goes on with begins in the middle of the whole task.
+    subtasks = episode.columns["subtask_index"] + (int(takeover["subtask"]) if takeover else 0)
+    return step_number(subtasks, primitives)[running[np.minimum(following, len(running) - 1)]]
 
 
-def _ways(episodes: Sequence[FoldedEpisode]) -> NDArray[np.int64]:
+def _ways(episodes: Sequence[FoldedEpisode], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Returns (M,) the way of the subtask that goes on: what one grasp is like says nothing of another thing's."""
-    subtasks = [_subtasks(episode) for episode in episodes]
+    subtasks = [subtask_of(steps) for steps in going_on]
     found = [np.zeros_like(rows) for rows in subtasks]
     for subtask in np.unique(np.concatenate(subtasks)):
         of_it = [rows == subtask for rows in subtasks]
