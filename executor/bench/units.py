@@ -9,12 +9,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictBool, StrictInt, TypeAdapter
+from pydantic import Field, StrictBool, StrictInt
 
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
 from executor.scenes.pair import UNCHANGED, Changes, ScenePair
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
+from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-bench-unit/1"
 
@@ -123,7 +124,7 @@ class Unit:
         Raises:
             ValueError: It did not give this.
         """
-        unit = TypeAdapter(cls).validate_python(value)
+        unit = adapter(cls).validate_python(value)
         if (unit.index is None) is not (unit.family in LONG_HORIZON):
             raise ValueError(f"{unit.family} has no unit {unit.index}")
         return unit
@@ -169,7 +170,7 @@ class Series:
         Raises:
             ValueError: It did not give this.
         """
-        return TypeAdapter(cls).validate_python(value)
+        return adapter(cls).validate_python(value)
 
 
 def pair_of(

@@ -8,13 +8,14 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, StrictFloat, StrictInt, TypeAdapter
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
 from executor.datasets.variation import Variation
 from executor.machine.files import content_key, json_text
 from executor.pictures.cameras import VIEWS
 from executor.scenes.vary import MOST_EPISODES
+from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-demonstration/1"
 MOST_STANCES = 32
@@ -176,7 +177,7 @@ class DemoUnit:
         Raises:
             ValueError: It did not give this.
         """
-        return TypeAdapter(cls).validate_python(value)
+        return adapter(cls).validate_python(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,4 +211,4 @@ class DemoSeries:
         Raises:
             ValueError: It did not give this.
         """
-        return TypeAdapter(cls).validate_python(value)
+        return adapter(cls).validate_python(value)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.envs.obstacles import Obstacles
-from executor.geometry import Array, rotation_z
+from executor.geometry import Array, rotation_z, transform
 from executor.robot.actions import arm_chain, joint_limits
 from executor.robot.description import ARM_HOME
 from executor.robot.tracking import pose_error
@@ -47,14 +47,14 @@ class HandWish:
     """Where a hand is, seen from the base, and where it is wanted now and soon.
 
     Attributes:
-        reached: (1, 4, 4) where it is.
         jacobian: (6, 7) how it moves and turns with the arm's joints, in the base's axes.
+        errors: (2, 6) how far it is off, m and rad.
         wanted: (2, 4, 4) where it is to be now, and where it will be soon if it goes on as it does.
         bases: (2, 3) x, y [m] and yaw [rad] of the base then.
     """
 
-    reached: Array
     jacobian: Array
+    errors: Array
     wanted: Array
     bases: Array
 
@@ -84,7 +84,7 @@ class Elbow:
         """
         ways, back = _freed(hand.jacobian[None])
         home = _HOMEWARD * float(ways[0] @ (np.array(ARM_HOME) - arm)) if homeward else 0.0
-        arms = arm + _steps(back, pose_error(hand.wanted, hand.reached))
+        arms = arm + _steps(back, hand.errors)
         step = self._cheapest(arms, ways[0], hand, home) if self._costs(arms[None], hand.bases).any() else home
         return np.asarray(np.clip(step, -_LONGEST_RAD, _LONGEST_RAD) * ways[0])
 
@@ -125,11 +125,9 @@ class Elbow:
         """Returns (M, 2) what postures (M, 2, 7) over (2, 3) bases lack of the room that is wished for around them."""
         shape = arms.shape[:2]
         frames = self._chain.frames(arms.reshape(-1, arms.shape[-1]))[self._turned_by].reshape(-1, *shape, 4, 4)
-        points = frames[..., :3, :3] @ self._points + frames[..., :3, 3:]
-        turns = np.stack([rotation_z(float(yaw)) for yaw in bases[:, 2]])
-        places = (turns @ points).swapaxes(-1, -2)
-        places[..., :2] += bases[:, None, :2]
-        gaps = self._obstacles.nearest(places.reshape(-1, 3), CLEAR_M).distance_m.reshape(*places.shape[:-1])
+        frames = np.stack([transform(rotation_z(yaw), [x, y, 0.0]) for x, y, yaw in bases.tolist()]) @ frames
+        places = (frames[..., :3, :3] @ self._points + frames[..., :3, 3:]).swapaxes(-1, -2)
+        gaps = self._obstacles.distances_m(places.reshape(-1, 3), CLEAR_M).reshape(places.shape[:-1])
         short_m = np.clip(CLEAR_M - gaps.min(axis=-1), 0.0, CLEAR_M + _DEEPEST_M)
         short_rad = np.maximum(SPARE_RAD - np.minimum(arms - self._limits[:, 0], self._limits[:, 1] - arms), 0.0)
         return np.asarray(_CLEAR * (short_m**2).sum(axis=0) + _SPARE * (short_rad**2).sum(axis=-1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
@@ -26,8 +28,9 @@ _ARM = slice(3, 10)
 _INSET_RAD = 0.002  # Commands end so far before a limit of the arm.
 _FREE = 1e-4  # Weight of the elbow beside the hand, m and rad squared: a wish of 0.1 rad costs the hand 0.01 mm.
 _FINE = 1e-6
-_ITERATIONS = 4  # After two the hand is within 0.01 mm.
-_REACHED = 1e-5
+_ITERATIONS = 3  # After one the hand is within 0.01 mm, where nothing holds it up.
+_NEAR, _REACHED = 1e-3, 1e-5  # From so near the Jacobian tells the rest to a thousandth; so near is there.
+_JOINTS, _STILL = np.eye(7), np.zeros(7)
 _APART_RAD = 1e-12  # A joint that must not move has no room between its bounds.
 
 
@@ -47,6 +50,7 @@ class HandFollower:
         self._wanted = self._chain.forward(np.asarray(target, float)[None, _ARM])[0]
         self._most_rad = ARM_SPEEDS_RAD_S * period_s
         self._ahead = AHEAD_S / period_s
+        self._now_and_soon = np.array([[1.0], [1.0 + self._ahead]])
 
     def joint_target(self, before: Array, action: Array) -> Array:
         """Returns the (12,) joint targets that a hand action asks for.
@@ -64,28 +68,29 @@ class HandFollower:
         ahead, aside = action[7:9]
         base = before[:3] + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, action[9]]
         fingers = np.full(2, action[6] * self._limits[-1, 1])
-        self._wanted = _moved(self._wanted, action[:6])
-        soon = _moved(self._wanted, self._ahead * action[:6])
+        wanted = _moved(self._wanted, self._now_and_soon * action[:6])
+        self._wanted = wanted[0]
         bases = np.stack([base, base + self._ahead * (base - before[:3])])
         moves = bool(action[:6].any())
-        return np.concatenate([base, self._posture(before[_ARM], soon, bases, moves=moves), fingers])
+        return np.concatenate([base, self._posture(before[_ARM], wanted, bases, moves=moves), fingers])
 
-    def _posture(self, before: Array, soon: Array, bases: Array, *, moves: bool) -> Array:
-        """Returns the (7,) posture after one with the hand where it is wanted, or as near as may be."""
+    def _posture(self, before: Array, wanted: Array, bases: Array, *, moves: bool) -> Array:
+        """Returns the (7,) posture after one with the hand where it is wanted now, or as near as may be."""
         low, high = self._limits[_ARM, 0] + _INSET_RAD, self._limits[_ARM, 1] - _INSET_RAD
         low = np.maximum(np.minimum(low, before), before - self._most_rad)
         high = np.minimum(np.maximum(high, before), before + self._most_rad)
-        arm, weight, wish = before, _FREE, np.zeros(len(before))
-        for number in range(_ITERATIONS):
+        reached, jacobians = self._chain.forward_and_jacobian(before[None])
+        errors = pose_error(wanted, reached)
+        wish = self._elbow.wish(before, HandWish(jacobians[0], errors, wanted, bases), homeward=moves)
+        step = _solved(jacobians[0], errors[0], _FREE, wish, low - before, high - before)
+        arm = np.clip(before + step, low, high)
+        for _ in range(_ITERATIONS):
             reached, jacobians = self._chain.forward_and_jacobian(arm[None])
-            error, jacobian = pose_error(self._wanted[None], reached)[0], jacobians[0]
-            if weight == _FINE and np.linalg.norm(error) < _REACHED:
+            error = pose_error(wanted[:1], reached)[0]
+            step = _solved(jacobians[0], error, _FINE, _STILL, low - arm, high - arm)
+            arm = np.clip(arm + step, low, high)
+            if _norm(error) < _NEAR and _norm(error - jacobians[0] @ step) < _REACHED:
                 return arm
-            if number == 0:
-                hand = HandWish(reached, jacobian, np.stack([self._wanted, soon]), bases)
-                wish = self._elbow.wish(arm, hand, homeward=moves)
-            arm = np.clip(arm + _solved(jacobian, error, weight, wish, low - arm, high - arm), low, high)
-            weight, wish = _FINE, np.zeros(len(arm))
         self._forgive(arm)
         return arm
 
@@ -94,17 +99,21 @@ class HandFollower:
         reached = self._chain.forward(arm[None])
         owed = pose_error(self._wanted[None], reached)[0]
         for part, most in ((owed[:3], OWED_M), (owed[3:], OWED_RAD)):
-            part *= min(1.0, most / max(float(np.linalg.norm(part)), _APART_RAD))
-        self._wanted = _moved(reached[0], owed)
+            part *= min(1.0, most / max(_norm(part), _APART_RAD))
+        self._wanted = _moved(reached[0], owed[None])[0]
 
 
-def _moved(T: Array, motion: Array) -> Array:
-    """Returns a (4, 4) pose moved (3, m) and turned (3, rotation vector, rad) about its own origin, in outer axes."""
-    after = T.copy()
-    after[:3, 3] += motion[:3]
-    if motion[3:].any():
-        after[:3, :3] = Rotation.from_rotvec(motion[3:]).as_matrix() @ T[:3, :3]
+def _moved(T: Array, motions: Array) -> Array:
+    """Returns a (4, 4) pose after each of N motions (N, 6): moved (m) and turned (rotation vector, rad) where it is."""
+    after = np.empty((len(motions), 4, 4))
+    after[:] = T
+    after[:, :3, 3] += motions[:, :3]
+    after[:, :3, :3] = Rotation.from_rotvec(motions[:, 3:]).as_matrix() @ T[:3, :3]
     return after
+
+
+def _norm(vector: Array) -> float:
+    return math.sqrt(float(vector @ vector))
 
 
 def _solved(jacobian: Array, error: Array, weight: float, wish: Array, low: Array, high: Array) -> Array:
@@ -117,10 +126,10 @@ def _solved(jacobian: Array, error: Array, weight: float, wish: Array, low: Arra
         wish: (7,) the change that is best for the elbow.
         low, high: (7,) bounds.
     """
-    free = np.linalg.solve(jacobian.T @ jacobian + weight * np.eye(len(wish)), jacobian.T @ error + weight * wish)
-    if ((low - _APART_RAD <= free) & (free <= high + _APART_RAD)).all():
+    free = np.linalg.solve(jacobian.T @ jacobian + weight * _JOINTS, jacobian.T @ error + weight * wish)
+    if (np.clip(free, low - _APART_RAD, high + _APART_RAD) == free).all():
         return np.asarray(free)
     # Without bounds it takes a tenth of the time.
-    rows = np.concatenate([jacobian, np.sqrt(weight) * np.eye(len(wish))])
+    rows = np.concatenate([jacobian, np.sqrt(weight) * _JOINTS])
     sought = np.concatenate([error, np.sqrt(weight) * wish])
     return np.asarray(lsq_linear(rows, sought, (low - _APART_RAD, high + _APART_RAD), method="bvls").x)

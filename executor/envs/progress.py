@@ -59,7 +59,17 @@ class ProgressWatch:
         self._sites = [_site(world, subtask.target) for subtask in graph.task.subtasks]
         named = {name for atom in self._measures[-1].atoms for name in atom.args}
         self._items = [name for name in world.dynamic_ids if name in named]
+        self._atoms = tuple(dict.fromkeys(atom for measure in self._measures for atom in measure.atoms))
+        # What the atoms are about: things that move freely, that have joints, that stand fast, and what is no thing.
+        about = dict.fromkeys(name for atom in self._atoms for name in atom.args)
+        self._free = [name for name in about if name in world.dynamic_ids]
+        self._jointed = {
+            name: [joint.name for joint in world.assets[name].joints] for name in about if name in world.articulated_ids
+        }
+        self._fixed = {name: b"" if name in world.assets else None for name in about}
         self._as_they_were: dict[Atom, tuple[bytes, bool | None]] = {}
+        self._known: dict[Atom, bool | None] = {}
+        self._shares = [measure(self._known.get) for measure in self._measures]
         self._held_s = 0.0
         self._looked_s = world.time_s
         self._places = self._positions()
@@ -67,9 +77,11 @@ class ProgressWatch:
     def look(self) -> Progress:
         """Returns how far the task has come by now; call it once an action."""
         count = len(self._measures)
-        atoms = dict.fromkeys(atom for measure in self._measures for atom in measure.atoms)
-        known = {atom: self._read(atom) for atom in atoms}
-        shares = [measure(known.get) for measure in self._measures]
+        states = self._states()
+        known = {atom: self._read(atom, [states[name] for name in atom.args]) for atom in self._atoms}
+        if known != self._known:
+            self._known, self._shares = known, [measure(known.get) for measure in self._measures]
+        shares = self._shares
         stage = next((index + 1 for index in reversed(range(count)) if shares[index] == 1.0), 0)
         since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
         if stage == count and self._rests(since_s) and self._reached():
@@ -79,9 +91,8 @@ class ProgressWatch:
         value = 1.0 if stage == count else (stage + self._share(stage, shares[stage])) / count
         return Progress(stage, value, self._held_s >= GOAL_HOLDS_S - 1e-9)
 
-    def _read(self, atom: Atom) -> bool | None:
+    def _read(self, atom: Atom, things: list[bytes | None]) -> bool | None:
         """Returns what the detectors say of an atom; of things that have not moved, what they said before."""
-        things = [self._state_of(name) for name in atom.args]
         if any(state is None for state in things):
             return read(atom, self._world).value
         states = b"".join(state for state in things if state is not None)
@@ -90,15 +101,16 @@ class ProgressWatch:
             before = self._as_they_were[atom] = (states, read(atom, self._world).value)
         return before[1]
 
-    def _state_of(self, name: str) -> bytes | None:
-        """Returns bits that say where a thing is, to 10 um, and its joints; None for no thing, such as the gripper."""
+    def _states(self) -> dict[str, bytes | None]:
+        """Returns bits that say where things and their joints are, to 10 um; None for no thing, such as the gripper."""
         world = self._world
-        if name in world.dynamic_ids:
-            return np.round(world.T_world_link(name), _DIGITS).tobytes()
-        if name in world.articulated_ids:
-            joints = world.assets[name].joints
-            return np.array([world.joint_position(name, joint.name) for joint in joints]).round(_DIGITS).tobytes()
-        return b"" if name in world.assets else None
+        states: dict[str, bytes | None] = dict(self._fixed)
+        if self._free:
+            places = np.round(world.root_poses(self._free), _DIGITS)
+            states |= {name: place.tobytes() for name, place in zip(self._free, places, strict=True)}
+        for name, joints in self._jointed.items():
+            states[name] = np.array([world.joint_position(name, joint) for joint in joints]).round(_DIGITS).tobytes()
+        return states
 
     def _reached(self) -> bool:
         return all(reading.satisfied for reading in judge_at_rest(self._task.goal, self._world))
@@ -112,7 +124,8 @@ class ProgressWatch:
         """How far the hand is from what it is to take; once it has it, how far that is from its place."""
         subtask, world = self._task.subtasks[stage], self._world
         item = subtask.target
-        if item in world.dynamic_ids and read(Atom("inside", (item, GRIPPER)), world).value:
+        held = Atom("inside", (item, GRIPPER))
+        if item in world.dynamic_ids and (self._known[held] if held in self._known else read(held, world).value):
             wanted = [
                 literal.atom
                 for literal in bddl.literals(subtask.goal) or ()

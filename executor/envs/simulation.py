@@ -88,10 +88,10 @@ class Simulation:
             joint.set_drive_velocity_target(speed)
         # What is to stay is told once: telling costs a tenth of a physics step.
         moving = [k for k in range(TARGETS) if way[k] or start[k] != self.target[k]]
-        joints = [self._joints[k] for k in moving]
+        tell = [self._joints[k].set_drive_target for k in moving]
         for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * way)[:, moving].tolist():
-            for joint, target in zip(joints, targets, strict=True):
-                joint.set_drive_target(target)
+            for tell_joint, target in zip(tell, targets, strict=True):
+                tell_joint(target)
             self.before_step(world)
             world.step()
         self.target = start + way

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import atexit
 import weakref
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -96,7 +96,7 @@ class World:
             for name in self.articulated_ids
             if not oracle and any(joint.gasket for joint in self.assets[name].joints)
         ]
-        self._pulls: dict[Any, bytes] = {}
+        self._pulls: dict[Any, tuple[bytes, bytes]] = {}  # Of what has gaskets: where it was, and what it was told.
         self._start_robot()
 
     def __enter__(self) -> World:
@@ -113,12 +113,15 @@ class World:
     def step(self) -> None:
         """Advances the physics by one time step."""
         for articulation, joints in self._gaskets:
-            positions = articulation.get_qpos().tolist()
-            pulls = np.array([joint.pull(q) for joint, q in zip(joints, positions, strict=True)], dtype=np.float32)
-            # The engine keeps a force until it is set anew, which would keep awake all that rests on the boards.
-            if self._pulls.get(articulation) != (told := pulls.tobytes()):
+            positions = articulation.get_qpos()
+            known, told = self._pulls.get(articulation, (b"", b""))
+            if (at := positions.tobytes()) == known:
+                continue
+            pulls = np.array([joint.pull(q) for joint, q in zip(joints, positions.tolist(), strict=True)], np.float32)
+            # The engine keeps a force; one that is set anew would keep awake all that rests on the boards.
+            if (pull := pulls.tobytes()) != told:
                 articulation.set_qf(pulls)
-                self._pulls[articulation] = told
+            self._pulls[articulation] = at, pull
         self._system.step()
         self.steps += 1
 
@@ -181,6 +184,11 @@ class World:
             raise KeyError(f"{object_id} has no link {link!r}; it has {names}")
         # Link poses of the engine lag behind joint positions that were set; joints and the root do not.
         return T_world_root @ joint_transform(joint, self.joint_position(object_id, joint.name))
+
+    def root_poses(self, object_ids: Iterable[str]) -> NDArray[np.float32]:
+        """Returns (N, 7) where the root links of some objects are, at least one: position and quaternion w x y z."""
+        poses = (self._built[name].root.pose for name in object_ids)
+        return np.concatenate([part for pose in poses for part in (pose.p, pose.q)]).reshape(-1, 7)
 
     def joint_position(self, object_id: str, joint: str) -> float:
         """Returns a joint's position, in rad or m; 0 is shut."""

@@ -91,6 +91,11 @@ def vector(count: int, what: str, low: float = -math.inf, high: float = math.inf
     return BeforeValidator(lambda value: numbers(value, count, what, low, high))
 
 
+def adapter(form: type[_Form]) -> TypeAdapter[_Form]:
+    """Returns what reads plain data as a form; making one takes milliseconds, so each is made once."""
+    return _adapter(cast("Hashable", form))
+
+
 @cache
 def _adapter(form: Any) -> TypeAdapter[Any]:
     return TypeAdapter(form)
@@ -101,7 +106,7 @@ def examine(
 ) -> tuple[_Form, tuple[()]] | tuple[None, tuple[InputError, ...]]:
     """Returns what stands at a path of a document, or everything in it that is not of the form."""
     try:
-        return _adapter(cast("Hashable", form)).validate_python(document.at(*path)), ()
+        return adapter(form).validate_python(document.at(*path)), ()
     except ValidationError as problem:
         found = (_words(error, form) for error in problem.errors(include_url=False))
         return None, tuple(document.fail((*path, *place), said, hint) for place, said, hint in found)

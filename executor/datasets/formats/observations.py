@@ -66,6 +66,8 @@ class StateReader:
         self._handles = [(name, handle) for name in names for handle in world.assets[name].handles][:HANDLES]
         self.handles = tuple(f"{name}/{handle.joint}" for name, handle in self._handles)
         self._rows = np.zeros((THINGS, THING), np.float32)
+        self._handle_rows = np.zeros((HANDLES, HANDLE), np.float32)
+        self._positions: dict[int, float] = {}  # Of the handles' joints as they were read last; furniture stands fast.
         self._grasp_points_m = np.array([world.assets[name].grasp_point_m for name in self.things]).reshape(-1, 3)
         self._moving = [row for row, name in enumerate(self.things) if name in world.dynamic_ids]
         for row, name in enumerate(self.things):
@@ -83,21 +85,23 @@ class StateReader:
     def environment(self) -> Vector:
         """Returns (ENVIRONMENT,) things and handles."""
         self._place(self._moving)
-        handles = np.zeros((HANDLES, HANDLE), np.float32)
         for row, (name, handle) in enumerate(self._handles):
             position = self._world.joint_position(name, handle.joint)
+            if position == self._positions.get(row):
+                continue
+            self._positions[row] = position
             T_world_link = self._world.T_world_link(name, handle.link)
             bar_m = T_world_link[:3, :3] @ np.asarray(handle.position_m) + T_world_link[:3, 3]
             joint = self._world.assets[name].joint(handle.joint)
-            handles[row] = [1.0, position, joint.fraction(position), *bar_m]
-        return np.concatenate([self._rows.ravel(), handles.ravel()])
+            self._handle_rows[row] = [1.0, position, joint.fraction(position), *bar_m]
+        return np.concatenate([self._rows.ravel(), self._handle_rows.ravel()])
 
     def _place(self, rows: Sequence[int]) -> None:
         """Writes where the things of these rows are."""
         if not len(rows):
             return
         chosen = list(rows)
-        poses = np.stack([self._world.T_world_link(self.things[row]) for row in chosen])
-        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
-        grasps_m = np.einsum("nij,nj->ni", poses[:, :3, :3], self._grasp_points_m[chosen]) + poses[:, :3, 3]
-        self._rows[chosen, 1:4], self._rows[chosen, 4:8], self._rows[chosen, 11:14] = poses[:, :3, 3], turns, grasps_m
+        poses = self._world.root_poses(self.things[row] for row in chosen)
+        turns = Rotation.from_quat(poses[:, 3:], scalar_first=True).as_matrix()
+        self._rows[chosen, 1:8] = quaternions_last(poses)
+        self._rows[chosen, 11:14] = np.einsum("nij,nj->ni", turns, self._grasp_points_m[chosen]) + poses[:, :3]

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
+from executor.assets.model import Shape
 from executor.envs.elbow import SPARE_RAD, Elbow
 from executor.envs.following import HandFollower
 from executor.envs.obstacles import Obstacles
-from executor.geometry import Array
+from executor.geometry import Array, transform_from_quaternion
 from executor.robot.actions import arm_chain, joint_limits
 from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
 from executor.robot.tracking import ArmChain
@@ -55,28 +57,44 @@ def elbow_m(arm: Array) -> Array:
     return np.asarray(ArmChain(robot_urdf(visual=False), BASE_LINK, "panda_link4").forward(arm[None, :4])[0, :3, 3])
 
 
-def test_distances_and_ways_off_are_those_of_the_solids(make_world: MakeWorld) -> None:
+def test_distances_are_those_of_the_solids(make_world: MakeWorld) -> None:
     around = Obstacles(make_world(room((0.0, 1.0))))
     points = np.array([[0.2, 0.7, 1.0], [0.1, 0.9, 0.05], [0.0, 1.03, 0.6], [1.6, 0.9, 1.0], [0.0, 0.7, 2.4]])
-    found = around.nearest(points, 1.0)
     # Before its face, over the floor, inside it, beside an edge, over another one.
-    assert found.distance_m == pytest.approx([0.3, 0.05, -0.03, np.hypot(0.1, 0.1), 0.5], abs=1e-6)
-    corner = [[2**-0.5, -(2**-0.5), 0.0], [0.0, -0.6, 0.8]]
-    assert np.allclose(found.away, [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], *corner], atol=1e-6)
-    assert np.isinf(around.nearest(points[:1] + [0.0, -0.2, 1.0], 0.1).distance_m).all()
+    assert around.distances_m(points, 1.0) == pytest.approx([0.3, 0.05, -0.03, np.hypot(0.1, 0.1), 0.5], abs=1e-6)
+    assert np.isinf(around.distances_m(points[:1] + [0.0, -0.2, 1.0], 0.1)).all()
 
 
-def test_ways_off_lead_off_whatever_is_in_a_kitchen(make_world: MakeWorld) -> None:
+def surface(shape: Shape) -> trimesh.Trimesh:
+    """Returns the surface that a solid is taken to have, where it is in its body."""
+    if shape.kind == "cylinder":
+        found = trimesh.creation.cylinder(shape.size_m[0], 2.0 * shape.size_m[1], sections=128)
+    elif shape.kind == "convex":
+        return (
+            trimesh.Trimesh(np.array(shape.vertices_m))
+            .bounding_box.to_mesh()
+            .apply_transform(transform_from_quaternion(shape.position_m, shape.orientation))
+        )
+    else:
+        found = trimesh.creation.box(2.0 * np.array(shape.size_m if shape.kind == "box" else shape.size_m * 3))
+    return found.apply_transform(transform_from_quaternion(shape.position_m, shape.orientation))
+
+
+def test_distances_in_a_kitchen_are_those_to_its_surfaces(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    around, rng = Obstacles(world), np.random.default_rng(62000)
-    middle = world.T_world_link("table_0")[:3, 3] + [0.0, 0.0, 0.4]
-    points = middle + rng.uniform(-0.5, 0.5, (200, 3))
-    found = around.nearest(points, 1.0)
-    step_m = 1e-4
-    farther = around.nearest(points + step_m * found.away, 1.0)
-    # But where two solids are equally near, a way off one may lead to the other.
-    assert np.mean(np.abs(farther.distance_m - found.distance_m - step_m) < 1e-6) > 0.97
-    assert (np.abs(np.linalg.norm(found.away, axis=1) - 1.0) < 1e-9).all()
+    solids = [
+        surface(shape).apply_transform(world.T_world_link(name, link.name))
+        for name, asset in world.assets.items()
+        for link in asset.links
+        for shape in link.shapes
+        if shape.collides
+    ]
+    around = np.random.default_rng(62000).uniform(-0.6, 0.6, (60, 3)) + [0.0, 0.0, 0.7]
+    points = world.T_world_link("table_0")[:3, 3] * [1.0, 1.0, 0.0] + around
+    found = Obstacles(world).distances_m(points, 1.0)
+    to_all = [trimesh.proximity.closest_point_naive(solid, points)[1] for solid in solids]
+    assert (found > 0.0).sum() > 40
+    assert found[found > 0.0] == pytest.approx(np.min([*to_all, points[:, 2]], axis=0)[found > 0.0], abs=5e-4)
 
 
 def test_what_moves_is_looked_at_where_it_is_now(make_world: MakeWorld) -> None:
@@ -84,10 +102,10 @@ def test_what_moves_is_looked_at_where_it_is_now(make_world: MakeWorld) -> None:
     around = Obstacles(world)
     place = world.T_world_link("glass_0")
     above = place[:3, 3] + [0.0, 0.0, 0.3]
-    before = around.nearest(above[None], 1.0).distance_m[0]
+    before = around.distances_m(above[None], 1.0)[0]
     place[:3, 3] += [0.0, 0.0, 0.1]
     world.set_object_pose("glass_0", place)
-    assert around.nearest(above[None], 1.0).distance_m[0] == pytest.approx(before - 0.1, abs=1e-4)
+    assert around.distances_m(above[None], 1.0)[0] == pytest.approx(before - 0.1, abs=1e-4)
 
 
 def test_the_elbow_gives_way_to_a_wall_beside_it(make_world: MakeWorld) -> None:
@@ -109,7 +127,7 @@ def test_the_elbow_goes_round_what_is_under_its_middle(make_world: MakeWorld) ->
     home = np.array(ARM_HOME)
     after = stood_still(scene, home, make_world)
     around = Obstacles(make_world(scene))
-    before_m, after_m = (around.nearest(elbow_m(arm)[None], 1.0).distance_m[0] for arm in (home, after))
+    before_m, after_m = (around.distances_m(elbow_m(arm)[None], 1.0)[0] for arm in (home, after))
     assert before_m < 0.05 and after_m > 0.1
 
 
