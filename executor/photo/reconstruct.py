@@ -270,11 +270,16 @@ class _Room:
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
         tried: list[NDArray[np.bool_]] = []
-        for _ in range(_MOST_FOUND):
-            pieces = standing_out(self.seen, self._others()[0], self.walls)
+        parted = True
+        while len(tried) < _MOST_FOUND:
+            pieces = standing_out(self.seen, self._others()[0], self.walls, parted=parted)
             piece = next((one for one in pieces if not any(_alike(one, other) for other in tried)), None)
-            if piece is None:
+            if piece is None and not parted:
                 break
+            if piece is None:
+                # What is no row after all, since nothing fits its parts, is looked at whole.
+                parted = False
+                continue
             tried.append(piece)
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
             told(self.fit_anything(len(self.detections) - 1))

@@ -23,6 +23,7 @@ CARRIED = ("microwave",)
 """Furniture that stands on furniture."""
 
 _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
+_ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
 _SAME_RAD = math.radians(6.0)
 _LEAST_PX = 12
 _GAP_M = 0.05
@@ -109,7 +110,11 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
             distinct.append(yaw)
     top = float(np.percentile(points[:, 2], 98.0))
     for entry in entries:
-        for base in distinct[:1] if is_round(entry) else distinct:
+        bases = distinct[:1] if is_round(entry) else distinct
+        if entry.length.of_width and not is_round(entry):
+            # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
+            bases = [own + share * math.pi / 2 for share in _ASKEW]
+        for base in bases:
             for quarter in range(1 if is_round(entry) else 4):
                 yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
 
