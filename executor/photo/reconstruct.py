@@ -130,6 +130,9 @@ def reconstruct(
             told(room.fit_anything(index))
     if seen.has_depth and alone:
         room.discover(told)
+        for index in boxes:
+            if index not in room.fits:
+                told(room.fit_anything(index))
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
