@@ -88,6 +88,7 @@ class NetworkForm(Form):
         width, layers: Of the trunk.
         heads: Of attention; they divide the width ("transformer" only).
         dropout: Share of activations that training leaves out.
+        members: How many such networks there are, each trained on its part of a batch; at work their mean counts.
         point_widths: Widths of what each point goes through before the most of each number is taken ("cloud" only).
     """
 
@@ -96,6 +97,7 @@ class NetworkForm(Form):
     layers: Annotated[StrictInt, Field(ge=1, le=24)] = 3
     heads: Annotated[StrictInt, Field(ge=1, le=32)] = 8
     dropout: Share = 0.0
+    members: Annotated[StrictInt, Field(ge=1, le=16)] = 1
     point_widths: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (64, 128, 256)
 
 

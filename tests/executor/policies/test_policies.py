@@ -196,6 +196,19 @@ def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
     assert torch.equal(usual, other) is not told
 
 
+def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> None:
+    torch.manual_seed(0)
+    network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, ways=4))
+    given = {"numbers": torch.randn(4, 1, 5), "phase": torch.ones(4, 1, dtype=torch.int64)}
+    given["way"] = torch.zeros_like(given["phase"])
+    first, second = (member(**given) for member in network.members)
+    learned, _ = network.train()(**given)
+    assert torch.allclose(learned, torch.cat([first[0][:2], second[0][2:]]), atol=1e-5)
+    assert not torch.allclose(first[0], second[0], atol=1e-2)
+    for told, one, other in zip(network.eval()(**given), first, second, strict=True):
+        assert torch.allclose(told, (one + other) / 2, atol=1e-5)
+
+
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     losses: list[float] = []
     record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
