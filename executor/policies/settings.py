@@ -111,6 +111,7 @@ class TrainingForm(Form):
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
         noise: Deviation of noise in normalised numbers of the state.
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
+        usual: Share of the steps, the last ones, in which only the usual way is learned from (`sees.way`).
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
 
@@ -124,6 +125,7 @@ class TrainingForm(Form):
     noise: Amount = 0.03
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
+    usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
 
