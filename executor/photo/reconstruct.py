@@ -147,6 +147,7 @@ class _Room:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
+        self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._empty = _floor_depth(seen)
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
@@ -225,8 +226,11 @@ class _Room:
         if index not in self.fits or not self.seen.has_depth:
             return False
         found = self.fits.pop(index)
-        cost = prior_cost(found.guess, self._near())
+        near = self._near()
         self.fits[index] = found
+        if self._tried.get(index) == near.pieces:
+            return False
+        cost = prior_cost(found.guess, near)
         return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
@@ -235,6 +239,7 @@ class _Room:
         self.fit(index, [0.0], hidden_by)
         found = self.fits.pop(index, None)
         self._depths.pop(index, None)
+        self._tried[index] = self._near().pieces
         if found is None or found is before:
             return self._kept(index, before)
         return self._kept(index, cheaper(self._around(index, hidden_by), self.detections[index].box_px, found, before))

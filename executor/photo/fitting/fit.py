@@ -160,7 +160,7 @@ def fit_thing(
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
     ranked = _best_of_models(finished)
-    ranked = _best_of_models([*(_polished(search, fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
     rivals = [one.guess.entry for one in ranked[1 : 1 + _RIVALS] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
     ranked = _by_look(fine, [*ranked, *(_with_sides_of(ranked[0].guess, rivals, search, fine) if rivals else ())])
     if not ranked or not math.isfinite(ranked[0].cost):
@@ -306,15 +306,16 @@ def _with_sides_of(
 ) -> list[RatedGuess]:
     """A box as that of other models, searched on from there: ends of searches differ by more than models do."""
     turned = _cheapest_turns(search.rated(dressed(search, guess)) for guess in all_turns(found, entries))
-    return [
-        with_options(fine, descended(search, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]
-    ]
+    return [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]]
 
 
-def _polished(search: Likelihood, fine: Likelihood, best: RatedGuess) -> RatedGuess:
-    """Searched from where a search ended, with the options that were chosen there, as long as that gains something."""
+def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
+    """Searched from where a search ended, with the options that were chosen there, as long as that gains something.
+
+    Every pixel counts here: handles that are far are two pixels thick.
+    """
     for _ in range(_ROUNDS):
-        again = with_options(fine, descended(search, best.guess, _LAST, colours=True, reach=0.5))
+        again = with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5))
         gained = best.cost - again.cost
         best = again if gained > 0.0 else best
         if gained < _GAINED:
