@@ -11,14 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.library import LIBRARY
-from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
+from executor.photo.fitting.body import Guess, depth_picture
+from executor.photo.fitting.fit import LEAST_POINTS, Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
 from executor.photo.fitting.options import with_parts
-from executor.photo.fitting.prior import Neighbourhood, usual_size_m
+from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.rim import beneath
-from executor.photo.fitting.starts import foot_of, large_enough, points_of
+from executor.photo.fitting.starts import (
+    CARRIED,
+    foot_of,
+    is_large,
+    large_enough,
+    named_models,
+    points_of,
+    stands_on_floor,
+)
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
@@ -27,15 +34,16 @@ from executor.photo.space.walls import Wall
 from executor.photo.supports import heights_behind, heights_under, tops_of
 from oag import Kind, kind_of
 
-CARRIED = ("microwave",)
-"""Furniture that stands on furniture."""
-
 _SAME_M = 0.001
+_UNLIKELY = 10.0
+"""Prior cost that what stands in a wall, in others, or with its front against something has, and hardly a right fit."""
+
 _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+_RIGHT = 0.9  # What explains less may be turned otherwise.
 _LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
 STOOD_OUT = "stands out of the depths"
@@ -101,7 +109,7 @@ def reconstruct(
     """
     room = _Room(seen, walls, detections, scale_share)
     boxes = range(len(detections))
-    standing = [index for index in boxes if _stands(detections[index])]
+    standing = [index for index in boxes if stands_on_floor(detections[index])]
     carried = [index for index in boxes if index not in standing]
     # What is near hides what is far, and is large in the picture.
     standing.sort(key=lambda index: -detections[index].area_px)
@@ -110,6 +118,9 @@ def reconstruct(
         room.fit(index, [0.0], hidden_by=boxes)
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
+    for index in standing:
+        if room.is_unlikely(index, _RIGHT):
+            told(room.fit_again(index, hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
     for index in standing:
@@ -119,6 +130,9 @@ def reconstruct(
             told(room.fit_anything(index))
     if seen.has_depth and alone:
         room.discover(told)
+    for index in standing:
+        if room.is_unlikely(index):
+            told(room.fit_again(index, hidden_by=()))
     return room.result()
 
 
@@ -133,6 +147,7 @@ class _Room:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
+        self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._empty = _floor_depth(seen)
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
@@ -152,7 +167,7 @@ class _Room:
         self._depths.pop(index, None)
         before = self.fits.pop(index, None)
         around = self._around(index, hidden_by)
-        entries = _entries(detection)
+        entries = named_models(detection)
         if not self.seen.has_depth:
             # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
             entries = with_parts(entries, detection.doors, detection.drawers)
@@ -184,22 +199,50 @@ class _Room:
         around = self._around(index, ())
         points = self._points(detection, around)
         others = [] if points is None else large_enough(points, [0.0])
-        others = [
-            entry for entry in others if entry.category not in (detection.category, *CARRIED) and _is_large(entry)
-        ]
-        return self._kept(index, renamed(around, found, detection.box_px, others))
+        others = [entry for entry in others if entry.category not in (detection.category, *CARRIED) and is_large(entry)]
+        return self._kept(index, renamed(around, found, detection.box_px, named_models(detection), others))
 
     def _kept(self, index: int, found: Fit | None) -> str:
         """Keeps a fit, and says what it is."""
         name = self.detections[index].label or "thing"
         if found is None:
             return f"{name}: {self.reasons[index]}"
-        self.fits[index], self._depths[index] = found, self._depth_of(found.guess)
+        self.fits[index], self._depths[index] = found, depth_picture(found.guess, self.seen)
         return f"{name}: {found.guess.entry.model}"
 
     def is_doubtful(self, index: int) -> bool:
-        """Decides whether what a box is called explains so little of it that it may be called wrongly."""
-        return index not in self.fits or (self.seen.has_depth and self.fits[index].explained < _DOUBTFUL)
+        """Decides whether a box may be called wrongly: what it is called explains too little, or is seen through."""
+        if index not in self.fits:
+            return True
+        return self.seen.has_depth and (self.fits[index].explained < _DOUBTFUL or self._is_seen_through(index))
+
+    def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
+        """Decides whether what is known now speaks against a fit that was found when less was known.
+
+        Args:
+            index: Which detection.
+            least_explained: Share of its pixels that it has to explain.
+        """
+        if index not in self.fits or not self.seen.has_depth:
+            return False
+        found = self.fits.pop(index)
+        near = self._near()
+        self.fits[index] = found
+        if self._tried.get(index) == near.pieces:
+            return False
+        cost = prior_cost(found.guess, near)
+        return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
+
+    def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
+        """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
+        before = self.fits[index]
+        self.fit(index, [0.0], hidden_by)
+        found = self.fits.pop(index, None)
+        self._depths.pop(index, None)
+        self._tried[index] = self._near().pieces
+        if found is None or found is before:
+            return self._kept(index, before)
+        return self._kept(index, cheaper(self._around(index, hidden_by), self.detections[index].box_px, found, before))
 
     def fit_anything(self, index: int) -> str:
         """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""
@@ -214,7 +257,7 @@ class _Room:
         if found is not None and not self._is_there(index, found, around):
             found = None
         least = _LEAST_ALONE
-        if before is not None and detection.category is not None:
+        if before is not None and detection.category is not None and not self._claim(before.guess, around).seen_through:
             least = before.explained + _MUCH_MORE
         if found is None or found.explained < least:
             found = before
@@ -280,8 +323,14 @@ class _Room:
         fills = index >= self._boxed or claim.fills(self.detections[index].box_px)
         return fills and claim.is_borne_out(_LEAST_SEEN_PX)
 
+    def _is_seen_through(self, index: int) -> bool:
+        own = self._depths.pop(index)
+        claim = Claim.of(self.seen, own, self._others()[0], self.fits[index].guess.corners_m())
+        self._depths[index] = own
+        return claim.seen_through
+
     def _claim(self, guess: Guess, around: Around) -> Claim:
-        return Claim.of(self.seen, self._depth_of(guess), around.other_m, guess.corners_m())
+        return Claim.of(self.seen, depth_picture(guess, self.seen), around.other_m, guess.corners_m())
 
     def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
@@ -295,25 +344,6 @@ class _Room:
             nearer = one < depth
             depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
         return depth, owner
-
-    def _depth_of(self, guess: Guess) -> Array:
-        """(H, W) depth of a guess, infinite where it is not."""
-        depth = np.full(self.seen.z_m.shape, np.inf)
-        body = body_of(guess)
-        if body is None:
-            return depth
-        pixels = self.seen.pixels(guess.corners_m())
-        window = np.s_[:, :]
-        opened = float(str(dict(guess.parameters).get("open_fraction", 0.0))) > 0.0
-        if np.isfinite(pixels).all() and not opened:
-            width, height = self.seen.size_px
-            left, top = np.clip(np.floor(pixels.min(axis=0)) - 12, 0, [width, height]).astype(int)
-            right, bottom = np.clip(np.ceil(pixels.max(axis=0)) + 12, 0, [width, height]).astype(int)
-            window = np.s_[top:bottom, left:right]
-        rays = self.seen.rays[window]
-        if rays.size:
-            depth[window] = body.depth(guess, self.seen.eye_m, rays.reshape(-1, 3)).reshape(rays.shape[:2])
-        return depth
 
     def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
         """(H, W) pixels in boxes of smaller things that are not fitted yet."""
@@ -329,7 +359,8 @@ class _Room:
         """Heights that a thing may stand on: those under its points, or without depth those behind its box's end."""
         tops = list(tops_of(self.fits.values()))
         if points is not None:
-            return heights_under(points, tops)
+            of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
+            return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
         told = None if detection.on is None else self.fits.get(detection.on)
         return heights_behind(self.seen, detection, tops, told)
 
@@ -348,21 +379,6 @@ class _Room:
         tops = tops_of(self.fits.values())
         beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
-
-
-def _entries(detection: Sighting) -> list[ModelEntry]:
-    return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
-
-
-def _stands(detection: Sighting) -> bool:
-    """Whether a thing is taken to stand on the floor."""
-    large = all(_is_large(entry) for entry in _entries(detection))
-    return detection.category is not None and large and detection.category not in CARRIED
-
-
-def _is_large(entry: ModelEntry) -> bool:
-    """Whether a model is of furniture."""
-    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
 
 
 def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:

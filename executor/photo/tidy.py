@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.assets.footprint import Footprint, region_frame
 from executor.assets.library import asset_for
-from executor.photo.fitting.body import Guess
+from executor.photo.fitting.body import Guess, is_round
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -22,6 +22,7 @@ _CLEAR_M = 0.001
 _SHAVED_M = 0.08
 """Two pieces in a row that overlap by less are both made narrower: it is their sides that were misjudged."""
 
+_NOISE_RAD = math.radians(3.0)  # What depths at 5 m leave unknown of a cabinet's turn.
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M = 0.004
 _HIGHER_M = 0.002
@@ -79,10 +80,10 @@ def _shifted(guess: Guess, by: np.ndarray) -> Guess:
 
 
 def _aligned(guess: Guess, walls: Sequence[Wall]) -> Guess:
-    """Turned fully along a wall that it is nearly along: what is left is noise."""
+    """Turned fully along a wall that it is nearly along: what is left is noise. Round things have no corners there."""
     for wall in walls:
         turned = math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)
-        if abs(turned) < math.radians(1.5):
+        if abs(turned) < _NOISE_RAD or is_round(guess.entry):
             return replace(guess, yaw_rad=guess.yaw_rad - turned)
     return guess
 
@@ -109,7 +110,8 @@ def _apart(first: Guess, second: Guess) -> tuple[Guess, Guess]:
     aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
     away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
     in_row = abs(math.sin(first.yaw_rad - second.yaw_rad)) < _PARALLEL and math.cos(first.yaw_rad - second.yaw_rad) > 0
-    over_m = (first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)) + _CLEAR_M
+    # Where one of them is turned a little, its corner is deeper in the other one than its side.
+    over_m = max((first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)), deep_m) + _CLEAR_M
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
         return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)

@@ -15,6 +15,7 @@ from executor.policies.chunks import targets_in_the_room
 from executor.policies.features import Numbers, own_numbers, shown_numbers, state_numbers
 from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
+from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
 from executor.policies.windows import chosen_points
 
@@ -29,7 +30,11 @@ class Acting(Protocol):
     step: int
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
-        """Begins an episode, with the primitives of its plan and its seed."""
+        """Begins an episode, or a part of it, with the numbers of its plan's steps and its seed."""
+
+    @property
+    def subtask(self) -> int:
+        """Index of the subtask that it takes to be going on; 0 where it is told nothing of that."""
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Returns the next action."""
@@ -90,15 +95,20 @@ class Actor:
 
     @property
     def phase(self) -> int:
-        """Number of the primitive that it takes to be going on."""
-        return self.record.primitives[self._follower.phase]
+        """Number of the step that it takes to be going on."""
+        return self.record.steps[self._follower.phase]
+
+    @property
+    def subtask(self) -> int:
+        """Index of the subtask that it takes to be going on; 0 where it is told nothing of that."""
+        return subtask_of(self.phase) if self._settings.sees.phase else 0
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begins an episode.
 
         Args:
-            plan: Numbers of the primitives of the episode's plan, in order; which of them goes on is told the policy,
-                if it was trained so (`phases.py`).
+            plan: Numbers of the steps of the episode's plan (`steps.py`), in order; which of them goes on is told the
+                policy, if it was trained so (`phases.py`).
             seed: Of the episode; it chooses among points as it did for demonstrations.
         """
         self._follower.begin(plan)

@@ -24,9 +24,10 @@ from executor.envs.environment import SceneEnvironment
 from executor.machine.workers.process import serve
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
-from executor.policies.judging.evaluation import environment_for, most_steps, plan_of, pusher_of
+from executor.policies.judging.evaluation import environment_for, most_steps, pusher_of
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.outcomes import OutcomeWatch
+from executor.policies.steps import plan_of
 from executor.policies.windows import EpisodeKind
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.continuing import continue_plan
@@ -44,7 +45,7 @@ class _Moment:
     Attributes:
         start: All that the planner needs to go on.
         subtask: Index of the subtask that is not done.
-        phase: Number of the primitive that the policy takes to be going on.
+        phase: Number of the step that the policy takes to be going on.
         at_s: Simulated time.
         because: "stalled", "time", or "drawn".
         pushes: What pushed until then, as it was.

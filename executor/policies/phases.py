@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.policies.features import Numbers
+from executor.policies.steps import primitive_of
 from executor.policies.trained import PolicyRecord
 from oag.model.primitives import Primitive
 
@@ -33,8 +34,7 @@ and a door that swings presses them together by a fifth."""
 
 _SLACK_SHARE = 0.25  # The same of what demonstrations differ by: where they differ much, it does not matter.
 
-_APPROACH, _GRASP, _LETS_GO = (one.value for one in (Primitive.APPROACH, Primitive.GRASP, Primitive.UNGRASP))
-_MOVES_DOORS = (Primitive.ARTICULATE_OPEN.value, Primitive.ARTICULATE_CLOSE.value)
+_MOVES_DOORS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
 
 
 class PlanFollower:
@@ -46,7 +46,8 @@ class PlanFollower:
     """
 
     def __init__(self, record: PolicyRecord, execute: int) -> None:
-        self._known, self._takeovers = record.primitives, record.takeovers
+        self._known, self._takeovers = record.steps, record.takeovers
+        self._kinds = [primitive_of(step) for step in record.steps]
         least, most = record.left
         self._empty_m = EMPTY_SHARE * least[:, 0]
         sees = record.settings.sees
@@ -63,18 +64,19 @@ class PlanFollower:
 
     @property
     def phase(self) -> int:
-        """Which of the primitives that the policy knows goes on."""
+        """Which of the steps that the policy knows goes on."""
         return self._plan[self._stage]
 
     def begin(self, plan: Sequence[int]) -> None:
-        """Begins an episode with the numbers of its plan's primitives, in order."""
+        """Begins an episode with the numbers of its plan's steps, in order."""
         known = self._known
         self._plan = [known.index(number) for number in plan if number in known] or [0]
         self._first = 0
         if self._takeovers:
             # What the planner begins with where it takes over from a robot that has closed its hand on something else,
             # or leans on something: no plan begins so.
-            before = [number for number in known if number == _LETS_GO or number not in plan]
+            kinds = zip(known, self._kinds, strict=True)
+            before = [step for step, kind in kinds if kind is Primitive.UNGRASP or step not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
         self._stage, self._foretold, self._held_back = self._first, None, 0
@@ -105,16 +107,16 @@ class PlanFollower:
             self._stage += 1
         self._held_back = self._held_back + 1 if self._stage < foreseen else 0
         if self._held_back > PATIENCE_S * self._looks_a_second:
-            door = self._known[self._plan[self._stage]] in _MOVES_DOORS
+            door = self._kinds[self._plan[self._stage]] in _MOVES_DOORS
             self._stage = self._stage + 1 if door else self._approach_before(self._stage)
             self._held_back = 0
 
     def _may_leave(self, stage: int, shown: Numbers) -> bool:
         """Decides whether a step of the plan, that another one follows, is done as far as it shows."""
         now, following = self._plan[stage], self._plan[stage + 1]
-        if _GRASP in (self._known[now], self._known[following]):
+        if Primitive.GRASP in (self._kinds[now], self._kinds[following]):
             part = self._of_grasps
-        elif self._known[now] in _MOVES_DOORS:
+        elif self._kinds[now] in _MOVES_DOORS:
             part = self._of_doors
         else:
             return True
@@ -122,16 +124,17 @@ class PlanFollower:
 
     def _missed(self, foreseen: int, shown: Numbers) -> int | None:
         """Returns the step of the APPROACH to a grasp that should hold by now, and shut on nothing."""
-        numbers = [self._known[phase] for phase in self._plan[: max(foreseen, self._stage)]]
-        grasped = next((at for at in reversed(range(len(numbers))) if numbers[at] in (_GRASP, _LETS_GO)), None)
-        if grasped is None or numbers[grasped] == _LETS_GO or shown[0] >= self._empty_m[self._plan[grasped]]:
+        kinds = [self._kinds[phase] for phase in self._plan[: max(foreseen, self._stage)]]
+        holding = (Primitive.GRASP, Primitive.UNGRASP)
+        grasped = next((at for at in reversed(range(len(kinds))) if kinds[at] in holding), None)
+        if grasped is None or kinds[grasped] is Primitive.UNGRASP or shown[0] >= self._empty_m[self._plan[grasped]]:
             return None
         return self._approach_before(grasped)
 
     def _approach_before(self, stage: int) -> int:
         """Returns the step of the APPROACH that leads to another one; where there is none, that one itself."""
-        kinds = [self._known[phase] for phase in self._plan[:stage]]
-        return next((at for at in reversed(range(stage)) if kinds[at] == _APPROACH), stage)
+        kinds = [self._kinds[phase] for phase in self._plan[:stage]]
+        return next((at for at in reversed(range(stage)) if kinds[at] is Primitive.APPROACH), stage)
 
     def _foreseen(self, logits: NDArray) -> int:
         """Returns which step goes on, as it was foretold."""

@@ -72,7 +72,7 @@ class StockActor:
             ),
             seed=_seed(folder),
             rate_hz=data.rate_hz,
-            primitives=(),
+            steps=(),
             numbers=(none, none),
             actions=(none, none),
             left=(none, none),
@@ -89,6 +89,11 @@ class StockActor:
         """Begins an episode; of its plan it is told nothing, and what it draws follows from the seed."""
         torch.manual_seed(seed)
         self._policy.reset()
+
+    @property
+    def subtask(self) -> int:
+        """It is told nothing of subtasks."""
+        return 0
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Returns the next action: (12,) joint targets or (10,) a hand action."""

@@ -30,10 +30,11 @@ from executor.policies.chunks import numbers_each
 from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
+from executor.policies.steps import primitive_of, subtask_of
 from executor.policies.windows import Demonstrations, EpisodeKind
 from oag.model.primitives import Primitive
 
-SCHEMA = "scene2demo-policy/2"
+SCHEMA = "scene2demo-policy/3"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
     *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
 )
@@ -64,10 +65,10 @@ class PolicyRecord:
         settings: What it is and how it is trained.
         seed: Of its first weights, of batches and noise.
         rate_hz: Actions a second.
-        primitives: Numbers of the primitives that it knows as phases.
-        numbers: Mean and deviation (P, F) of what is seen, for each primitive where policies are told it, else P = 1.
+        steps: Numbers of the plans' steps (`steps.py`) that it knows as phases.
+        numbers: Mean and deviation (P, F) of what is seen, for each step where policies are told it, else P = 1.
         actions: The same (P, H, A) of chunks.
-        left: Least and most (P, G) of what shows how far a plan has come, where each primitive had been left.
+        left: Least and most (P, G) of what shows how far a plan has come, where each step had been left.
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
@@ -79,7 +80,7 @@ class PolicyRecord:
     settings: PolicySettings
     seed: int
     rate_hz: float
-    primitives: tuple[int, ...]
+    steps: tuple[int, ...]
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
     left: tuple[Numbers, Numbers]
@@ -95,12 +96,12 @@ class PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
         told = data.told if settings.sees.phase else np.zeros_like(data.told)
-        count = len(data.primitives) if settings.sees.phase else 1
+        count = len(data.steps) if settings.sees.phase else 1
         return cls(
             settings=settings,
             seed=seed,
             rate_hz=data.rate_hz,
-            primitives=data.primitives,
+            steps=data.steps,
             numbers=_spread(data.numbers, told, count, _SEEN_SHARE),
             actions=_spread(chunks, told, count, _DONE_SHARE),
             left=_left(settings, data),
@@ -116,7 +117,7 @@ class PolicyRecord:
     def sizes(self) -> NetworkSizes:
         """Of the network."""
         each = numbers_each(self.settings.acts.kind)
-        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), self.ways)
+        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.steps), self.ways)
 
     @property
     def key(self) -> str:
@@ -139,7 +140,7 @@ class PolicyRecord:
             "settings": self.settings.model_dump(mode="json"),
             "seed": self.seed,
             "rate_hz": self.rate_hz,
-            "primitives": self.primitives,
+            "steps": self.steps,
             "numbers": self.numbers,
             "actions": self.actions,
             "left": self.left,
@@ -165,7 +166,7 @@ class PolicyRecord:
             settings = settings_of(told["settings"], source)
             names = ("numbers", "actions", "left")
             seen, done, left = ([np.asarray(part, np.float32) for part in told[name]] for name in names)
-            count = len(told["primitives"]) if settings.sees.phase else 1
+            count = len(told["steps"]) if settings.sees.phase else 1
             each = (count, settings.acts.chunk, numbers_each(settings.acts.kind))
             shapes = [part.shape for part in (*seen, *left)]
             if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
@@ -179,7 +180,7 @@ class PolicyRecord:
                 settings=settings,
                 seed=int(told["seed"]),
                 rate_hz=float(told["rate_hz"]),
-                primitives=tuple(int(number) for number in told["primitives"]),
+                steps=tuple(int(number) for number in told["steps"]),
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
                 left=(left[0], left[1]),
@@ -219,13 +220,13 @@ def _spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: floa
 
 
 def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numbers]:
-    """Returns the least and the most of what shows how far a plan has come, where primitives had been left.
+    """Returns the least and the most of what shows how far a plan has come, where steps had been left.
 
-    What is never left, such as the last one, has no bounds; nor has where things are that nothing takes hold of.
+    What is never left, such as the last one, has no bounds; nor has where things are that a subtask takes no hold of.
     """
     sees = settings.sees
     shown = shown_numbers(data.numbers, sees.kind, sees.things, sees.handles)
-    count = len(data.primitives) if sees.phase else 1
+    count = len(data.steps) if sees.phase else 1
     most = np.full((count, shown.shape[1]), LARGEST, np.float32)
     least = -most
     if not sees.phase:
@@ -233,11 +234,14 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
     rows, left = data.after_leaving(settings.acts.execute)
     for phase in np.unique(left):
         least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
-    behind_grasps = rows[np.array(data.primitives)[left] == Primitive.GRASP]
     sites = sees.things + sees.handles if sees.kind == "state" else 0
-    for site in (slice(1 + 3 * place, 4 + 3 * place) for place in range(sites)):
-        if not len(behind_grasps) or np.linalg.norm(shown[behind_grasps, site], axis=1).max() > TAKEN_M:
-            least[:, site], most[:, site] = -LARGEST, LARGEST
+    subtasks = np.array([subtask_of(step) for step in data.steps])
+    grasps = np.array([primitive_of(step) is Primitive.GRASP for step in data.steps])
+    for subtask in np.unique(subtasks):
+        behind_grasps = rows[(grasps & (subtasks == subtask))[left]]
+        for site in (slice(1 + 3 * place, 4 + 3 * place) for place in range(sites)):
+            if not len(behind_grasps) or np.linalg.norm(shown[behind_grasps, site], axis=1).max() > TAKEN_M:
+                least[subtasks == subtask, site], most[subtasks == subtask, site] = -LARGEST, LARGEST
     return least, most
 
 

@@ -22,6 +22,7 @@ from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
+from executor.policies.steps import step_number, subtask_of
 from oag.model.primitives import Primitive
 
 SAME_WAY_RAD = 1.0
@@ -67,12 +68,12 @@ class Demonstrations:
         numbers: (M, F) what is seen of the state.
         clouds: (M, P, 4) float16 points and mask, or None.
         actions: (M, 12) joint targets or (M, 10) hand actions.
-        phases: (M,) which of `primitives` is going on.
+        phases: (M,) which of `steps` is going on.
         told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
             policy it is at first what that one took to be going on.
-        primitives: The numbers of primitives that occur, in the order of their numbers.
+        steps: The numbers of plans' steps that occur (`steps.py`), in order.
         takeovers: How many episodes go on from where a policy had come to.
-        ways: (M,) which way the episode takes things, 0 being the way of the most.
+        ways: (M,) which way the episode takes things in the subtask that is going on, 0 being the way of the most.
     """
 
     names: tuple[str, ...]
@@ -89,7 +90,7 @@ class Demonstrations:
     actions: NDArray[np.float32]
     phases: NDArray[np.int64]
     told: NDArray[np.int64]
-    primitives: tuple[int, ...]
+    steps: tuple[int, ...]
     takeovers: int
     ways: NDArray[np.int64]
 
@@ -162,12 +163,12 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
-    going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
+    going_on = [_going_on(episode) for episode in episodes]
     phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     told = np.concatenate(
         [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
     )
-    primitives = tuple(int(number) for number in np.unique([phases, told]))
+    steps = tuple(int(number) for number in np.unique([phases, told]))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in episodes),
@@ -182,11 +183,11 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
-        phases=np.searchsorted(primitives, phases),
-        told=np.searchsorted(primitives, told),
-        primitives=primitives,
+        phases=np.searchsorted(steps, phases),
+        told=np.searchsorted(steps, told),
+        steps=steps,
         takeovers=_takeovers(episodes),
-        ways=np.repeat(ways([_postures_at_grasps(episode) for episode in episodes]), lengths),
+        ways=_ways(episodes, going_on),
     )
 
 
@@ -262,13 +263,30 @@ def chosen_points(points: int, seed: int) -> NDArray[np.int64]:
     return np.sort(from_all)
 
 
-def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns (N,) primitives' numbers, where none runs that of the next one, and after the last that of the last."""
+def _going_on(episode: FoldedEpisode) -> NDArray[np.int64]:
+    """Returns (N,) the steps' numbers, where none runs that of the next one, and after the last that of the last."""
+    primitives = episode.columns["primitive_index"]
     running = np.flatnonzero(primitives)
     if not len(running):
         return primitives
     following = np.searchsorted(running, np.arange(len(primitives)))
-    return primitives[running[np.minimum(following, len(running) - 1)]]
+    takeover = episode.about.get("takeover")
+    # What a planner goes on with begins in the middle of the whole task.
+    subtasks = episode.columns["subtask_index"] + (int(takeover["subtask"]) if takeover else 0)
+    return step_number(subtasks, primitives)[running[np.minimum(following, len(running) - 1)]]
+
+
+def _ways(episodes: Sequence[FoldedEpisode], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Returns (M,) the way of the subtask that goes on: what one grasp is like says nothing of another thing's."""
+    subtasks = [subtask_of(steps) for steps in going_on]
+    found = [np.zeros_like(rows) for rows in subtasks]
+    for subtask in np.unique(np.concatenate(subtasks)):
+        of_it = [rows == subtask for rows in subtasks]
+        postures = [_postures_at_grasps(episode, rows) for episode, rows in zip(episodes, of_it, strict=True)]
+        having = [number for number, rows in enumerate(of_it) if rows.any()]
+        for number, way in zip(having, ways([postures[number] for number in having]), strict=True):
+            found[number][of_it[number]] = way
+    return np.concatenate(found)
 
 
 def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
@@ -299,9 +317,9 @@ def _apart_rad(one: NDArray, other: NDArray) -> float:
     return float(np.abs(one[len(one) - count :] - other[len(other) - count :]).sum(axis=1).max(initial=0.0))
 
 
-def _postures_at_grasps(episode: FoldedEpisode) -> NDArray[np.float32]:
-    """Returns (G, 7) the arm where each of an episode's grasps begins."""
-    grasping = episode.columns["primitive_index"] == Primitive.GRASP
+def _postures_at_grasps(episode: FoldedEpisode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Returns (G, 7) the arm where each of an episode's grasps begins, of those in some of its rows."""
+    grasping = (episode.columns["primitive_index"] == Primitive.GRASP) & rows
     begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
     return episode.columns["observation.state"][begun, 3:10]
 
@@ -313,7 +331,7 @@ def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray
 
 
 def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> NDArray[np.int64]:
-    """Returns (N,) the primitives that a policy is told to be going on.
+    """Returns (N,) the steps that a policy is told to be going on.
 
     One that has gone astray takes a wrong one to be going on. So it learns what to do then, and which comes next, from
     the first moments of an episode that begins there: as many as pass until it looks again.

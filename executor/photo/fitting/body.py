@@ -22,6 +22,7 @@ from executor.assets.parameters import AssetError, ModelEntry
 from executor.assets.surface import surface_of
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import require
+from executor.photo.space.observation import Observation
 from executor.pictures.solids import joints_at_start, link_frames
 from oag import SceneObject
 
@@ -29,6 +30,7 @@ Parameters = tuple[tuple[str, object], ...]
 Size = tuple[float, float, float]
 _DIGITS = 3  # Triangles are made anew for every millimetre.
 _KEPT = 500
+_AROUND_PX = 12  # Of a box's corners: feet and rims reach a little out of it.
 _NORMAL_STEPS = 1.4  # Faces that look the same way are lit alike; round things so have a few shades.
 
 
@@ -182,3 +184,28 @@ def body_of(guess: Guess) -> Body | None:
     """Returns the triangles of a guess at its own size, to the millimetre; None where its model cannot have that."""
     x, y, z = (round(side, _DIGITS) for side in guess.size_m)
     return _body(guess.entry.model, (x, y, z), guess.parameters)
+
+
+def depth_picture(guess: Guess, seen: Observation) -> Array:
+    """Returns (H, W) depth of a guess in a picture, infinite where it is not."""
+    depth = np.full(seen.z_m.shape, np.inf)
+    body = body_of(guess)
+    if body is None:
+        return depth
+    pixels = seen.pixels(guess.corners_m())
+    window = np.s_[:, :]
+    opened = float(str(dict(guess.parameters).get("open_fraction", 0.0))) > 0.0
+    if np.isfinite(pixels).all() and not opened:
+        width, height = seen.size_px
+        left, top = np.clip(np.floor(pixels.min(axis=0)) - _AROUND_PX, 0, [width, height]).astype(int)
+        right, bottom = np.clip(np.ceil(pixels.max(axis=0)) + _AROUND_PX, 0, [width, height]).astype(int)
+        window = np.s_[top:bottom, left:right]
+    rays = seen.rays[window]
+    if rays.size:
+        depth[window] = body.depth(guess, seen.eye_m, rays.reshape(-1, 3)).reshape(rays.shape[:2])
+    return depth
+
+
+def is_round(entry: ModelEntry) -> bool:
+    """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
+    return entry.length.of_width and entry.length.low == entry.length.high == 1.0

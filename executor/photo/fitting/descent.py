@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array, wrap_angle
-from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.body import Guess, body_of, is_round
 from executor.photo.fitting.likelihood import Likelihood
 from oag import Kind, kind_of
 
@@ -65,11 +65,6 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     options = {"initial_simplex": simplex, "maxfev": renderings, "xatol": 0.01, "fatol": 0.01}
     best = at(minimize(cost, np.zeros(len(active)), method="Nelder-Mead", options=options).x)
     return replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
-
-
-def is_round(entry: ModelEntry) -> bool:
-    """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
-    return entry.length.of_width and entry.length.low == entry.length.high == 1.0
 
 
 def _fixed(entry: ModelEntry, axis: int) -> bool:

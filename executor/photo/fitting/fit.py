@@ -20,7 +20,7 @@ from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import outline_starts, points_of, starts
-from executor.photo.fitting.turns import all_turns, quarter_of
+from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of
 from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
@@ -28,9 +28,9 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 """How many pixels of a thing are compared to choose starts, to search, and to choose options."""
 
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
-_TURNED, _LIKELY = 2, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
+_TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
-_LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
+LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
@@ -118,7 +118,11 @@ def fit_thing(
     has_depth = around.seen.has_depth
     if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    if points is not None and len(points) < _LEAST_POINTS:
+    flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M] if has_depth else []
+    if points is not None and len(points) < LEAST_POINTS:
+        # Of what is flat and far hardly a point stands out: its box tells more.
+        points, entries = points[:0], flat
+    if not entries:
         return None
     coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
@@ -132,14 +136,13 @@ def fit_thing(
             else starts(points, entries, bottom, around.near.walls)
         )
     ]
-    if points is not None:
-        # Of what is flat and far hardly a point stands out: its box tells more.
-        flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
-        begun += [
-            coarse.rated(guess, colours=False)
-            for bottom in (bottoms_m if flat else ())
-            for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
-        ]
+    begun += [
+        coarse.rated(guess, colours=False)
+        for bottom in (bottoms_m if flat else ())
+        for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
+    ]
+    if not begun:
+        return None
     boxes = sorted(
         (
             search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
@@ -147,13 +150,19 @@ def fit_thing(
         ),
         key=lambda one: one.cost,
     )
-    turned = [coarse.rated(guess, colours=False) for one in boxes[:_TURNED] for guess in all_turns(one.guess, entries)]
+    turned = [
+        coarse.rated(guess, colours=False)
+        for one in _distinct(boxes)[:_TURNED]
+        for guess in all_turns(one.guess, entries)
+    ]
     likely = [*boxes, *sorted(turned, key=lambda one: one.cost)[:_LIKELY]]
     found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
     ranked = _best_of_models(finished)
-    ranked = _by_look(fine, [*(_polished(search, fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    rivals = [one.guess.entry for one in ranked[1 : 1 + _RIVALS] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
+    ranked = _by_look(fine, [*ranked, *(_with_sides_of(ranked[0].guess, rivals, search, fine) if rivals else ())])
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
@@ -164,23 +173,29 @@ def fit_thing(
 
 
 def renamed(
-    around: Around, found: Fit, box_px: tuple[float, float, float, float], entries: Sequence[ModelEntry]
+    around: Around,
+    found: Fit,
+    box_px: tuple[float, float, float, float],
+    own: Sequence[ModelEntry],
+    others: Sequence[ModelEntry],
 ) -> Fit:
     """Returns a thing as one of other models where that explains it clearly better than what it is called, or as it is.
 
     Only what is no worse by depths alone, with the sides that were found, is looked at with its options and colours.
+    What it is called is looked at once more with the sides that are found so.
 
     Args:
         around: What else is known.
         found: The best fit of what it is called.
         box_px: The thing's box.
-        entries: The other models.
+        own: The models of what it is called.
+        others: The other models.
     """
     coarse, search, fine = _likelihoods(around, box_px)
-    if not entries or not len(coarse.patch.z_m):
+    if not others or not len(coarse.patch.z_m):
         return found
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
-    turned = _cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, entries))
+    turned = _cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
     dressed_up = _cheapest_turns(
         search.rated(dressed(search, one.guess)) for one in turned[:_OPENED] if one.cost < most
     )
@@ -188,6 +203,9 @@ def renamed(
     ranked = _best_of_models([fine.rated(found.guess), *rivals])
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
         return found
+    named = _best_of_models(_with_sides_of(ranked[0].guess, own, search, fine))
+    if named and named[0].cost - ranked[0].cost < _MISNAMED:
+        return _described(fine.patch, named[0], named[1:]) or found
     return _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
@@ -247,6 +265,15 @@ def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
     return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
 
 
+def _distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:
+    """Those that are another box than all before them: the same sides are found for several models."""
+    found: list[RatedGuess] = []
+    for one in boxes:
+        if not any(is_same_box(one.guess, other.guess) for other in found):
+            found.append(one)
+    return found
+
+
 def _cheapest_turns(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     """The cheapest guess of each model, each quarter that it may be turned by and each height, the cheapest first."""
     best: dict[tuple[str, int, float], RatedGuess] = {}
@@ -274,10 +301,21 @@ def _by_look(fine: Likelihood, guesses: Iterable[RatedGuess]) -> list[RatedGuess
     return [best, *(one for one in ranked if one is not best)]
 
 
-def _polished(search: Likelihood, fine: Likelihood, best: RatedGuess) -> RatedGuess:
-    """Searched from where a search ended, with the options that were chosen there, as long as that gains something."""
+def _with_sides_of(
+    found: Guess, entries: Sequence[ModelEntry], search: Likelihood, fine: Likelihood
+) -> list[RatedGuess]:
+    """A box as that of other models, searched on from there: ends of searches differ by more than models do."""
+    turned = _cheapest_turns(search.rated(dressed(search, guess)) for guess in all_turns(found, entries))
+    return [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]]
+
+
+def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
+    """Searched from where a search ended, with the options that were chosen there, as long as that gains something.
+
+    Every pixel counts here: handles that are far are two pixels thick.
+    """
     for _ in range(_ROUNDS):
-        again = with_options(fine, descended(search, best.guess, _LAST, colours=True, reach=0.5))
+        again = with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5))
         gained = best.cost - again.cost
         best = again if gained > 0.0 else best
         if gained < _GAINED:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.body import Guess, Size, is_round
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -76,7 +76,7 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
-    if around.headings_rad:
+    if around.headings_rad and not is_round(entry):
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
@@ -148,6 +148,8 @@ def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
     against = _against(_FAR_M)
     for wall in walls:
         reach = length / 2 * abs(float(ahead @ wall.normal)) + width / 2 * abs(float(aside @ wall.normal))
+        if is_round(guess.entry):
+            reach = width / 2
         gap = float(at @ wall.normal) - wall.offset_m - reach
         side = float(at @ wall.along)
         if not wall.span_m[0] - 0.3 < side < wall.span_m[1] + 0.3:

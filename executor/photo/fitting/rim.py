@@ -17,7 +17,7 @@ from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.photo.fitting.descent import is_round
+from executor.photo.fitting.body import is_round
 from executor.photo.fitting.prior import OF_RANGE, usual_size_m
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics

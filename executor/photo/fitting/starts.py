@@ -12,10 +12,15 @@ from scipy.ndimage import label
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.body import Guess, Size, is_round
 from executor.photo.fitting.prior import usual_size_m
+from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
+from oag import Kind, kind_of
+
+CARRIED = ("microwave",)
+"""Furniture that stands on furniture."""
 
 _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _SAME_RAD = math.radians(6.0)
@@ -25,6 +30,22 @@ _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _FARTHEST_M = 12.0
+
+
+def named_models(detection: Sighting) -> list[ModelEntry]:
+    """Returns the models of what a box is called, all of them where it has no name."""
+    return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
+
+
+def stands_on_floor(detection: Sighting) -> bool:
+    """Decides whether what a box is called is taken to stand on the floor."""
+    large = all(is_large(entry) for entry in named_models(detection))
+    return detection.category is not None and large and detection.category not in CARRIED
+
+
+def is_large(entry: ModelEntry) -> bool:
+    """Decides whether a model is of furniture."""
+    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
 
 
 def points_of(
@@ -77,6 +98,8 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
         bottom_m: Height of what the thing stands on.
         walls: Whose directions furniture often has.
     """
+    if not len(points):
+        return
     flat = points[:, :2]
     own = _outline_yaw(flat)
     yaws = [own, *(wall.yaw_rad for wall in walls)]
@@ -86,9 +109,8 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
             distinct.append(yaw)
     top = float(np.percentile(points[:, 2], 98.0))
     for entry in entries:
-        is_round = entry.length.of_width and entry.length.low == entry.length.high == 1.0
-        for base in distinct[:1] if is_round else distinct:
-            for quarter in range(1 if is_round else 4):
+        for base in distinct[:1] if is_round(entry) else distinct:
+            for quarter in range(1 if is_round(entry) else 4):
                 yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
 
 

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.descent import is_round
+from executor.photo.fitting.body import Guess, body_of, is_round
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
+
+_SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # About what the noise of depths does to sides and turns.
 
 
 def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
@@ -41,6 +42,16 @@ def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
 def quarter_of(guess: Guess) -> int:
     """Returns which quarter of the circle its heading is in, for telling turns apart."""
     return round(guess.yaw_rad / (math.pi / 2)) % 4
+
+
+def is_same_box(first: Guess, second: Guess) -> bool:
+    """Decides whether two guesses are of one box but for a centimetre or two, whichever of its sides is the front."""
+    turned = first.yaw_rad - second.yaw_rad
+    length, width = second.size_m[:2] if abs(math.cos(turned)) > math.sqrt(0.5) else second.size_m[1::-1]
+    sizes_m = np.subtract(first.size_m, (length, width, second.size_m[2]))
+    apart_m = np.subtract((first.x_m, first.y_m, first.bottom_m), (second.x_m, second.y_m, second.bottom_m))
+    askew = abs(math.remainder(turned, math.pi / 2)) > _ASKEW_RAD
+    return not askew and bool(np.abs(sizes_m).max() < _SAME_M and np.abs(apart_m).max() < _SAME_M)
 
 
 def _pushed(guess: Guess, by_m: float) -> Guess:

@@ -68,10 +68,15 @@ class Claim:
         """Share of what should be seen of it through which something farther off is seen."""
         return self.through_px / max(1, self.right_px + self.through_px)
 
+    @property
+    def seen_through(self) -> bool:
+        """Whether more is seen through it than through what is right."""
+        return self.through_share > _MOST_THROUGH
+
     def is_borne_out(self, least_px: int) -> bool:
         """Decides whether enough is seen of it, and hardly anything through it."""
         enough = self.right_px >= least_px and self.seen_share >= _LEAST_SEEN
-        return enough and self.through_share <= _MOST_THROUGH
+        return enough and not self.seen_through
 
     def is_refuted(self, box_px: Box) -> bool:
         """Decides whether it cannot be what a box was drawn around, whatever that is called."""

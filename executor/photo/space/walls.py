@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,9 @@ _ABOVE_FLOOR_M = 0.10
 _FARTHEST_M = 9.0
 _TRIALS, _SAMPLES = 250, 4000
 _SEEN_THROUGH = 0.04  # Of the pixels that look at it.
+_BEGINS = 2.0  # Percent of the pixels that look over a wall: its top, but for noise.
 _BEYOND_M, _BEYOND = 0.15, 0.04
-"""So much of what is seen may be farther than a wall's plane, of what can be a wall where no boxes tell furniture."""
+"""So much of what is seen may stand beyond a wall's plane, of what can be a wall where no boxes tell furniture."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         near = np.abs(left[:, :2] @ normal - offset) < 0.05 + 3 * sigma_left
         if int(near.sum()) < least:
             break
-        wall = _wall(left[near], normal, offset)
+        wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         ends_room = bool(things) or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if ends_room and _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
             found.append(wall)
@@ -149,19 +150,35 @@ def _wall(points: Array, normal: Array, offset: float) -> Wall:
     return Wall(normal, offset, (float(low), float(high)), top, float(np.median(off)))
 
 
+def _as_low_as_seen_over(wall: Wall, seen: Observation) -> Wall:
+    """A wall that is looked over is as high as where that begins: another one may cross its plane higher up."""
+    through, looked, heights_m = _seen_through(wall, seen)
+    if through.sum() < _SEEN_THROUGH * looked.sum():
+        return wall
+    return replace(wall, top_m=float(np.percentile(heights_m[through], _BEGINS)))
+
+
 def _is_solid(wall: Wall, seen: Observation) -> bool:
     """Whether it is large, and nothing is seen through it."""
     if wall.span_m[1] - wall.span_m[0] < _LEAST_LENGTH_M or wall.top_m < _LEAST_TOP_M:
         return False
-    depth = wall.depth(seen.eye_m, seen.rays)
-    looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
-    through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
+    through, looked, _ = _seen_through(wall, seen)
     return bool(through.sum() < _SEEN_THROUGH * max(1, looked.sum()))
 
 
+def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array]:
+    """(H, W) pixels in which something farther is seen, those that look at it, and how high these do, in metres."""
+    depth = wall.depth(seen.eye_m, seen.rays)
+    looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
+    through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
+    heights_m = seen.eye_m[2] + seen.rays[..., 2] * np.where(looked, depth, 0.0)
+    return through, looked, heights_m
+
+
 def _ends_room(wall: Wall, points: Array) -> bool:
-    """Whether hardly anything is seen beyond its plane, to its sides and above it too: fronts have a room behind."""
-    return float((points[:, :2] @ wall.normal < wall.offset_m - _BEYOND_M).mean()) < _BEYOND
+    """Whether hardly anything but floor is seen beyond its plane, to its sides and above it too: fronts have a room."""
+    beyond = (points[:, :2] @ wall.normal < wall.offset_m - _BEYOND_M) & (points[:, 2] > _ABOVE_FLOOR_M)
+    return float(beyond.mean()) < _BEYOND
 
 
 def _differs(wall: Wall, other: Wall) -> bool:

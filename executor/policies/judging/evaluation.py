@@ -17,6 +17,7 @@ from executor.policies.judging.axes import drawn_numbers
 from executor.policies.judging.helping import PlannerHelp, Reason, StallWatch, help_on, hold_and_see
 from executor.policies.judging.monitors import MonitorWatch
 from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.steps import plan_of
 from executor.policies.windows import EpisodeKind
 from oag import Scene, Task
 
@@ -25,6 +26,10 @@ PUSHED_BETWEEN_S = (2.0, 10.0)
 
 MOST_S = 40.0
 """Simulated time of an episode of a sentence of one's own: over twice what planned demonstrations of one deed take."""
+
+UNDONE_S = 2.0
+"""For how long a policy may go on from a subtask that the detectors say is not done: what is let go of has to come to
+rest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +135,7 @@ def run_episode(
     rate_hz, left = actor.record.rate_hz, most_steps(env.family, actor.record.rate_hz)
     outcome: EpisodeOutcome | None = None
     helped: list[PlannerHelp] = []
+    undone = 0
     while True:
         env.disturb(pusher)
         stall = StallWatch(rate_hz)
@@ -142,6 +148,11 @@ def run_episode(
             stall.look(observation["agent_pos"])
             if outcome is None:
                 monitors.look(env.target)
+            # The graph checks, by the detectors, that what a policy goes on from is done.
+            undone = undone + 1 if actor.subtask > int(info["stage"]) else 0
+            if undone > UNDONE_S * rate_hz:
+                actor.begin(plan_of(episode.task, int(info["stage"])), seed)
+                undone = 0
         # What the policy came to by itself is settled before anybody helps it.
         outcome = outcome or watch.outcome(seed)
         count = len(episode.task.subtasks)
@@ -173,8 +184,3 @@ def pusher_of(env: SceneEnvironment, seed: int, kinds: tuple[Pushed, ...]) -> Pu
     """Returns what pushes in an episode: at times and in directions that its seed draws."""
     target = env.episode.task.subtasks[0].target
     return Pusher(drawn_pushes(kinds, seed, PUSHED_BETWEEN_S), target if target in env.world.dynamic_ids else None)
-
-
-def plan_of(task: Task, first: int = 0) -> list[int]:
-    """Returns the numbers of the primitives of a task's flows, from a subtask on."""
-    return [action.primitive.value for subtask in task.subtasks[first:] for action in subtask.flow or ()]

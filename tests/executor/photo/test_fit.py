@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.assets.footprint import yaw_of
+from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, fit_thing
-from executor.photo.fitting.prior import Neighbourhood
+from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.turns import is_same_box
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.reconstruct import FittedRoom, reconstruct
@@ -144,6 +145,26 @@ def test_what_overlaps_is_taken_apart() -> None:
     assert found["a"].y_m + found["a"].size_m[1] / 2 <= found["b"].y_m - found["b"].size_m[1] / 2
     assert found["c"] == far, "what is behind a wall is not in it"
     assert len(notes) == 2
+    askew, _ = tidied({"a": cabinet, "b": replace(beside, y_m=0.89, yaw_rad=0.06)}, ())
+    assert Footprint.of(askew["a"].as_object()).depth_m(Footprint.of(askew["b"].as_object())) <= 0.0
+
+
+def test_something_round_stands_at_a_wall_however_it_is_turned() -> None:
+    wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
+    table = Guess(LIBRARY["table_round"], 2.545, 0.0, 0.7, 0.0, (0.9, 0.9, 0.7))
+    assert prior_cost(table, Neighbourhood((wall,))) == prior_cost(replace(table, yaw_rad=0.0), Neighbourhood((wall,)))
+    found, _ = tidied({"table": table}, (wall,))
+    assert found["table"].x_m == pytest.approx(2.545, abs=0.002)
+
+
+def test_a_box_is_the_same_whichever_of_its_sides_is_the_front() -> None:
+    cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
+    turned = replace(cabinet, yaw_rad=-math.pi / 2, size_m=(0.9, 0.61, 0.8))
+    assert is_same_box(cabinet, turned) and is_same_box(cabinet, replace(cabinet, yaw_rad=math.pi, x_m=2.71))
+    assert not is_same_box(cabinet, replace(cabinet, yaw_rad=math.pi / 2))
+    assert not is_same_box(cabinet, replace(cabinet, y_m=0.1)) and not is_same_box(
+        cabinet, replace(cabinet, yaw_rad=0.1)
+    )
 
 
 def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:

@@ -34,13 +34,17 @@ def rays_in_room() -> Array:
     return ahead @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
 
 
-def drawn(wall_m: float | None = 4.0, floor: bool = True, noise: float = 0.002) -> Depth:
-    """Returns the depth of a floor and a wall across, with noise that grows with the square of the depth."""
+def drawn(
+    wall_m: float | None = 4.0, floor: bool = True, noise: float = 0.002, top_m: float = 9.0, left_m: float = math.inf
+) -> Depth:
+    """Returns the depth of a floor, a wall across and one along, with noise that grows with the square of the depth."""
     rays = rays_in_room()
     with np.errstate(divide="ignore"):
         z = np.where(rays[..., 2] < -1e-6, -HEIGHT_M / rays[..., 2], np.inf) if floor else np.full(SIZE[::-1], np.inf)
         if wall_m is not None:
-            z = np.minimum(z, np.where(rays[..., 0] > 1e-6, wall_m / rays[..., 0], np.inf))
+            across = np.where(rays[..., 0] > 1e-6, wall_m / rays[..., 0], np.inf)
+            z = np.minimum(z, np.where(HEIGHT_M + rays[..., 2] * across < top_m, across, np.inf))
+        z = np.minimum(z, np.where(rays[..., 1] > 1e-6, left_m / rays[..., 1], np.inf))
     z = np.where(z < 20.0, z, 0.0)
     spread = np.random.default_rng(0).normal(size=z.shape) * (0.001 + noise * z**2)
     return Depth(np.where(z > 0, z + spread, 0.0), "drawn")
@@ -68,6 +72,14 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
     assert wall.normal == pytest.approx([-1.0, 0.0], abs=0.02)
     everything = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     assert find_walls(seen, (everything,)) == ()
+
+
+def test_a_wall_that_is_looked_over_is_no_higher_where_another_one_crosses_its_plane() -> None:
+    seen, _ = observe(PICTURE, drawn(wall_m=3.0, top_m=0.9, left_m=1.2), CAMERA)
+    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
+    low = next(wall for wall in find_walls(seen, (somewhere,)) if abs(wall.normal[0]) > 0.9)
+    assert low.offset_m == pytest.approx(-3.0, abs=0.02)
+    assert low.top_m == pytest.approx(0.9, abs=0.05)
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])

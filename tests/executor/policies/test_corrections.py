@@ -102,11 +102,11 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     both = read_demonstrations([picked.path, corrected.path], settings)
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
     first = int(np.unique(both.starts)[both.names.index(unit.name)])
-    assert [both.primitives[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
+    assert [both.steps[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
     assert np.array_equal(both.told[first + 4 : first + 20], both.phases[first + 4 : first + 20])
     write_set(stream_of(corrected), "zarr", tmp_path / "z")
     exported = read_demonstrations([tmp_path / "z"], settings)
-    assert exported.takeovers == 2 and exported.primitives == read_demonstrations([corrected.path], settings).primitives
+    assert exported.takeovers == 2 and exported.steps == read_demonstrations([corrected.path], settings).steps
 
 
 def test_what_cannot_be_corrected_is_refused(

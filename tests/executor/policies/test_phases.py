@@ -34,30 +34,30 @@ def at(record: PolicyRecord, step: int) -> PlanFollower:
     for place in range(step):
         foretold(record, follower, PLAN[place + 1])
         follower.go_on(typical(record, PLAN[place]))
-    assert record.primitives[follower.phase] == PLAN[step]
+    assert record.steps[follower.phase] == PLAN[step]
     return follower
 
 
 def foretold(record: PolicyRecord, follower: PlanFollower, number: int) -> None:
     """Has a primitive foretold to go on."""
-    logits = np.zeros(len(record.primitives))
-    logits[record.primitives.index(number)] = 9.0
+    logits = np.zeros(len(record.steps))
+    logits[record.steps.index(number)] = 9.0
     follower.foretell(logits)
 
 
 def typical(record: PolicyRecord, number: int) -> np.ndarray:
     """Returns what showed of a grasp where demonstrations had left a primitive."""
-    phase = record.primitives.index(number)
+    phase = record.steps.index(number)
     return (record.left[0][phase] + record.left[1][phase]) / 2
 
 
 def test_demonstrations_say_what_shows_where_a_primitive_is_left(record: PolicyRecord) -> None:
-    least, most = (bound[record.primitives.index(3)] for bound in record.left)
+    least, most = (bound[record.steps.index(3)] for bound in record.left)
     # The fingers are neither shut nor open.
     assert 0.035 < least[0] <= most[0] < 0.055
     assert (least[1:4] <= most[1:4]).all() and np.abs([least[1:4], most[1:4]]).max() < NEAR_M
     assert (most[4:7] > 100.0).all()  # Nothing takes hold of the refrigerator's handle.
-    assert (record.left[1][record.primitives.index(7)] > 100.0).all()  # What ends the plan is never left.
+    assert (record.left[1][record.steps.index(7)] > 100.0).all()  # What ends the plan is never left.
 
 
 def test_a_primitive_is_left_where_demonstrations_left_it(record: PolicyRecord) -> None:
@@ -65,11 +65,11 @@ def test_a_primitive_is_left_where_demonstrations_left_it(record: PolicyRecord) 
     shown = typical(record, 2)
     foretold(record, follower, 3)
     far = shown.copy()
-    far[1] = record.left[1][record.primitives.index(2), 1] + 2 * NEAR_SLACK_M
+    far[1] = record.left[1][record.steps.index(2), 1] + 2 * NEAR_SLACK_M
     follower.go_on(far)
-    assert record.primitives[follower.phase] == 2
+    assert record.steps[follower.phase] == 2
     follower.go_on(shown)
-    assert record.primitives[follower.phase] == 3
+    assert record.steps[follower.phase] == 3
 
 
 @pytest.mark.parametrize("step", [GRASP, LIFT])
@@ -77,9 +77,9 @@ def test_fingers_that_shut_on_nothing_begin_anew_at_the_approach(record: PolicyR
     follower = at(record, step)
     foretold(record, follower, 7)
     empty = typical(record, 3)
-    empty[0] = 0.9 * EMPTY_SHARE * record.left[0][record.primitives.index(3), 0]
+    empty[0] = 0.9 * EMPTY_SHARE * record.left[0][record.steps.index(3), 0]
     follower.go_on(empty)
-    assert record.primitives[follower.phase] == PLAN[APPROACH]
+    assert record.steps[follower.phase] == PLAN[APPROACH]
 
 
 def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None:
@@ -87,11 +87,11 @@ def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None
     crooked = typical(record, 3)
     crooked[0] = 0.07
     looks = 0
-    while record.primitives[follower.phase] == 3:
+    while record.steps[follower.phase] == 3:
         foretold(record, follower, 7)
         follower.go_on(crooked)
         looks += 1
-    assert record.primitives[follower.phase] == PLAN[APPROACH]
+    assert record.steps[follower.phase] == PLAN[APPROACH]
     assert PATIENCE_S < looks * EXECUTE / record.rate_hz <= PATIENCE_S + EXECUTE / record.rate_hz
 
 
@@ -102,7 +102,7 @@ def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
     primitives = (3, 4, 5)
     left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
     left[0][1, 7], left[1][1, 7] = least, 1.0
-    follower = PlanFollower(replace(record, primitives=primitives, left=(left[0], left[1])), EXECUTE)
+    follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1])), EXECUTE)
     follower.begin((4, 5))
     shown, looks = np.full(8, 0.7), 0
     while follower.phase == 1:
@@ -118,7 +118,7 @@ def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:
     closing = typical(record, 3)
     closing[0] = 0.0
     follower.go_on(closing)
-    assert record.primitives[follower.phase] == 3
+    assert record.steps[follower.phase] == 3
 
 
 def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) -> None:
@@ -126,7 +126,7 @@ def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) ->
         follower = at(seen, GRASP)
         foretold(seen, follower, 17)
         follower.go_on(typical(seen, 2))
-        assert seen.primitives[follower.phase] == expected
+        assert seen.steps[follower.phase] == expected
 
 
 def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:

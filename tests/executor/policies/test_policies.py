@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from executor.datasets.formats.export import write_set
+from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
+from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
+from executor.policies import windows
 from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
@@ -23,6 +26,7 @@ from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
+from executor.policies.steps import primitive_of, subtask_of
 from executor.policies.trained import (
     ABOUT,
     MOST_DEVIATIONS,
@@ -37,6 +41,7 @@ from executor.policies.trained import (
 from executor.policies.training import Trainer, learning_rate, parameters
 from executor.policies.windows import Demonstrations, read_demonstrations
 from executor.robot.actions import joint_limits
+from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE
 from tests.executor.policies.conftest import small
 
@@ -100,7 +105,7 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     assert np.array_equal(chunk, expected)
     assert after.tolist() == [[data.phases[border - 1]] * 4]
     assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
-    assert set(data.primitives) >= {17, 1, 2, 3, 7} and 0 not in data.primitives
+    assert set(data.steps) >= {17, 1, 2, 3, 7} and 0 not in data.steps
 
 
 def test_what_was_exported_is_learned_from_as_the_store_is(
@@ -145,6 +150,25 @@ def test_training_repeats_and_an_interrupted_one_goes_on_to_the_same_weights(dat
     assert all(torch.equal(value, weights[name]) for name, value in read_tensors(stopped / WEIGHTS).items())
 
 
+def test_a_primitive_of_another_subtask_is_another_step(
+    picked: EpisodeStore, data: Demonstrations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def in_two(path: Path, include: tuple[Extra, ...]) -> SimpleNamespace:
+        stream = open_set(path, include)
+        lifting = ((one, one.columns["primitive_index"] == Primitive.LIFT_EEF_UP) for one in stream.episodes())
+        episodes = [replace(one, columns={**one.columns, "subtask_index": rows * 1}) for one, rows in lifting]
+        return SimpleNamespace(found=stream.found, episodes=lambda: episodes)
+
+    monkeypatch.setattr(windows, "open_set", in_two)
+    found = read_demonstrations([picked.path], small())
+    assert data.steps == (1, 2, 3, 7, 17) and found.steps == (1, 2, 3, 17, 107)
+    assert [primitive_of(step).value for step in found.steps] == [1, 2, 3, 17, 7]
+    assert [subtask_of(step) for step in found.steps] == [0, 0, 0, 0, 1]
+    assert not found.ways[found.phases == 4].any()  # Nothing is grasped in the second one.
+    least, _ = PolicyRecord.of(small(), 0, found).left
+    assert least[2, 1] > -1.0 and least[4, 1] < -100.0
+
+
 def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
     settings = small()
     first, second = (PolicyRecord.of(settings, seed, data) for seed in (0, 1))
@@ -154,7 +178,7 @@ def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
 def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> None:
     record = PolicyRecord.of(small(), 0, data)
     mean, deviation = (torch.from_numpy(part) for part in record.numbers)
-    grasping = data.told == record.primitives.index(3)
+    grasping = data.told == record.steps.index(3)
     seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.told), (mean, deviation)).numpy()
     assert np.allclose(seen[grasping].mean(axis=0), 0.0, atol=0.02) and np.abs(seen).max() <= MOST_DEVIATIONS
     assert (record.numbers[1] >= 0.099 * np.maximum(data.numbers.std(axis=0), 1e-3)).all()
