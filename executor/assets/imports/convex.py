@@ -63,9 +63,13 @@ def convex_pieces(part: MeshPart) -> tuple[Array, ...]:
     whole = float(np.prod(np.ptp(part.vertices_m, axis=0)))
     pieces: list[Array] = []
     components = mesh.split(only_watertight=False)
-    solid = [component for component in components if _hull(component) is not None]
     sheets = [component for component in components if _hull(component) is None]
-    for component in (*solid, *([trimesh.util.concatenate(sheets)] if len(sheets) > 1 else [])):
+    if len(sheets) > 1:
+        together = trimesh.util.concatenate(sheets)
+        together.merge_vertices()
+        together.update_faces(together.unique_faces())  # Many a side is there twice, once from either side.
+        components = [*(one for one in components if _hull(one) is not None), together]
+    for component in components:
         hull = _hull(component)
         if hull is None:
             continue
