@@ -4,6 +4,7 @@
 BIN := .venv/bin
 # The first of these that is a Python of the right version makes the environment; PYTHON=... names another.
 PYTHONS := $(PYTHON) python3 python3.13 python3.12 python3.11
+INTERPRETER ?= python3.12
 OUT ?= runs/t1
 QUERY ?= put the glass into the refrigerator
 BASELINES ?= unchecked checked repaired constraint-pose sampled-grasp one-demonstration
@@ -42,8 +43,8 @@ lint: setup  ## Checks style and types.
 conformance: setup  ## Compares BDDL with the reference implementation, which it installs into .venv-reference.
 	$(BIN)/python -m benchmarks.conformance --out build/conformance.json
 
-interop: setup  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop.
-	$(BIN)/python -m benchmarks.interop --out build/interop.json
+interop: setup  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop (INTERPRETER).
+	$(BIN)/python -m benchmarks.interop --interpreter $(INTERPRETER) --out build/interop.json
 
 baselines: setup  ## Measures what others do in our rooms (BASELINES, EPISODES, SEED; ROBOGEN=checkout reads its plans).
 	@for baseline in $(BASELINES); do \

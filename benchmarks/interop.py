@@ -41,6 +41,7 @@ WANTED = ("lerobot[dataset,training]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", 
 KINDS: tuple[Format, ...] = ("lerobot", "robomimic", "zarr")
 TRAINED_STEPS = 50
 ACTED_STEPS = 20
+_IS_RECENT = "import sys; sys.exit(sys.version_info < (3, 12))"
 _WEIGHTS = Path("checkpoints", "last", "pretrained_model")
 _DRIVERS = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 INCLUDE: tuple[Extra, ...] = ("depth", "segmentation", "point_cloud")
@@ -145,8 +146,13 @@ def _made(folder: Path) -> Path:
 def _environment(interpreter: str) -> Path:
     python, has = ENVIRONMENT / "bin" / "python", ENVIRONMENT / "has.json"
     if not has.exists() or read_json(has) != list(WANTED):
-        if shutil.which(interpreter) is None:
-            raise SystemExit(f"no {interpreter} was found, which lerobot needs; name one with --interpreter")
+        # One that is found may yet be a stand-in of a version manager that runs nothing.
+        found = shutil.which(interpreter)
+        if not found or subprocess.run([found, "-c", _IS_RECENT], check=False, capture_output=True).returncode:
+            raise SystemExit(
+                f"{interpreter} is no Python from 3.12 on that runs, which lerobot needs; name one with --interpreter "
+                "(make interop INTERPRETER=...)"
+            )
         print(f"[interop] installing {' '.join(WANTED)} into {ENVIRONMENT}", file=sys.stderr)
         subprocess.run([interpreter, "-m", "venv", ENVIRONMENT], check=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *WANTED], check=True)

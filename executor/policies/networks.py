@@ -49,13 +49,47 @@ class PointNet(nn.Module):
 
 
 class PolicyNetwork(nn.Module):
-    """Frames -> chunks of normalised actions.
+    """Frames -> chunks of normalised actions, by one network or the mean of several.
+
+    Where a few demonstrations leave open what is done, networks that began otherwise and met other batches differ, and
+    their mean is nearer to what is right than most of them.
 
     Args:
         settings: What it sees, does and consists of.
         sizes: What follows from the data.
     """
 
+    def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:
+        super().__init__()
+        self.members = nn.ModuleList(_Member(settings, sizes) for _ in range(settings.network.members))
+
+    def forward(
+        self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """Returns chunks of actions (B, T, H, A), and of what goes on after each of them (B, T, H, phases).
+
+        T is the number of frames for a transformer, which foretells from each, and 1 for a perceptron. In training each
+        member sees its own part of a batch; else all see all of it, and their mean counts.
+
+        Args:
+            numbers: (B, T, F) normalised.
+            phase: (B, T) which primitive goes on, where it is told.
+            cloud: (B, T, P, 4), where it is seen.
+            way: (B, T) which way it grasps, where it is told.
+        """
+        given = (numbers, phase, cloud, way)
+        if not self.training:
+            found = [member(*given) for member in self.members]
+            actions, logits = (list(parts) for parts in zip(*found, strict=True))
+            return torch.stack(actions).mean(dim=0), None if logits[0] is None else torch.stack(logits).mean(dim=0)
+        count = len(self.members)
+        shares = [[None] * count if part is None else part.tensor_split(count) for part in given]
+        found = [member(*share) for member, share in zip(self.members, zip(*shares, strict=True), strict=True)]
+        actions, logits = (list(parts) for parts in zip(*found, strict=True))
+        return torch.cat(actions), None if logits[0] is None else torch.cat(logits)
+
+
+class _Member(nn.Module):
     def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:
         super().__init__()
         sees, acts, form = settings.sees, settings.acts, settings.network
@@ -77,16 +111,6 @@ class PolicyNetwork(nn.Module):
     def forward(
         self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
     ) -> tuple[Tensor, Tensor | None]:
-        """Returns chunks of actions (B, T, H, A), and of what goes on after each of them (B, T, H, phases).
-
-        T is the number of frames for a transformer, which foretells from each, and 1 for a perceptron.
-
-        Args:
-            numbers: (B, T, F) normalised.
-            phase: (B, T) which primitive goes on, where it is told.
-            cloud: (B, T, P, 4), where it is seen.
-            way: (B, T) which way it grasps, where it is told.
-        """
         parts = [numbers]
         if self.cloud is not None and cloud is not None:
             parts.append(self.cloud(cloud))

@@ -88,6 +88,7 @@ class NetworkForm(Form):
         width, layers: Of the trunk.
         heads: Of attention; they divide the width ("transformer" only).
         dropout: Share of activations that training leaves out.
+        members: How many such networks there are, each trained on its part of a batch; at work their mean counts.
         point_widths: Widths of what each point goes through before the most of each number is taken ("cloud" only).
     """
 
@@ -96,6 +97,7 @@ class NetworkForm(Form):
     layers: Annotated[StrictInt, Field(ge=1, le=24)] = 3
     heads: Annotated[StrictInt, Field(ge=1, le=32)] = 8
     dropout: Share = 0.0
+    members: Annotated[StrictInt, Field(ge=1, le=16)] = 1
     point_widths: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (64, 128, 256)
 
 
@@ -109,6 +111,7 @@ class TrainingForm(Form):
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
         noise: Deviation of noise in normalised numbers of the state.
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
+        usual: Share of the steps, the last ones, in which only the usual way is learned from (`sees.way`).
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
 
@@ -122,6 +125,7 @@ class TrainingForm(Form):
     noise: Amount = 0.03
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
+    usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
 

@@ -70,6 +70,7 @@ class Trainer:
         self._seen = (self._there(record.numbers[0]), self._there(record.numbers[1]))
         self._done = (self._there(record.actions[0]), self._there(record.actions[1]))
         self._told = data.told if record.settings.sees.phase else np.zeros_like(data.told)
+        self._usual = np.flatnonzero(data.ways == 0)
         self._losses: list[tuple[int, float]] = []
         self.step = 0
         if (folder / RESUME).exists():
@@ -129,6 +130,8 @@ class Trainer:
     def _loss(self, rng: np.random.Generator) -> Tensor:
         data, settings, form = self._data, self._record.settings, self._form
         moments = rng.integers(len(data), size=form.batch)
+        if settings.sees.way and self.step >= (1.0 - form.usual) * form.steps:
+            moments = self._usual[rng.integers(len(self._usual), size=form.batch)]
         frames = data.frames(moments, settings.sees.frames)
         outputs = frames if settings.network.kind == "transformer" else frames[:, -1:]
         wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk)

@@ -49,7 +49,8 @@ _VERSION = "2"
 def convex_pieces(part: MeshPart) -> tuple[Array, ...]:
     """Returns the points (N, 3) of the convex pieces that stand for a mesh.
 
-    Connected components that are convex already are taken as they are; the others are decomposed.
+    Connected components that are convex already are taken as they are; the others are decomposed. What has no volume
+    alone, such as each side of a box in many recorded models, is one component with all else that has none.
 
     Args:
         part: The mesh.
@@ -61,12 +62,19 @@ def convex_pieces(part: MeshPart) -> tuple[Array, ...]:
     mesh = trimesh.Trimesh(part.vertices_m, part.faces, process=True)
     whole = float(np.prod(np.ptp(part.vertices_m, axis=0)))
     pieces: list[Array] = []
-    for component in mesh.split(only_watertight=False):
+    components = mesh.split(only_watertight=False)
+    sheets = [component for component in components if _hull(component) is None]
+    if len(sheets) > 1:
+        together = trimesh.util.concatenate(sheets)
+        together.merge_vertices()
+        together.update_faces(together.unique_faces())  # Many a side is there twice, once from either side.
+        components = [*(one for one in components if _hull(one) is not None), together]
+    for component in components:
         hull = _hull(component)
         if hull is None:
             continue
         filled = abs(float(component.volume)) if component.is_watertight else 0.0
-        air = float(hull.volume) - filled
+        air = 0.0 if _is_skin(component, hull) else float(hull.volume) - filled
         if (
             air <= (1.0 - NEARLY_CONVEX) * float(hull.volume)
             or air <= NOTICEABLE * whole
@@ -90,6 +98,14 @@ def _hull(mesh: Any) -> Any | None:
             return None
         # Of a plate that is its thickness; what is kept of it is rounded to micrometres.
         return hull if 2.0 * float(hull.volume) > THINNEST_M * float(hull.area) else None
+
+
+def _is_skin(mesh: Any, hull: Any) -> bool:
+    """Decides whether faces, which may share no edge, lie on their hull and all over it."""
+    if mesh.area < NEARLY_CONVEX * hull.area or len(mesh.vertices) * len(hull.faces) > MOST_FACES**2:
+        return False
+    beyond_m = mesh.vertices @ hull.face_normals.T - (hull.triangles[:, 0] * hull.face_normals).sum(axis=1)
+    return bool((beyond_m.max(axis=1) > -SHEET_M).all())
 
 
 def _few_points(hull: Any) -> Array:

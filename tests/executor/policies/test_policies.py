@@ -196,6 +196,29 @@ def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
     assert torch.equal(usual, other) is not told
 
 
+def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> None:
+    torch.manual_seed(0)
+    network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, ways=4))
+    given = {"numbers": torch.randn(4, 1, 5), "phase": torch.ones(4, 1, dtype=torch.int64)}
+    given["way"] = torch.zeros_like(given["phase"])
+    first, second = (member(**given) for member in network.members)
+    learned, _ = network.train()(**given)
+    assert torch.allclose(learned, torch.cat([first[0][:2], second[0][2:]]), atol=1e-5)
+    assert not torch.allclose(first[0], second[0], atol=1e-2)
+    for told, one, other in zip(network.eval()(**given), first, second, strict=True):
+        assert torch.allclose(told, (one + other) / 2, atol=1e-5)
+
+
+def test_the_usual_way_is_learned_from_last(data: Demonstrations, out: Path) -> None:
+    assert set(data.ways) == {0, 1}
+    record = PolicyRecord.of(small(training={"steps": 10, "usual": 0.3}), 0, data)
+    trainer, seen = Trainer(out, record, data), []
+    forward = trainer._network.forward
+    trainer._network.forward = lambda *told: seen.append(set(told[3].flatten().tolist())) or forward(*told)  # type: ignore
+    trainer.run(lambda step, loss: None)
+    assert seen == [{0, 1}] * 7 + [{0}] * 3
+
+
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     losses: list[float] = []
     record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
@@ -342,10 +365,10 @@ def test_settings_that_cannot_be_are_refused(content: dict[str, object], words: 
 
 
 def test_settings_that_come_along_can_be_read() -> None:
-    assert known_settings() == ("cloud", "paper", "state")
+    assert known_settings() == ("cloud", "ensemble", "paper", "state")
     for name in known_settings():
         read_settings(name)
-    with pytest.raises(SettingsError, match=r"cloud, paper, state, or a file that ends in \.toml"):
+    with pytest.raises(SettingsError, match=r"cloud, ensemble, paper, state, or a file that ends in \.toml"):
         read_settings("stat")
 
 

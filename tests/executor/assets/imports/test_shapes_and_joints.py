@@ -225,6 +225,19 @@ def test_what_is_flat_is_not_solid_and_said_so(tmp_path: Path, sheet: str) -> No
     assert any(note.startswith("1 of its meshes are flat") for note in notes)
 
 
+def test_sides_that_share_no_edge_are_a_box_together(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.10, 0.12, 0.20))
+    sides = [
+        box.submesh([np.flatnonzero(box.face_normals @ way > 0.9)], append=True) for way in (*np.eye(3), *-np.eye(3))
+    ]
+    for side in sides:
+        # Each ends a little before its edges, as in many recorded models.
+        side.vertices = side.vertices.mean(axis=0) + 0.99 * (side.vertices - side.vertices.mean(axis=0))
+    trimesh.util.concatenate(sides).export(tmp_path / "box.obj")
+    (shape,) = (shape for shape in import_asset(tmp_path / "box.obj").stored.asset.links[0].shapes if shape.collides)
+    assert np.ptp(shape.vertices_m, axis=0) == pytest.approx([0.10, 0.12, 0.20], abs=2e-3)
+
+
 def test_a_colour_may_be_named_once_for_all(tmp_path: Path) -> None:
     red = '<material name="red"><color rgba="0.8 0.1 0.1 1"/></material>'
     look = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry><material name="red"/></visual>'
