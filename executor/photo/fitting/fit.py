@@ -173,6 +173,29 @@ def fit_thing(
     return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
 
 
+def fit_anything(
+    around: Around,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottoms_m: Sequence[float],
+    points: Array | None,
+) -> Fit | None:
+    """Returns the best fit of a thing among models of any name, searched for once more among those of the name it gets.
+
+    Among many models, few turns of each are followed. Arguments are those of `fit_thing`.
+    """
+    found = fit_thing(around, box_px, entries, bottoms_m, points)
+    if found is None:
+        return None
+    category = found.guess.entry.category
+    named = [entry for entry in entries if entry.category == category]
+    again = fit_thing(around, box_px, named, [found.guess.bottom_m], points)
+    if again is None or again.cost > found.cost:
+        return found
+    others = [one for one in found.alternatives if one.guess.entry.category != category]
+    return replace(again, alternatives=tuple(_by_cost([*again.alternatives, *others])))
+
+
 def renamed(
     around: Around,
     found: Fit,

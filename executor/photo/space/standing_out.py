@@ -71,6 +71,11 @@ def box_of(mask: NDArray[np.bool_]) -> Box:
     return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
 
 
+def are_alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
+    """Decides whether two masks (H, W) have more than half of their pixels in common."""
+    return bool((mask & other).sum() > (mask | other).sum() / 2)
+
+
 def _parted(piece: NDArray[np.bool_], seen: Observation) -> Iterator[NDArray[np.bool_]]:
     """A row of furniture in its parts, where heights or fronts of neighbours differ; anything else as it is."""
     points = seen.points_m[piece]
