@@ -17,6 +17,7 @@ _MOST = 4
 _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the least, of what the room ends at.
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
+_LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _ABOVE_FLOOR_M = 0.10
 _FARTHEST_M = 9.0
 _TRIALS, _SAMPLES = 250, 4000
@@ -106,7 +107,8 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         if int(near.sum()) < least:
             break
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
-        is_large = bool(things) and int(near.sum()) >= enough
+        # Somebody may have left out a piece of furniture: its front is no wall.
+        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if ends_room and _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
             found.append(wall)
@@ -174,6 +176,11 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
     through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
     heights_m = seen.eye_m[2] + seen.rays[..., 2] * np.where(looked, depth, 0.0)
     return through, looked, heights_m
+
+
+def _is_beyond_furniture(wall: Wall) -> bool:
+    """Whether it is longer and higher than pieces of furniture and rows of them."""
+    return wall.span_m[1] - wall.span_m[0] > _LONG_M and wall.top_m > _HIGH_M
 
 
 def _ends_room(wall: Wall, points: Array) -> bool:
