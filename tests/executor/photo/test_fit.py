@@ -17,6 +17,7 @@ from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, fit_thing
 from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.starts import opened_starts
 from executor.photo.fitting.turns import is_same_box
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
@@ -155,6 +156,16 @@ def test_something_round_stands_at_a_wall_however_it_is_turned() -> None:
     assert prior_cost(table, Neighbourhood((wall,))) == prior_cost(replace(table, yaw_rad=0.0), Neighbourhood((wall,)))
     found, _ = tidied({"table": table}, (wall,))
     assert found["table"].x_m == pytest.approx(2.545, abs=0.002)
+
+
+def test_what_stands_open_is_looked_for_as_large_as_it_is_without_its_door() -> None:
+    fridge = Guess(LIBRARY["fridge_one_door"], 2.4, 0.2, 0.3, 0.0, (0.7, 0.6, 1.3), (("open_fraction", 0.6),))
+    seen, _ = seen_from_above(fridge)
+    out = seen.points_m[(seen.z_m > 0.0) & (seen.z_m < seen.floor_z_m - 0.05)]
+    guesses = list(opened_starts(out, [fridge.entry, TABLE.entry], 0.0, ()))
+    assert {guess.entry.model for guess in guesses} == {"fridge_one_door"}
+    nearest = min(math.hypot(guess.x_m - 2.4, guess.y_m - 0.2) for guess in guesses)
+    assert nearest < 0.1 and {dict(guess.parameters)["hinge"] for guess in guesses} == {"left", "right"}
 
 
 def test_a_box_is_the_same_whichever_of_its_sides_is_the_front() -> None:

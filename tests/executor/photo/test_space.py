@@ -35,16 +35,23 @@ def rays_in_room() -> Array:
 
 
 def drawn(
-    wall_m: float | None = 4.0, floor: bool = True, noise: float = 0.002, top_m: float = 9.0, left_m: float = math.inf
+    wall_m: float | None = 4.0,
+    floor: bool = True,
+    noise: float = 0.002,
+    top_m: float = 9.0,
+    left_m: float = math.inf,
+    behind_m: float = math.inf,
 ) -> Depth:
-    """Returns the depth of a floor, a wall across and one along, with noise that grows with the square of the depth."""
+    """Returns the depth of a floor, walls across and one along, with noise that grows with the square of the depth."""
     rays = rays_in_room()
     with np.errstate(divide="ignore"):
         z = np.where(rays[..., 2] < -1e-6, -HEIGHT_M / rays[..., 2], np.inf) if floor else np.full(SIZE[::-1], np.inf)
         if wall_m is not None:
             across = np.where(rays[..., 0] > 1e-6, wall_m / rays[..., 0], np.inf)
             z = np.minimum(z, np.where(HEIGHT_M + rays[..., 2] * across < top_m, across, np.inf))
-        z = np.minimum(z, np.where(rays[..., 1] > 1e-6, left_m / rays[..., 1], np.inf))
+            along = np.where(rays[..., 1] > 1e-6, left_m / rays[..., 1], np.inf)
+            z = np.minimum(z, np.where(rays[..., 0] * along < wall_m, along, np.inf))
+            z = np.minimum(z, np.where(rays[..., 0] > 1e-6, behind_m / rays[..., 0], np.inf))
     z = np.where(z < 20.0, z, 0.0)
     spread = np.random.default_rng(0).normal(size=z.shape) * (0.001 + noise * z**2)
     return Depth(np.where(z > 0, z + spread, 0.0), "drawn")
@@ -76,10 +83,15 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
 
 def test_a_wall_that_is_looked_over_is_no_higher_where_another_one_crosses_its_plane() -> None:
     seen, _ = observe(PICTURE, drawn(wall_m=3.0, top_m=0.9, left_m=1.2), CAMERA)
-    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
-    low = next(wall for wall in find_walls(seen, (somewhere,)) if abs(wall.normal[0]) > 0.9)
+    low = next(wall for wall in find_walls(seen, ()) if abs(wall.normal[0]) > 0.9)
     assert low.offset_m == pytest.approx(-3.0, abs=0.02)
     assert low.top_m == pytest.approx(0.9, abs=0.05)
+
+
+def test_the_front_of_what_nobody_has_put_a_box_around_is_no_wall() -> None:
+    seen, _ = observe(PICTURE, drawn(wall_m=2.5, top_m=0.8, behind_m=3.5), CAMERA)
+    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
+    assert [round(wall.offset_m, 1) for wall in find_walls(seen, (somewhere,))] == [-3.5]
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])
@@ -109,5 +121,10 @@ def test_a_claim_is_borne_out_where_it_is_seen_and_not_where_one_sees_through_it
     partly[40:50] -= 0.5
     assert not Claim.of(seen, partly, nothing, corners).is_borne_out(60), "a quarter of it is seen through"
     assert Claim.of(seen, partly, partly - 0.1, corners).right_px == 0, "what is hidden by what is known says nothing"
+    hidden = np.where(there, seen.z_m, np.inf)
+    hidden[40:60] += 0.5
+    assert not Claim.of(seen, hidden, nothing, corners).is_borne_out(60), (
+        "half of it is hidden by nothing that is known"
+    )
     beside = corners + [0.0, 0.8, 0.0] * np.abs(corners)
     assert Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing, beside + [0.0, 3.0, 0.0]).seen_share < 0.25
