@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
-from executor.photo.fitting.fit import LEAST_POINTS, Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
+from executor.photo.fitting.fit import (
+    LEAST_POINTS,
+    Around,
+    Fit,
+    assumed_beneath,
+    cheaper,
+    fit_anything,
+    fit_thing,
+    renamed,
+)
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.rim import beneath
@@ -29,14 +38,14 @@ from executor.photo.fitting.starts import (
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
-from executor.photo.space.standing_out import box_of, standing_out
+from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from executor.photo.space.walls import Wall
 from executor.photo.supports import heights_behind, heights_under, tops_of
 from oag import Kind, kind_of
 
 _SAME_M = 0.001
 _UNLIKELY = 10.0
-"""Prior cost that what stands in a wall, in others, or with its front against something has, and hardly a right fit."""
+"""Prior cost of what stands in a wall, in others, or with its front against something, and hardly of a right fit."""
 
 _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
@@ -130,6 +139,9 @@ def reconstruct(
             told(room.fit_anything(index))
     if seen.has_depth and alone:
         room.discover(told)
+        for index in boxes:
+            if index not in room.fits:
+                told(room.fit_anything(index))
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
@@ -148,7 +160,7 @@ class _Room:
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
-        self._empty = _floor_depth(seen)
+        self._empty = seen.floor_z_m
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
             depth = wall.depth(seen.eye_m, seen.rays)
@@ -198,9 +210,12 @@ class _Room:
         self._depths.pop(index)
         around = self._around(index, ())
         points = self._points(detection, around)
-        others = [] if points is None else large_enough(points, [0.0])
-        others = [entry for entry in others if entry.category not in (detection.category, *CARRIED) and is_large(entry)]
-        return self._kept(index, renamed(around, found, detection.box_px, named_models(detection), others))
+        taken = (detection.category, *CARRIED)
+        large = [] if points is None else large_enough(points, [0.0])
+        others = [entry for entry in large if entry.category not in taken and is_large(entry)]
+        other = renamed(around, found, detection.box_px, named_models(detection), others)
+        is_named = other.guess.entry.category == detection.category
+        return self._kept(index, other if is_named or self._is_there(index, other, around) else found)
 
     def _kept(self, index: int, found: Fit | None) -> str:
         """Keeps a fit, and says what it is."""
@@ -217,12 +232,7 @@ class _Room:
         return self.seen.has_depth and (self.fits[index].explained < _DOUBTFUL or self._is_seen_through(index))
 
     def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
-        """Decides whether what is known now speaks against a fit that was found when less was known.
-
-        Args:
-            index: Which detection.
-            least_explained: Share of its pixels that it has to explain.
-        """
+        """Decides whether what is known now speaks against a fit, or it explains less of its pixels than this share."""
         if index not in self.fits or not self.seen.has_depth:
             return False
         found = self.fits.pop(index)
@@ -253,7 +263,7 @@ class _Room:
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(self._heights(detection, points))})
         entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
-        found = fit_thing(around, detection.box_px, entries, places, points) if entries else None
+        found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
         if found is not None and not self._is_there(index, found, around):
             found = None
         least = _LEAST_ALONE
@@ -270,11 +280,16 @@ class _Room:
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
         tried: list[NDArray[np.bool_]] = []
-        for _ in range(_MOST_FOUND):
-            pieces = standing_out(self.seen, self._others()[0], self.walls)
-            piece = next((one for one in pieces if not any(_alike(one, other) for other in tried)), None)
-            if piece is None:
+        parted = True
+        while len(tried) < _MOST_FOUND:
+            pieces = standing_out(self.seen, self._others()[0], self.walls, parted=parted)
+            piece = next((one for one in pieces if not any(are_alike(one, other) for other in tried)), None)
+            if piece is None and not parted:
                 break
+            if piece is None:
+                # What is no row after all, since nothing fits its parts, is looked at whole.
+                parted = False
+                continue
             tried.append(piece)
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
             told(self.fit_anything(len(self.detections) - 1))
@@ -379,12 +394,3 @@ class _Room:
         tops = tops_of(self.fits.values())
         beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
-
-
-def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
-    return bool((mask & other).sum() > (mask | other).sum() / 2)
-
-
-def _floor_depth(seen: Observation) -> Array:
-    down = -seen.rays[..., 2]
-    return np.where(down > 1e-6, seen.eye_m[2] / np.maximum(down, 1e-6), np.inf)

@@ -64,7 +64,9 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     simplex = np.vstack([np.zeros(len(active)), 2.0 * reach * np.eye(len(active))])
     options = {"initial_simplex": simplex, "maxfev": renderings, "xatol": 0.01, "fatol": 0.01}
     best = at(minimize(cost, np.zeros(len(active)), method="Nelder-Mead", options=options).x)
-    return replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
+    best = replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
+    # What is stretched while it is searched for may be too flat to be built.
+    return best if body_of(best) is not None else guess
 
 
 def _fixed(entry: ModelEntry, axis: int) -> bool:

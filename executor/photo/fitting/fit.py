@@ -19,7 +19,7 @@ from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.spread import place_spread_m
-from executor.photo.fitting.starts import outline_starts, points_of, starts
+from executor.photo.fitting.starts import opened_starts, outline_starts, points_of, starts
 from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of
 from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
@@ -31,6 +31,7 @@ _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all mo
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
+_MOSTLY = 0.75  # Of its pixels, what is shut and right explains, but for handles and edges.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
@@ -143,13 +144,13 @@ def fit_thing(
     ]
     if not begun:
         return None
-    boxes = sorted(
-        (
-            search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
-            for one in _worth_following(begun)
-        ),
-        key=lambda one: one.cost,
-    )
+    boxes = _followed(search, begun)
+    is_named = len({entry.category for entry in entries}) == 1
+    if points is not None and len(points) and is_named and not _explains(search, boxes):
+        # A door that stands wide open makes the points' rectangle another thing's.
+        out = search.patch.own_points_m
+        ajar = (one for bottom in bottoms_m for one in opened_starts(out, entries, bottom, around.near.walls))
+        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
     turned = [
         coarse.rated(guess, colours=False)
         for one in _distinct(boxes)[:_TURNED]
@@ -170,6 +171,29 @@ def fit_thing(
     if described is None or has_depth:
         return described
     return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
+
+
+def fit_anything(
+    around: Around,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottoms_m: Sequence[float],
+    points: Array | None,
+) -> Fit | None:
+    """Returns the best fit of a thing among models of any name, searched for once more among those of the name it gets.
+
+    Among many models, few turns of each are followed. Arguments are those of `fit_thing`.
+    """
+    found = fit_thing(around, box_px, entries, bottoms_m, points)
+    if found is None:
+        return None
+    category = found.guess.entry.category
+    named = [entry for entry in entries if entry.category == category]
+    again = fit_thing(around, box_px, named, [found.guess.bottom_m], points)
+    if again is None or again.cost > found.cost:
+        return found
+    others = [one for one in found.alternatives if one.guess.entry.category != category]
+    return replace(again, alternatives=tuple(_by_cost([*again.alternatives, *others])))
 
 
 def renamed(
@@ -259,10 +283,28 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     )
 
 
+def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
+    """Where searches end that begin at the starts which are worth it, by depths, the cheapest first."""
+    return _by_cost(
+        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
+        for one in _worth_following(begun)
+    )
+
+
+def _by_cost(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    return sorted(guesses, key=lambda one: one.cost)
+
+
+def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
+    """Whether the first of some guesses explains most of what stands out, and may be right."""
+    body = body_of(boxes[0].guess) if boxes else None
+    return body is not None and search.patch.explained(boxes[0].guess, body) > _MOSTLY
+
+
 def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
     """The cheapest start of each model, turn and height, those that are far worse left out."""
     found = _cheapest_turns(begun)
-    return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
+    return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED] if found else []
 
 
 def _distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:

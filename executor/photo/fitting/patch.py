@@ -125,6 +125,11 @@ class Patch:
             has_depth,
         )
 
+    @property
+    def own_points_m(self) -> Array:
+        """(M, 3) all that stands out in the box."""
+        return np.asarray(self.seen.eye_m + self.rays[self.mine] * self.z_m[self.mine, None])
+
     def cost(self, guess: Guess, body: Body) -> float:
         """Returns how badly a guess explains the depths, as a negative logarithm of likelihood."""
         if not self.has_depth:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -13,6 +14,7 @@ from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size, is_round
+from executor.photo.fitting.options import shapes
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
@@ -23,6 +25,8 @@ CARRIED = ("microwave",)
 """Furniture that stands on furniture."""
 
 _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
+_ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
+_APART_M, _AJAR = 0.1, (0.3, 0.6, 0.9)  # Places and openings at which what stands open is looked for.
 _SAME_RAD = math.radians(6.0)
 _LEAST_PX = 12
 _GAP_M = 0.05
@@ -101,17 +105,56 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
     if not len(points):
         return
     flat = points[:, :2]
-    own = _outline_yaw(flat)
-    yaws = [own, *(wall.yaw_rad for wall in walls)]
-    distinct: list[float] = []
-    for yaw in yaws:
-        if all(abs(math.remainder(yaw - other, math.pi / 2)) > _SAME_RAD for other in distinct):
-            distinct.append(yaw)
+    own, *_ = distinct = _likely_yaws(flat, walls)
     top = float(np.percentile(points[:, 2], 98.0))
     for entry in entries:
-        for base in distinct[:1] if is_round(entry) else distinct:
+        bases = distinct[:1] if is_round(entry) else distinct
+        if entry.length.of_width and not is_round(entry):
+            # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
+            bases = [own + share * math.pi / 2 for share in _ASKEW]
+        for base in bases:
             for quarter in range(1 if is_round(entry) else 4):
                 yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
+
+
+def opened_starts(
+    points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls: Sequence[Wall]
+) -> Iterator[Guess]:
+    """Yields guesses of what stands open: bodies of usual size over some points (N, 3), doors and drawers out.
+
+    Args:
+        points: In the level frame.
+        entries: The models; only those with doors or drawers are taken.
+        bottom_m: Height of what the thing stands on.
+        walls: Whose directions furniture often has.
+    """
+    if len(points) < _LEAST_PX:
+        return
+    flat = points[:, :2]
+    for entry in entries:
+        size = usual_size_m(entry)
+        if kind_of(entry.category, size[1]) is not Kind.ARTICULATED:
+            continue
+        for base, quarter in itertools.product(_likely_yaws(flat, walls), range(4)):
+            yaw = base + quarter * math.pi / 2
+            c, s = math.cos(yaw), math.sin(yaw)
+            local = flat @ np.array([[c, -s], [s, c]])
+            first = np.percentile(local, 2.0, axis=0) + np.divide(size[:2], 2)
+            last = np.maximum(first, np.percentile(local, 98.0, axis=0) - np.divide(size[:2], 2))
+            places = (np.arange(first[axis], last[axis] + _APART_M, _APART_M) for axis in range(2))
+            for x, y, fraction in itertools.product(*places, _AJAR):
+                at = float(c * x - s * y), float(s * x + c * y)
+                for one in shapes(Guess(entry, *at, yaw, bottom_m, size)):
+                    yield one.with_parameters(open_fraction=fraction)
+
+
+def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
+    """That of the smallest rectangle around points (N, 2), and those of the walls that differ from it."""
+    distinct: list[float] = []
+    for yaw in (_outline_yaw(flat), *(wall.yaw_rad for wall in walls)):
+        if all(abs(math.remainder(yaw - other, math.pi / 2)) > _SAME_RAD for other in distinct):
+            distinct.append(yaw)
+    return distinct
 
 
 def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:

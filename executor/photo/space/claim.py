@@ -26,6 +26,7 @@ _SEEN_THROUGH = 0.5  # Of what a box has a name for, which may be open, or fitte
 _LEAST_SEEN = 0.25
 """Share of a thing that is seen: of less, at the picture's border or behind something, any plane could be one."""
 
+_LEAST_FREE = 2.0  # So many of its pixels are seen for one that something unknown hides.
 _LEAST_COMMON = 0.5  # Of two boxes, as for matching detections with things (COCO's AP50).
 
 
@@ -36,12 +37,14 @@ class Claim:
     Attributes:
         right_px: Seen where the guess says.
         through_px: Seen farther off, so that the guess cannot be there.
+        before_px: Hidden by something nearer that nobody knows.
         box_px: Around the pixels that are right; None where none is.
         seen_share: Of all that it would show with nothing before it and no border.
     """
 
     right_px: int
     through_px: int
+    before_px: int
     box_px: Box | None
     seen_share: float
 
@@ -61,7 +64,8 @@ class Claim:
         right = shown & (np.abs(off_m) < slack_m)
         through = shown & (off_m >= slack_m)
         share = int(right.sum()) / max(1, int(np.isfinite(depth_m).sum())) * _share_in_picture(seen, corners_m)
-        return cls(int(right.sum()), int(through.sum()), box_of(right) if right.any() else None, share)
+        before = int(shown.sum()) - int(right.sum()) - int(through.sum())
+        return cls(int(right.sum()), int(through.sum()), before, box_of(right) if right.any() else None, share)
 
     @property
     def through_share(self) -> float:
@@ -74,8 +78,8 @@ class Claim:
         return self.through_share > _MOST_THROUGH
 
     def is_borne_out(self, least_px: int) -> bool:
-        """Decides whether enough is seen of it, and hardly anything through it."""
-        enough = self.right_px >= least_px and self.seen_share >= _LEAST_SEEN
+        """Decides whether enough is seen of it, more than what nobody knows hides, and hardly anything through it."""
+        enough = self.right_px >= max(least_px, self.before_px * _LEAST_FREE) and self.seen_share >= _LEAST_SEEN
         return enough and not self.seen_through
 
     def is_refuted(self, box_px: Box) -> bool:

@@ -80,6 +80,12 @@ class Observation:
         """(H, W) standard deviation of each depth."""
         return self.noise.sigma_m(self.z_m)
 
+    @property
+    def floor_z_m(self) -> Array:
+        """(H, W) depth that the floor has, infinite above the horizon."""
+        down = -self.rays[..., 2]
+        return np.where(down > 1e-6, self.eye_m[2] / np.maximum(down, 1e-6), np.inf)
+
     def pixels(self, points_m: Array) -> Array:
         """Returns (N, 2) the pixels of points (N, 3) of the level frame; nan behind the camera."""
         seen = (np.atleast_2d(points_m) - self.eye_m) @ self.R_camera_level.T

@@ -31,13 +31,16 @@ _STEP_M = 0.035  # Between heights or fronts of neighbours.
 _LEAST_POINTS = 12
 
 
-def standing_out(seen: Observation, other_m: Array, walls: Sequence[Wall] = ()) -> list[NDArray[np.bool_]]:
+def standing_out(
+    seen: Observation, other_m: Array, walls: Sequence[Wall] = (), *, parted: bool = True
+) -> list[NDArray[np.bool_]]:
     """Returns masks (H, W) of the pieces that stand out, the largest first.
 
     Args:
         seen: The picture, with depth.
         other_m: (H, W) depth of everything that is known.
         walls: The walls, which may go on beyond where they were seen for sure.
+        parted: Whether rows of furniture are taken apart; a bed with its head is of several heights and fronts too.
     """
     gap_m = np.clip(other_m - seen.z_m, -_MOST_GAP_M, _MOST_GAP_M)
     weight = uniform_filter(seen.measured.astype(float), _MEAN_PX)
@@ -58,7 +61,7 @@ def standing_out(seen: Observation, other_m: Array, walls: Sequence[Wall] = ()) 
         piece = pieces == number
         core = int(binary_erosion(piece, iterations=_CORE_PX).sum())
         if core > _CORE_SHARE * sizes[number]:
-            found.extend(_parted(piece, seen))
+            found.extend(_parted(piece, seen) if parted else [piece])
     return sorted(found, key=lambda one: -int(one.sum()))
 
 
@@ -66,6 +69,11 @@ def box_of(mask: NDArray[np.bool_]) -> Box:
     """Returns the box around a mask."""
     rows, columns = np.nonzero(mask)
     return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
+
+
+def are_alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
+    """Decides whether two masks (H, W) have more than half of their pixels in common."""
+    return bool((mask & other).sum() > (mask | other).sum() / 2)
 
 
 def _parted(piece: NDArray[np.bool_], seen: Observation) -> Iterator[NDArray[np.bool_]]:

@@ -14,7 +14,7 @@ from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 
 _MOST = 4
-_SHARE = 0.06  # Of what is neither floor nor in boxes.
+_SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the least, of what the room ends at.
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _ABOVE_FLOOR_M = 0.10
@@ -93,7 +93,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         x0, y0, x1, y1 = (round(value) for value in thing.box_px)
         free[y0:y1, x0:x1] = False
     left, sigma_left = points[free], sigma[free]
-    least = max(_LEAST_POINTS, _SHARE * len(left))
+    least, enough = max(_LEAST_POINTS, _LEAST_SHARE * len(left)), _SHARE * len(left)
     found: list[Wall] = []
     for _ in range(2 * _MOST):
         if len(left) < least or len(found) == _MOST:
@@ -106,7 +106,8 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         if int(near.sum()) < least:
             break
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
-        ends_room = bool(things) or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
+        is_large = bool(things) and int(near.sum()) >= enough
+        ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if ends_room and _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
             found.append(wall)
         left, sigma_left = left[~near], sigma_left[~near]
