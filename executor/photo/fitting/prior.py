@@ -71,9 +71,11 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     ahead = np.array([math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)])
     if entry.category in _FRONTED and float(ahead @ (guess.x_m, guess.y_m)) < 0.0:
         cost += _TURNED_AWAY
+    opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
-        cost += _BLOCKED
-    cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
+        # What stands open has room to.
+        cost += math.inf if opened else _BLOCKED
+    cost += _OPEN if opened else 0.0
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
     if around.headings_rad and not is_round(entry):

@@ -168,6 +168,14 @@ def test_what_stands_open_is_looked_for_as_large_as_it_is_without_its_door() -> 
     assert nearest < 0.1 and {dict(guess.parameters)["hinge"] for guess in guesses} == {"left", "right"}
 
 
+def test_nothing_stands_open_into_a_wall() -> None:
+    wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
+    fridge = Guess(LIBRARY["fridge_one_door"], 2.6, 0.2, math.pi, 0.0, (0.7, 0.6, 1.3))
+    opened = fridge.with_parameters(open_fraction=0.5)
+    assert 25.0 <= prior_cost(fridge, Neighbourhood((wall,))) < math.inf == prior_cost(opened, Neighbourhood((wall,)))
+    assert prior_cost(replace(opened, yaw_rad=0.0), Neighbourhood((wall,))) < 25.0
+
+
 def test_a_box_is_the_same_whichever_of_its_sides_is_the_front() -> None:
     cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
     turned = replace(cabinet, yaw_rad=-math.pi / 2, size_m=(0.9, 0.61, 0.8))
