@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from executor.cli.commands.policies.evaluate import kind_of
+from executor.cli.errors import BadOption
 from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
+from executor.datasets.units import Origin
+from executor.datasets.variation import Variation
+from executor.policies.windows import EpisodeKind
 
 pytestmark = pytest.mark.physics
 
@@ -76,3 +82,12 @@ def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "cloud, ensemble, paper, state" in str(last_json(capsys)["error"])
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
     assert "holds no policy" in str(last_json(capsys)["error"])
+
+
+def test_demonstrations_of_several_kinds_want_a_family() -> None:
+    kinds = tuple(EpisodeKind(Origin(family="T1"), Variation(surfaces=surfaces)) for surfaces in (False, True))
+    with pytest.raises(BadOption, match="the demonstrations are of T1, varied in several ways"):
+        kind_of(None, [SimpleNamespace(kinds=kinds)])  # type: ignore[list-item]
+    other = EpisodeKind(Origin(family="T2"))
+    with pytest.raises(BadOption, match="several things: T1, T2"):
+        kind_of(None, [SimpleNamespace(kinds=(kinds[0], other))])  # type: ignore[list-item]

@@ -153,8 +153,9 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
     if task is not None:
         kinds = [EpisodeKind(Origin(family=task))]
     if len(kinds) > 1:
-        names = ", ".join(kind.origin.label for kind in kinds)
-        raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
+        names = list(dict.fromkeys(kind.origin.label for kind in kinds))
+        told = f"several things: {', '.join(names)}" if len(names) > 1 else f"{names[0]}, varied in several ways"
+        raise BadOption("--task", "is missing", f"a family, since the demonstrations are of {told}")
     origin = kinds[0].origin
     if origin.scene_key:
         key = content_key(json_text(scene_for(origin.query, origin.scene).to_json()))
