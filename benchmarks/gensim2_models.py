@@ -47,11 +47,15 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/gensim2_models"))
     options = parser.parse_args()
     options.kinds = options.kinds or [*KINDS]
+    if unknown := [kind for kind in options.kinds if kind not in KINDS]:
+        parser.error(f"KIND {unknown[0]!r}: expected of {', '.join(KINDS)}")
+    models = options.checkout / "assets" / "articulated_objs"
+    if not models.is_dir():
+        parser.error(f"CHECKOUT {options.checkout}: expected a checkout of GenSim2, which has {models}")
     os.environ["SCENE2DEMO_ASSETS"] = str(options.out.absolute() / "assets")
     rows: list[dict[str, Any]] = []
     for kind in options.kinds:
-        folder = options.checkout / "assets" / "articulated_objs" / KINDS[kind][0]
-        for source in sorted(path for path in folder.iterdir() if path.is_dir()):
+        for source in sorted(path for path in (models / KINDS[kind][0]).iterdir() if path.is_dir()):
             rows.append({"kind": kind, "model": source.name, **_measured(kind, source, options)})
             print(_line(rows[-1]), flush=True)
     for kind in options.kinds:
@@ -74,7 +78,7 @@ def _measured(kind: str, source: Path, options: argparse.Namespace) -> dict[str,
     asset = imported.stored.asset
     if not asset.handles:
         return {"refused": "; ".join(imported.stored.notes) or "it has no handle"}
-    counts = {}
+    counts: dict[str, tuple[int, int, dict[str, int]]] = {}
     for verb, fraction in (("open", 0.0), ("close", _HALF_OPEN)):
         folder = options.out / name / verb
         folder.mkdir(parents=True, exist_ok=True)
@@ -83,9 +87,11 @@ def _measured(kind: str, source: Path, options: argparse.Namespace) -> dict[str,
         words += ["--seed", options.seed, "--workers", 1, "--out", folder / "store", "--json"]
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            code = run([str(word) for word in words])
-        told = json.loads(printed.getvalue() or "{}")
-        counts[verb] = (told.get("endings", {}).get("succeeded", 0), options.episodes, told.get("failures", {}), code)
+            run([str(word) for word in words])
+        told = json.loads(printed.getvalue())
+        if "error" in told:
+            return {"refused": told["error"]["message"]}
+        counts[verb] = told["endings"].get("succeeded", 0), options.episodes, told["failures"]
     return {"counts": counts}
 
 
@@ -127,7 +133,7 @@ def _line(row: dict[str, Any]) -> str:
     if "refused" in row:
         return head + f"not taken: {row['refused']}"
     said = []
-    for verb, (done, tried, failures, _) in row["counts"].items():
+    for verb, (done, tried, failures) in row["counts"].items():
         kinds = ", ".join(f"{count} {kind}" for kind, count in failures.items())
         said.append(f"{verb} {done} of {tried}" + (f" ({kinds})" if kinds else ""))
     return head + ", ".join(said)

@@ -30,7 +30,7 @@ _FREE = 1e-4  # Weight of the elbow beside the hand, m and rad squared: a wish o
 _FINE = 1e-6
 _ITERATIONS = 3  # After one the hand is within 0.01 mm, where nothing holds it up.
 _NEAR, _REACHED = 1e-3, 1e-5  # From so near the Jacobian tells the rest to a thousandth; so near is there.
-_JOINTS, _STILL = np.eye(7), np.zeros(7)
+_JOINTS, _STILL = np.eye(7), np.zeros(7)  # Of an arm: weights of all alike, and a wish to stay.
 _APART_RAD = 1e-12  # A joint that must not move has no room between its bounds.
 
 
