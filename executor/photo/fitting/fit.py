@@ -119,51 +119,16 @@ def fit_thing(
     has_depth = around.seen.has_depth
     if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M] if has_depth else []
     if points is not None and len(points) < LEAST_POINTS:
         # Of what is flat and far hardly a point stands out: its box tells more.
-        points, entries = points[:0], flat
+        points, entries = points[:0], _flat(entries)
     if not entries:
         return None
-    coarse, search, fine = _likelihoods(around, box_px)
+    likelihoods = coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
         return None
-    begun = [
-        coarse.rated(guess, colours=False)
-        for bottom in bottoms_m
-        for guess in (
-            outline_starts(around.seen, box_px, entries, bottom, around.near.headings_rad)
-            if points is None
-            else starts(points, entries, bottom, around.near.walls)
-        )
-    ]
-    begun += [
-        coarse.rated(guess, colours=False)
-        for bottom in (bottoms_m if flat else ())
-        for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
-    ]
-    if not begun:
-        return None
-    boxes = _followed(search, begun)
-    is_named = len({entry.category for entry in entries}) == 1
-    if points is not None and len(points) and is_named and not _explains(search, boxes):
-        # A door that stands wide open makes the points' rectangle another thing's.
-        out = search.patch.own_points_m
-        ajar = (one for bottom in bottoms_m for one in opened_starts(out, entries, bottom, around.near.walls))
-        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
-    turned = [
-        coarse.rated(guess, colours=False)
-        for one in _distinct(boxes)[:_TURNED]
-        for guess in all_turns(one.guess, entries)
-    ]
-    likely = [*boxes, *sorted(turned, key=lambda one: one.cost)[:_LIKELY]]
-    found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
-    opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
-    finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
-    ranked = _best_of_models(finished)
-    ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
-    rivals = [one.guess.entry for one in ranked[1 : 1 + _RIVALS] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
-    ranked = _by_look(fine, [*ranked, *(_with_sides_of(ranked[0].guess, rivals, search, fine) if rivals else ())])
+    boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods)
+    ranked = _ranked(boxes, entries, likelihoods)
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
@@ -281,6 +246,62 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
         len(fine.z_m),
         seen_colour(fine, best.guess),
     )
+
+
+def _flat(entries: Sequence[ModelEntry]) -> list[ModelEntry]:
+    return [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
+
+
+def _boxes(
+    around: Around,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottoms_m: Sequence[float],
+    points: Array | None,
+    likelihoods: tuple[Likelihood, Likelihood, Likelihood],
+) -> list[RatedGuess]:
+    """Where searches by depths alone end, the cheapest first; what they learn of sides counts for all models."""
+    coarse, search, _ = likelihoods
+    near = around.near
+
+    def outlined(models: Sequence[ModelEntry], bottom_m: float) -> Iterable[Guess]:
+        return outline_starts(around.seen, box_px, models, bottom_m, near.headings_rad)
+
+    begun: list[Guess] = []
+    for bottom in bottoms_m:
+        begun += outlined(entries, bottom) if points is None else starts(points, entries, bottom, near.walls)
+    if points is not None and (flat := _flat(entries)):
+        begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
+    boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
+    is_named = len({entry.category for entry in entries}) == 1
+    if boxes and points is not None and len(points) and is_named and not _explains(search, boxes):
+        # A door that stands wide open makes the points' rectangle another thing's.
+        out = search.patch.own_points_m
+        ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
+        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
+    return boxes
+
+
+def _ranked(
+    boxes: list[RatedGuess],
+    entries: Sequence[ModelEntry],
+    likelihoods: tuple[Likelihood, Likelihood, Likelihood],
+) -> list[RatedGuess]:
+    """The best of every model and turn of some boxes, with their options and colours, the best first."""
+    coarse, search, fine = likelihoods
+    turned = [
+        coarse.rated(guess, colours=False)
+        for one in _distinct(boxes)[:_TURNED]
+        for guess in all_turns(one.guess, entries)
+    ]
+    likely = [*boxes, *_by_cost(turned)[:_LIKELY]]
+    found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
+    opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
+    finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
+    ranked = _best_of_models(finished)
+    ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    rivals = [one.guess.entry for one in ranked[1 : 1 + _RIVALS] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
+    return _by_look(fine, [*ranked, *(_with_sides_of(ranked[0].guess, rivals, search, fine) if rivals else ())])
 
 
 def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
