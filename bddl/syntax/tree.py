@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -185,7 +186,7 @@ class Imply(FormulaNode):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Quantified(FormulaNode):
+class Quantified(FormulaNode, ABC):
     """A formula about some number of the objects of one or two categories; the common face of all quantifiers.
 
     Attributes:
@@ -206,9 +207,9 @@ class Quantified(FormulaNode):
             raise ValueError(f"`{word}` takes a whole number from 0 up, not {number!r}.")
 
     @property
+    @abstractmethod
     def binders(self) -> tuple[Binder, ...]:
         """The variables that it binds, outermost first."""
-        raise NotImplementedError
 
     @property
     def number(self) -> int | None:

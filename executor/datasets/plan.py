@@ -28,7 +28,7 @@ from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, 
 from executor.datasets.variation import Variation
 from executor.machine.extras import require
 from executor.machine.files import content_key, json_text
-from executor.scenes.drawn import of_seed
+from executor.scenes.drawn import is_of_seeds
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag.model.errors import InputError
@@ -148,7 +148,7 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         return
     file = beside / wanted.scene
     name = str(file) if wanted.scene.endswith(".json") else wanted.scene
-    if of_seed(name, wanted.seed) != name:
+    if is_of_seeds(name):
         # What seeds draw follows from them and from the program.
         yield Origin(query=wanted.query, scene=name)
         return

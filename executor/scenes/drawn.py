@@ -55,9 +55,14 @@ def kitchens() -> tuple[Listed, ...]:
     )
 
 
+def is_of_seeds(name: str) -> bool:
+    """Decides whether a name ("t1" to "t4") stands for another kitchen with every seed."""
+    return _KITCHENS.fullmatch(name) is not None
+
+
 def of_seed(name: str, seed: int) -> str:
     """Returns the scene that an episode is in: of "t1" to "t4" the kitchen of its seed, else that of the name."""
-    return f"{name}-{seed}" if _KITCHENS.fullmatch(name) else name
+    return f"{name}-{seed}" if is_of_seeds(name) else name
 
 
 def named(name: str) -> Scene | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
@@ -19,14 +20,14 @@ _Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True, slots=True)
-class Edit:
+class Edit(ABC):
     """One change to a task; `op` names it in JSON."""
 
     op = ""
 
+    @abstractmethod
     def apply(self, task: Task) -> Task:
         """Returns the changed task; raises FixError when the task has no such place."""
-        raise NotImplementedError
 
     def to_json(self) -> dict[str, object]:
         """Returns the edit as JSON values, without what it leaves as it is; indices count from 0."""

@@ -86,6 +86,7 @@ def test_a_link_in_a_runs_folder_counts_as_a_result(out: Path, outside: Path, na
 def test_the_trial_leads_nowhere(out: Path, outside: Path) -> None:
     (out / ".scene2demo-trial").symlink_to(outside.parent / "new")
     RunFolder.prepare(out)
+    assert not (outside.parent / "new").exists()
 
 
 def test_a_pictures_folder_elsewhere_loses_nothing(out: Path, tmp_path: Path) -> None:
