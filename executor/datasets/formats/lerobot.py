@@ -111,7 +111,8 @@ class _Writer:
         if told["dtype"] == "image":
             return pa.struct([("bytes", pa.binary()), ("path", pa.string())])
         one = {"float32": pa.float32, "int64": pa.int64, "bool": pa.bool_}[told["dtype"]]()
-        if told["names"] is None:
+        # Readers take what has one number a row for a number, and refuse a list of one.
+        if told["shape"] == [1]:
             return one
         return pa.list_(one, told["shape"][0]) if len(told["shape"]) == 1 else pa.list_(pa.list_(one))
 
@@ -199,8 +200,8 @@ class _Writer:
         if not isinstance(values, np.ndarray):
             paths = pa.nulls(len(values), pa.string())
             return pa.StructArray.from_arrays([pa.array(values, pa.binary()), paths], fields=list(kind))
-        if values.ndim == 1:
-            return pa.array(values)
+        if kind in (pa.float32(), pa.int64(), pa.bool_()):
+            return pa.array(values.reshape(-1))
         numbers = pa.array(np.ascontiguousarray(values).ravel())
         if values.ndim == 2:
             return pa.FixedSizeListArray.from_arrays(numbers, values.shape[1])

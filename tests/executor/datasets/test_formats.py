@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from executor.datasets.footage import DEPTH, SEGMENTATION, pictures
 from executor.datasets.formats.clouds import CloudReader
-from executor.datasets.formats.export import FORMATS, ExportExists, write_set
+from executor.datasets.formats.export import FORMATS, ExportExists, Format, open_set, write_set
 from executor.datasets.formats.fold import NothingToExport, is_for_validation, stream_of
 from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
 from executor.datasets.formats.statistics import QUANTILES, Tones
@@ -201,6 +202,19 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
     assert set(table.column_names) | {PICTURE} == set(info["features"])
     assert len(set(info["features"]["observation.environment_state"]["names"])) == ENVIRONMENT
     assert info["features"]["observation.depth.head"]["info"] == {"is_depth_map": True, "depth_unit": "mm"}
+
+
+@pytest.mark.parametrize("kind", ["lerobot", "lerobot-v2.1"])
+def test_a_room_of_one_joint_has_a_number_a_row(stream: EpisodeStream, tmp_path: Path, kind: Format) -> None:
+    name = "observation.joint_positions"
+    only = [replace(one, columns={**one.columns, name: one.columns[name][:, :1]}) for one in stream.episodes()]
+    write_set(EpisodeStream(replace(stream.found, joints=1), lambda: iter(only), stream.page), kind, tmp_path / "set")
+    schema = parquet.read_schema(sorted((tmp_path / "set/data").rglob("*.parquet"))[0])
+    # LeRobot reads what has the shape (1,) as a number, and refuses lists.
+    assert str(schema.field(name).type) == "float"
+    again = list(open_set(tmp_path / "set", ()).episodes())
+    for one, read in zip(only, again, strict=True):
+        assert np.array_equal(one.columns[name], read.columns[name])
 
 
 def test_the_parts_that_are_told_are_those_of_the_columns(exported: Path) -> None:
