@@ -31,6 +31,8 @@ Size = tuple[float, float, float]
 _DIGITS = 3  # Triangles are made anew for every millimetre.
 _KEPT = 500
 _AROUND_PX = 12  # Of a box's corners: feet and rims reach a little out of it.
+_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+_UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _NORMAL_STEPS = 1.4  # Faces that look the same way are lit alike; round things so have a few shades.
 
 
@@ -72,20 +74,19 @@ class Guess:
         """Returns it with some options changed."""
         return replace(self, parameters=tuple(sorted({**dict(self.parameters), **values}.items())))
 
-    def local(self, eye_m: Array, rays: Array) -> tuple[Array, Array]:
-        """Returns an eye (3,) and rays (N, 3) in its own frame, whose origin is the middle of its box."""
+    def local(self, eye_m: Array) -> tuple[Array, Array]:
+        """Returns an eye (3,) in its own frame, whose origin is the middle of its box, and (3, 3) that turns rows there."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = np.array([self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2])
-        return (eye_m - middle) @ turn, rays @ turn
+        return (eye_m - middle) @ turn, turn
 
     def corners_m(self) -> Array:
         """Returns the (8, 3) corners of its box in the level frame."""
-        signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
-        return np.asarray(signs * self.size_m @ turn.T + middle)
+        return np.asarray(_CORNERS * self.size_m @ turn.T + middle)
 
 
 class Body:
@@ -143,10 +144,11 @@ class Body:
         return depth, np.where(hit[:, None], self.colors[np.where(hit, found["primID"], 0)], 0.0)
 
     def _stretched(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
-        eye, directions = guess.local(eye_m, rays)
+        eye, turn = guess.local(eye_m)
         factor = self.size_m / np.asarray(guess.size_m)
-        origins = np.broadcast_to((eye * factor).astype(np.float32), directions.shape)
-        return np.ascontiguousarray(origins), np.ascontiguousarray(directions * factor, dtype=np.float32)
+        origins = np.empty(rays.shape, dtype=np.float32)
+        origins[:] = eye * factor
+        return origins, (rays @ (turn * factor)).astype(np.float32)
 
 
 def _box_triangles() -> Array:
@@ -168,6 +170,8 @@ def _triangles(shape: Shape) -> Array:
     """(N, 3, 3) in the link's frame. Most shapes are boxes, which hundreds of guesses are built of."""
     if shape.kind != "box":
         return np.asarray(surface_of(shape).triangles)
+    if tuple(shape.orientation) == _UPRIGHT:
+        return np.asarray(_BOX * shape.size_m + np.asarray(shape.position_m))
     T = transform_from_quaternion(shape.position_m, shape.orientation)
     return (_BOX * shape.size_m) @ T[:3, :3].T + T[:3, 3]
 

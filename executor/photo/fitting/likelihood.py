@@ -42,10 +42,14 @@ class Likelihood:
         prior = prior_cost(guess, self.near)
         if body is None or not math.isfinite(prior):
             return math.inf
-        cost = self.patch.cost(guess, body) + self.patch.box_cost(guess) + prior
-        if not self.patch.has_depth:
+        patch = self.patch
+        cost = patch.box_cost(guess) + prior
+        if not patch.has_depth:
             cost += usual_size_cost(guess)
-        return cost + self.patch.colour_cost(guess, body) if colours else cost
+        if not colours:
+            return cost + patch.cost(guess, body)
+        depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
+        return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)
 
     def rated(self, guess: Guess, *, colours: bool = True) -> RatedGuess:
         """Returns a guess with its cost."""

@@ -134,18 +134,17 @@ class Patch:
         """Returns how badly a guess explains the depths, as a negative logarithm of likelihood."""
         if not self.has_depth:
             return 0.0
-        return self.weight * float(np.mean(self._costs(body.depth(guess, self.seen.eye_m, self.rays))))
+        return self.depth_cost(body.depth(guess, self.seen.eye_m, self.rays))
 
-    def _costs(self, depth: Array) -> Array:
-        shown = np.minimum(depth, self.other_m)
-        off = (self.z_m - shown) / self.sigma_m
-        with np.errstate(invalid="ignore"):
-            square = np.where(np.isfinite(off), 0.5 * off * off, np.inf)
-        own = depth < self.other_m
-        inside = np.where(off > 0, np.minimum(square, _THROUGH), np.minimum(square, _HIDDEN))
-        claimed = np.where(off > -3.0, self.claim, 0.0) * own
-        outside = np.where(own & (off > 0), np.minimum(square, _THROUGH), 0.0) + claimed
-        return np.where(self.inside, inside, outside)
+    def depth_cost(self, depth: Array) -> float:
+        """Returns how badly a guess explains the depths that has these (N,) itself, 0 where none were measured."""
+        if not self.has_depth:
+            return 0.0
+        off = (self.z_m - np.minimum(depth, self.other_m)) / self.sigma_m
+        beyond = off > 0.0
+        square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
+        outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
+        return self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
 
     def explained(self, guess: Guess, body: Body) -> float:
         """Returns the share of the pixels that stand out in the box which the guess explains within three sigma.
@@ -168,46 +167,61 @@ class Patch:
         own = self.inside & (depth < self.other_m) & (np.abs(self.z_m - depth) < 0.1)
         return float(np.median(np.abs(self.z_m - depth)[own])) if own.any() else math.inf
 
-    def colour_cost(self, guess: Guess, body: Body) -> float:
-        """Returns how badly it explains the colours of the box.
+    def colour_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
+        """Returns how badly a guess explains the colours of the box.
 
         Faces of one part that look one way should be of one colour, and so should be what is seen beside the guess of
         one wall or one other thing.
+
+        Args:
+            depth: (N,) of the guess.
+            group: (N,) which of its faces each pixel shows, see `Body.looks`.
         """
         inside = self.inside
         if int(inside.sum()) < 20:
             return 0.0
-        depth, group = body.looks(guess, self.seen.eye_m, self.rays[inside])
+        depth, group = depth[inside], group[inside]
         z, slack, behind = self.z_m[inside], 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
         own = depth < behind
         as_guessed = np.abs(z - depth) < slack if self.has_depth else own
         as_known = np.abs(z - behind) < slack if self.has_depth else np.isfinite(behind)
         kind = np.where(own & as_guessed, group, _UNEXPLAINED)
         kind = np.where(~own & as_known, _BEYOND - self.other[inside], kind)
-        rgb = self.rgb[inside]
-        costs = np.full(len(rgb), _COLOUR_MOST)
-        count = 0
-        for one in np.unique(kind[kind != _UNEXPLAINED]):
-            of = kind == one
-            off = (rgb[of] - np.median(rgb[of], axis=0)) / _COLOUR_SIGMA
-            costs[of] = np.minimum(0.5 * (off * off).sum(axis=1), _COLOUR_MOST)
-            count += 1
+        # Short numbers are sorted in a time that grows with how many there are.
+        order = np.argsort(kind.astype(np.int16), kind="stable")
+        order = order[kind[order] != _UNEXPLAINED]
+        rgb = np.ascontiguousarray(self.rgb[inside][order].T)
+        ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order)) if len(order) else np.zeros(0, int)
+        begins = np.concatenate([[0], ends[:-1]]) if len(order) else ends
+        of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
+        costs = _COLOUR_MOST * float(len(kind) - len(order))
+        if of_one:
+            off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
+            costs += float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum())
         # Each colour that may be chosen makes any picture easier to explain.
-        freedom = 1.5 * count * math.log(len(rgb)) / 10.0
-        return self.weight * float(costs.sum()) / len(self.z_m) + freedom
+        freedom = 1.5 * len(of_one) * math.log(len(kind)) / 10.0
+        return self.weight * costs / len(self.z_m) + freedom
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
         pixels = self.seen.pixels(guess.corners_m())
-        if not np.isfinite(pixels).all():
-            return 4 * _BOX_MOST
         width, height = self.seen.size_px
-        low = np.clip(pixels.min(axis=0), 0.0, [width, height])
-        high = np.clip(pixels.max(axis=0), 0.0, [width, height])
+        low, high = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+        if not all(map(math.isfinite, (*low, *high))):
+            return 4 * _BOX_MOST
         x0, y0, x1, y1 = self.box_px
-        sides = np.array([x1 - x0, y1 - y0])
-        over = np.concatenate([np.array([x0, y0]) - low, high - np.array([x1, y1])])
-        scaled = over / (np.tile(sides, 2) * _CLAIM_SIGMA + 1.0)
-        short = 0.5 * np.minimum(scaled, 0.0) ** 2
-        long = 0.25 * np.maximum(scaled, 0.0) ** 2
-        return float(np.minimum(short, _BOX_MOST).sum() + np.minimum(long, 0.25 * _BOX_MOST).sum())
+        cost = 0.0
+        for first, last, begin, end, most in ((x0, x1, low[0], high[0], width), (y0, y1, low[1], high[1], height)):
+            sigma = (last - first) * _CLAIM_SIGMA + 1.0
+            for over in (first - min(max(begin, 0.0), most), min(max(end, 0.0), most) - last):
+                square = (over / sigma) ** 2
+                cost += min(0.25 * square, 0.25 * _BOX_MOST) if over > 0.0 else min(0.5 * square, _BOX_MOST)
+        return cost
+
+
+def _middle(rows: Array) -> Array:
+    """(M,) the median of each of some rows (M, N), sooner than numpy finds it in what is small."""
+    half = rows.shape[1] // 2
+    if rows.shape[1] % 2:
+        return np.asarray(np.partition(rows, half, axis=1)[:, half])
+    return np.asarray(np.partition(rows, (half - 1, half), axis=1)[:, half - 1 : half + 1].mean(axis=1))
