@@ -17,6 +17,9 @@ from executor.photo.refusal import PhotoRefused
 from executor.photo.space.observation import TYPICAL, Noise, Observation
 
 _SAMPLES = 8000
+_LEAST_SLOPE = 0.02  # Of rays that meet the floor: lower ones tell nothing.
+_TOLERANCES_M, _SIGMAS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0, 0.0, 0.0, 0.0), 1.5
+"""How near the floor its points are taken to be, ever nearer, beside noise: feet of walls and legs are above it."""
 _TRIALS = 600
 _FARTHEST_M = 7.0  # Beyond that, noise makes every plane as good.
 _STEEPEST_RAD = math.radians(65.0)  # Between the floor's normal and the picture's upward direction.
@@ -87,10 +90,10 @@ def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0
     rng = np.random.default_rng(seed)
     candidates = _candidates(rays, depth.z_m, near, rng)
     points = _sample(rays, depth.z_m, near, rng)
-    if not len(candidates) or len(points) < 500:
+    normals, heights = _refined(candidates, points) if len(points) >= 500 else ([], [])
+    if not normals:
         problem = "no floor is seen in it: nothing level is below the camera"
         raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
-    normals, heights = _refined(candidates, points)
     scores = [_score(points, normal, height) for normal, height in zip(normals, heights, strict=True)]
     best = int(np.argmax(scores))
     floor = _described(points, normals[best], heights[best])
@@ -164,24 +167,28 @@ def _refined(candidates: list[tuple[Array, float]], points: Array) -> tuple[list
         if len(kept) == _REFINED:
             break
     for normal, height in kept:
-        for tolerance_m in (0.08, 0.04, 0.02, 0.015):
+        for tolerance_m in _TOLERANCES_M:
             normal, height = _fitted(points, normal, height, tolerance_m)
-        normals.append(normal)
-        heights.append(height)
+        # What leans over when it is fitted better is a wall.
+        if -normal[1] >= math.cos(_STEEPEST_RAD):
+            normals.append(normal)
+            heights.append(height)
     return normals, heights
 
 
 def _fitted(points: Array, normal: Array, height: float, tolerance_m: float) -> tuple[Array, float]:
-    sigma = TYPICAL.sigma_m(points[:, 2])
-    off = points @ normal + height
-    on = np.abs(off) < tolerance_m + 2 * sigma
+    """A plane fitted to the points near it: depth errs along rays, whose inverses are linear in them on a plane."""
+    rays = points / points[:, 2:]
+    slope = -(rays @ normal)
+    depth = height / np.maximum(slope, 1e-6)
+    sigma = TYPICAL.sigma_m(depth)
+    on = (slope > _LEAST_SLOPE) & (np.abs(points[:, 2] - depth) * slope < tolerance_m + _SIGMAS * sigma * slope)
     if int(on.sum()) < 50:
         return normal, height
-    weight = (1.0 / (sigma[on] + 0.003) ** 2)[:, None]
-    middle = (points[on] * weight).sum(axis=0) / weight.sum()
-    _, _, axes = np.linalg.svd((points[on] - middle) * np.sqrt(weight), full_matrices=False)
-    fitted = axes[2] if -axes[2][1] > 0 else -axes[2]
-    return fitted, -float(fitted @ middle)
+    weight = depth[on] ** 2 / sigma[on]
+    inverse, *_ = np.linalg.lstsq(rays[on] * weight[:, None], weight / points[on, 2], rcond=None)
+    fitted_m = 1.0 / float(np.linalg.norm(inverse))
+    return np.asarray(-fitted_m * inverse), fitted_m
 
 
 def _score(points: Array, normal: Array, height: float, slack_m: float = 0.01) -> float:

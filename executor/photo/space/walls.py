@@ -19,8 +19,11 @@ _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _ABOVE_FLOOR_M = 0.10
-_FARTHEST_M = 9.0
+_BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
+_NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge.
 _TRIALS, _SAMPLES = 250, 4000
+_TOLERANCES_M, _SIGMAS = (0.06, 0.03, 0.02, 0.01, 0.005, 0.005, 0.005), 1.5
+"""How near to a wall its points are taken to be, ever nearer, beside noise: what stands before it is one-sided."""
 _SEEN_THROUGH = 0.04  # Of the pixels that look at it.
 _BEGINS = 2.0  # Percent of the pixels that look over a wall: its top, but for noise.
 _BEYOND_M, _BEYOND = 0.15, 0.04
@@ -91,8 +94,10 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
     points, sigma = seen.points_m, seen.sigma_m
     free = seen.measured & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
     for thing in things:
-        x0, y0, x1, y1 = (round(value) for value in thing.box_px)
-        free[y0:y1, x0:x1] = False
+        x0, y0, x1, y1 = thing.box_px
+        over_x, over_y = _BESIDE * (x1 - x0), _BESIDE * (y1 - y0)
+        left_px, top_px = max(0, round(x0 - over_x)), max(0, round(y0 - over_y))
+        free[top_px : round(y1 + over_y), left_px : round(x1 + over_x)] = False
     left, sigma_left = points[free], sigma[free]
     least, enough = max(_LEAST_POINTS, _LEAST_SHARE * len(left)), _SHARE * len(left)
     found: list[Wall] = []
@@ -110,7 +115,12 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         # Somebody may have left out a piece of furniture: its front is no wall.
         is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
-        if ends_room and _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
+        if (
+            ends_room
+            and -wall.offset_m > _NEAREST_M
+            and _is_solid(wall, seen)
+            and all(_differs(wall, other) for other in found)
+        ):
             found.append(wall)
         left, sigma_left = left[~near], sigma_left[~near]
     return tuple(found)
@@ -133,16 +143,20 @@ def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array
     if best is None:
         return None
     _, normal, offset = best
-    for tolerance_m in (0.06, 0.03, 0.02):
-        near = np.abs(points[:, :2] @ normal - offset) < tolerance_m + 2 * sigma
+    # Distances err along rays, whose inverses are linear in them on a plane.
+    away = np.maximum(np.linalg.norm(points[:, :2], axis=1), 1e-6)
+    rays = points[:, :2] / away[:, None]
+    for tolerance_m in _TOLERANCES_M:
+        slope = np.abs(rays @ normal)
+        near = np.abs(points[:, :2] @ normal - offset) < tolerance_m + _SIGMAS * sigma * slope
         if int(near.sum()) < 50:
             return None
-        weight = (1.0 / (sigma[near] + 0.004) ** 2)[:, None]
-        middle = (points[near, :2] * weight).sum(axis=0) / weight.sum()
-        _, _, axes = np.linalg.svd((points[near, :2] - middle) * np.sqrt(weight), full_matrices=False)
-        normal, offset = axes[1], float(axes[1] @ middle)
-    # Towards the camera, which is at the origin.
-    return (normal, offset) if offset < 0 else (-normal, -offset)
+        weight = away[near] ** 2 / sigma[near]
+        inverse, *_ = np.linalg.lstsq(rays[near] * weight[:, None], weight / away[near], rcond=None)
+        # Towards the camera, which is at the origin.
+        offset = -1.0 / float(np.linalg.norm(inverse))
+        normal = inverse * offset
+    return normal, offset
 
 
 def _wall(points: Array, normal: Array, offset: float) -> Wall:
