@@ -11,6 +11,7 @@ import numpy as np
 from executor.assets.footprint import Footprint, region_frame
 from executor.assets.library import asset_for
 from executor.photo.fitting.body import Guess, is_round
+from executor.photo.fitting.prior import AT_WALLS
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -43,7 +44,8 @@ def tidied(
     large = [key for key, one in room.items() if not _is_item(one) and one.bottom_m == 0.0]
     small = [key for key in room if key not in large]
     for key in large:
-        room[key] = _aligned(room[key], walls)
+        if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
+            room[key] = _aligned(room[key], walls)
     for _ in range(_ROUNDS):
         for key in large:
             room[key] = _out_of_walls(room[key], walls)

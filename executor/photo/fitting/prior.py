@@ -33,7 +33,8 @@ OF_RANGE = 0.29
 _PARALLEL = math.sin(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
-_AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
+AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
+"""What mostly stands with its back to a wall."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
             cost += min(0.5 * (gap / _INTO_SIGMA_M) ** 2, _INTO_MOST)
         if float(ahead @ wall.normal) < -0.97:
             against = min(against, _against(gap))
-    return cost + (against if guess.entry.category in _AT_WALLS else 0.0)
+    return cost + (against if guess.entry.category in AT_WALLS else 0.0)
 
 
 def _against(gap_m: float) -> float:
