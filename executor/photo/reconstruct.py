@@ -2,61 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from executor.assets.library import LIBRARY
-from executor.geometry import Array
-from executor.photo.fitting.body import Guess, depth_picture
-from executor.photo.fitting.fit import (
-    LEAST_POINTS,
-    Around,
-    Fit,
-    assumed_beneath,
-    cheaper,
-    fit_anything,
-    fit_thing,
-    renamed,
-)
-from executor.photo.fitting.options import with_parts
-from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
-from executor.photo.fitting.rim import beneath
-from executor.photo.fitting.starts import (
-    CARRIED,
-    foot_of,
-    is_large,
-    large_enough,
-    named_models,
-    points_of,
-    stands_on_floor,
-)
+from executor.photo.fitting.found import Fit
+from executor.photo.fitting.starts import CARRIED, stands_on_floor
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.space.claim import Claim
+from executor.photo.room import RIGHT, Room
 from executor.photo.space.observation import Observation
-from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from executor.photo.space.walls import Wall
-from executor.photo.supports import heights_behind, heights_under, tops_of
-from oag import Kind, kind_of
-
-_SAME_M = 0.001
-_UNLIKELY = 10.0
-"""Prior cost of what stands in a wall, in others, or with its front against something, and hardly of a right fit."""
-
-_NOTHING = "nothing in its box stands out from what is around it"
-_LEAST_EXPLAINED = 0.25
-"""Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
-
-_DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
-_RIGHT = 0.9  # What explains less may be turned otherwise.
-_LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
-_MOST_FOUND = 40
-STOOD_OUT = "stands out of the depths"
-"""Who found what nobody has put a box around."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +71,7 @@ def reconstruct(
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
         alone: Whether with depth things are looked for that nobody has put a box around.
     """
-    room = _Room(seen, walls, detections, scale_share)
+    room = Room(seen, walls, detections, scale_share)
     boxes = range(len(detections))
     standing = [index for index in boxes if stands_on_floor(detections[index])]
     carried = [index for index in boxes if index not in standing]
@@ -128,269 +83,39 @@ def reconstruct(
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in standing:
-        if room.is_unlikely(index, _RIGHT):
+        if room.is_unlikely(index, RIGHT):
             told(room.fit_again(index, hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
-    for index in standing:
-        told(room.rename(index))
     for index in boxes:
+        told(room.rename(index))
+    # Where two stand in each other, the less likely one is the wrong one.
+    for index in sorted(boxes, key=room.unlikeliness, reverse=True):
         if room.is_doubtful(index):
             told(room.fit_anything(index))
     if seen.has_depth and alone:
         room.discover(told)
         for index in boxes:
             if index not in room.fits:
-                told(room.fit_anything(index))
+                told(room.fit(index, None, hidden_by=carried))
+                if room.is_doubtful(index):
+                    told(room.fit_anything(index))
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
-    return room.result()
+    return _result(room)
 
 
-class _Room:
-    """What is known so far: the fits, and the depth that each of them has in every pixel."""
-
-    def __init__(
-        self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
-    ) -> None:
-        self.seen, self.walls, self.detections, self.scale_share = seen, walls, list(detections), scale_share
-        self._boxed = len(self.detections)  # Whatever is detected after these, nobody has put a box around.
-        self.fits: dict[int, Fit] = {}
-        self.reasons: dict[int, str] = {}
-        self._depths: dict[int, Array] = {}
-        self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
-        self._empty = seen.floor_z_m
-        self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
-        for number, wall in enumerate(walls, start=1):
-            depth = wall.depth(seen.eye_m, seen.rays)
-            self._empty_owner[depth < self._empty] = number
-            self._empty = np.minimum(self._empty, depth)
-
-    def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
-        """Fits one thing, anew when it was fitted before, and says what came of it.
-
-        Args:
-            index: Which detection.
-            bottoms_m: Heights that it may stand on; None: the floor, and tops of what was fitted.
-            hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
-        """
-        detection = self.detections[index]
-        self._depths.pop(index, None)
-        before = self.fits.pop(index, None)
-        around = self._around(index, hidden_by)
-        entries = named_models(detection)
-        if not self.seen.has_depth:
-            # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
-            entries = with_parts(entries, detection.doors, detection.drawers)
-        points = self._points(detection, around)
-        if bottoms_m is None:
-            bottoms_m = self._heights(detection, points)
-        under_all = [] if self.seen.has_depth else beneath(detection, self.seen.size_px)
-        if under_all:
-            found: Fit | None = assumed_beneath(around, under_all, self._feet(index, usual_size_m(under_all[0])[2]))
-        else:
-            found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
-        if found is None:
-            self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
-            found = before
-        elif self.seen.has_depth and found.explained < _LEAST_EXPLAINED:
-            self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
-            found = None
-        elif self.seen.has_depth and self._claim(found.guess, around).is_refuted(detection.box_px):
-            self.reasons[index] = "no such thing fits in its box, through which farther things are seen"
-            found = None
-        return self._kept(index, None if found is None else self._as_exact_as_its_carrier(found))
-
-    def rename(self, index: int) -> str:
-        """Takes a piece of furniture for what fits clearly better than what it is called, if anything does."""
-        detection, found = self.detections[index], self.fits.pop(index, None)
-        if found is None or not self.seen.has_depth:
-            return self._kept(index, found)
-        self._depths.pop(index)
-        around = self._around(index, ())
-        points = self._points(detection, around)
-        taken = (detection.category, *CARRIED)
-        large = [] if points is None else large_enough(points, [0.0])
-        others = [entry for entry in large if entry.category not in taken and is_large(entry)]
-        other = renamed(around, found, detection.box_px, named_models(detection), others)
-        is_named = other.guess.entry.category == detection.category
-        return self._kept(index, other if is_named or self._is_there(index, other, around) else found)
-
-    def _kept(self, index: int, found: Fit | None) -> str:
-        """Keeps a fit, and says what it is."""
-        name = self.detections[index].label or "thing"
-        if found is None:
-            return f"{name}: {self.reasons[index]}"
-        self.fits[index], self._depths[index] = found, depth_picture(found.guess, self.seen)
-        return f"{name}: {found.guess.entry.model}"
-
-    def is_doubtful(self, index: int) -> bool:
-        """Decides whether a box may be called wrongly: what it is called explains too little, or is seen through."""
-        if index not in self.fits:
-            return True
-        return self.seen.has_depth and (self.fits[index].explained < _DOUBTFUL or self._is_seen_through(index))
-
-    def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
-        """Decides whether what is known now speaks against a fit, or it explains less of its pixels than this share."""
-        if index not in self.fits or not self.seen.has_depth:
-            return False
-        found = self.fits.pop(index)
-        near = self._near()
-        self.fits[index] = found
-        if self._tried.get(index) == near.pieces:
-            return False
-        cost = prior_cost(found.guess, near)
-        return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
-
-    def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
-        """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
-        before = self.fits[index]
-        self.fit(index, [0.0], hidden_by)
-        found = self.fits.pop(index, None)
-        self._depths.pop(index, None)
-        self._tried[index] = self._near().pieces
-        if found is None or found is before:
-            return self._kept(index, before)
-        return self._kept(index, cheaper(self._around(index, hidden_by), self.detections[index].box_px, found, before))
-
-    def fit_anything(self, index: int) -> str:
-        """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""
-        before, detection = self.fits.pop(index, None), self.detections[index]
-        self._depths.pop(index, None)
-        around = self._around(index, ())
-        points = self._points(detection, around)
-        # Where something hides its foot, it may stand on the floor as well.
-        places = sorted({0.0, *(self._heights(detection, points))})
-        entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
-        found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
-        if found is not None and not self._is_there(index, found, around):
-            found = None
-        least = _LEAST_ALONE
-        if before is not None and detection.category is not None and not self._claim(before.guess, around).seen_through:
-            least = before.explained + _MUCH_MORE
-        if found is None or found.explained < least:
-            found = before
-        elif before is not None and detection.category is None:
-            found = cheaper(around, detection.box_px, before, found)
-        if found is None:
-            self.reasons.setdefault(index, "no model explains it")
-        return self._kept(index, found)
-
-    def discover(self, told: Callable[[str], None]) -> None:
-        """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
-        tried: list[NDArray[np.bool_]] = []
-        parted = True
-        while len(tried) < _MOST_FOUND:
-            pieces = standing_out(self.seen, self._others()[0], self.walls, parted=parted)
-            piece = next((one for one in pieces if not any(are_alike(one, other) for other in tried)), None)
-            if piece is None and not parted:
-                break
-            if piece is None:
-                # What is no row after all, since nothing fits its parts, is looked at whole.
-                parted = False
-                continue
-            tried.append(piece)
-            self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
-            told(self.fit_anything(len(self.detections) - 1))
-        found = [index for index in self.fits if index >= self._boxed and self.fits[index].guess.bottom_m == 0.0]
-        # The first ones were fitted among nothing, and each to the piece of it that stood out.
-        for index in found:
-            own = self._depths.pop(index)
-            claim = Claim.of(self.seen, own, self._others()[0], self.fits[index].guess.corners_m())
-            self._depths[index] = own
-            if claim.box_px is not None:
-                self.detections[index] = replace(self.detections[index], box_px=claim.box_px)
-            told(self.fit_anything(index))
-
-    def result(self) -> FittedRoom:
-        """Returns what was found, with names."""
-        counts: Counter[str] = Counter()
-        things, unfitted = [], []
-        for index, detection in enumerate(self.detections):
-            fit = self.fits.get(index)
-            if fit is None:
-                unfitted.append(Unfitted(detection, self.reasons[index]))
-                continue
-            category = fit.guess.entry.category
-            things.append(FittedThing(f"{category}_{counts[category]}", detection, fit))
-            counts[category] += 1
-        return FittedRoom(tuple(things), tuple(unfitted), self.walls)
-
-    def _around(self, index: int, hidden_by: Iterable[int]) -> Around:
-        """All that a search for one thing has to know besides it."""
-        smaller, own = self._smaller(index, hidden_by), self.detections[index].mask
-        return Around(self.seen, *self._others(), smaller, self._near(), self.scale_share, own)
-
-    def _points(self, detection: Sighting, around: Around) -> Array | None:
-        """(N, 3) that are most likely a thing's own; None where there is no depth."""
-        if not self.seen.has_depth:
-            return None
-        if detection.mask is not None:
-            return np.asarray(self.seen.points_m[detection.mask & self.seen.measured])
-        return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
-
-    def _is_there(self, index: int, found: Fit, around: Around) -> bool:
-        """Whether a fit that nobody has named is seen wherever it says, and is what the box was drawn around."""
-        if not self.seen.has_depth:
-            return True
-        claim = self._claim(found.guess, around)
-        fills = index >= self._boxed or claim.fills(self.detections[index].box_px)
-        return fills and claim.is_borne_out(_LEAST_SEEN_PX)
-
-    def _is_seen_through(self, index: int) -> bool:
-        own = self._depths.pop(index)
-        claim = Claim.of(self.seen, own, self._others()[0], self.fits[index].guess.corners_m())
-        self._depths[index] = own
-        return claim.seen_through
-
-    def _claim(self, guess: Guess, around: Around) -> Claim:
-        return Claim.of(self.seen, depth_picture(guess, self.seen), around.other_m, guess.corners_m())
-
-    def _near(self) -> Neighbourhood:
-        guesses = [fit.guess for fit in self.fits.values()]
-        pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
-        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
-
-    def _others(self) -> tuple[Array, NDArray[np.int32]]:
-        """(H, W) depth of all that is known, and which of it: 0 the floor, then walls, then things."""
-        depth, owner = self._empty.copy(), self._empty_owner.copy()
-        for index, one in self._depths.items():
-            nearer = one < depth
-            depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
-        return depth, owner
-
-    def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
-        """(H, W) pixels in boxes of smaller things that are not fitted yet."""
-        mask = np.zeros(self.seen.z_m.shape, dtype=bool)
-        for other in hidden_by:
-            if other == index or other in self.fits:
-                continue
-            if self.detections[other].area_px < self.detections[index].area_px:
-                mask |= self.detections[other].pixels(self.seen.size_px)
-        return mask
-
-    def _heights(self, detection: Sighting, points: Array | None) -> list[float]:
-        """Heights that a thing may stand on: those under its points, or without depth those behind its box's end."""
-        tops = list(tops_of(self.fits.values()))
-        if points is not None:
-            of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
-            return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
-        told = None if detection.on is None else self.fits.get(detection.on)
-        return heights_behind(self.seen, detection, tops, told)
-
-    def _feet(self, index: int, height_m: float) -> Array:
-        """(N, 2) where the boxes of all other things end on a level plane, or where the camera looks at it."""
-        boxes = [one.box_px for number, one in enumerate(self.detections) if number != index]
-        width, height = self.seen.size_px
-        found = [foot for box in boxes if (foot := foot_of(self.seen, box, height_m)) is not None]
-        middle = foot_of(self.seen, (0.0, 0.0, float(width), height / 2), height_m)
-        return np.array(found or [np.zeros(2) if middle is None else middle])
-
-    def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:
-        """Without depth, a thing's place is known no better than the height of what it stands on."""
-        if fit.spread_m is None or fit.guess.bottom_m == 0.0:
-            return fit
-        tops = tops_of(self.fits.values())
-        beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
-        return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
+def _result(room: Room) -> FittedRoom:
+    """What was found, with names."""
+    counts: Counter[str] = Counter()
+    things, unfitted = [], []
+    for index, detection in enumerate(room.detections):
+        fit = room.fits.get(index)
+        if fit is None:
+            unfitted.append(Unfitted(detection, room.reasons[index]))
+            continue
+        category = fit.guess.entry.category
+        things.append(FittedThing(f"{category}_{counts[category]}", detection, fit))
+        counts[category] += 1
+    return FittedRoom(tuple(things), tuple(unfitted), room.walls)

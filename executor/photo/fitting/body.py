@@ -75,7 +75,7 @@ class Guess:
         return replace(self, parameters=tuple(sorted({**dict(self.parameters), **values}.items())))
 
     def local(self, eye_m: Array) -> tuple[Array, Array]:
-        """Returns an eye (3,) in its own frame, whose origin is the middle of its box, and (3, 3) that turns rows there."""
+        """Returns an eye (3,) in its own frame, whose origin is its box's middle, and (3, 3) that turns rays."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = np.array([self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2])
@@ -143,12 +143,13 @@ class Body:
         depth = np.where(hit, found["tfar"].astype(float), np.inf)
         return depth, np.where(hit[:, None], self.colors[np.where(hit, found["primID"], 0)], 0.0)
 
-    def _stretched(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
+    def _stretched(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         eye, turn = guess.local(eye_m)
         factor = self.size_m / np.asarray(guess.size_m)
         origins = np.empty(rays.shape, dtype=np.float32)
         origins[:] = eye * factor
-        return origins, (rays @ (turn * factor)).astype(np.float32)
+        directions: NDArray[np.float32] = (rays @ (turn * factor)).astype(np.float32)
+        return origins, directions
 
 
 def _box_triangles() -> Array:
@@ -213,3 +214,8 @@ def depth_picture(guess: Guess, seen: Observation) -> Array:
 def is_round(entry: ModelEntry) -> bool:
     """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
     return entry.length.of_width and entry.length.low == entry.length.high == 1.0
+
+
+def has_ear(entry: ModelEntry) -> bool:
+    """Decides whether a model has no sides, and yet looks otherwise from turn to turn, as a mug does."""
+    return entry.length.of_width and not is_round(entry)

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.body import Guess, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
+from executor.photo.fitting.ears import turned_by_ear
+from executor.photo.fitting.found import Around, Fit
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood, usual_size_m
+from executor.photo.fitting.prior import usual_size_m
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import opened_starts, outline_starts, points_of, starts
 from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of
-from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
@@ -31,10 +31,11 @@ _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all mo
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
-_MOSTLY = 0.75  # Of its pixels, what is shut and right explains, but for handles and edges.
+_MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
+_HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
 _MISNAMED = 12.0
@@ -42,62 +43,6 @@ _MISNAMED = 12.0
 
 
 _LOOK = 20.0  # Of a thing without a name, another colour by a third of its light is as unlikely as a wrong name.
-
-
-@dataclass(frozen=True)
-class Fit:
-    """What explains a thing best.
-
-    Attributes:
-        guess: The best guess.
-        cost: What it costs; only differences between guesses of one thing mean something.
-        alternatives: The best guess of every other model, the best first.
-        explained: Share of the thing's pixels that it explains.
-        residual_m: Median distance of what it shows from what was seen.
-        pixels: How many pixels were compared at the end.
-        colour: Middle one of the colours that it shows, as sRGB from 0 to 255; None where nothing of it is seen.
-        spread_m: How exactly its place on the floor is known; None with depth, where the residual tells.
-        assumed: Where nothing of its sides is seen, what it is taken for, for people.
-    """
-
-    guess: Guess
-    cost: float
-    alternatives: tuple[RatedGuess, ...]
-    explained: float
-    residual_m: float
-    pixels: int
-    colour: tuple[int, int, int] | None
-    spread_m: float | None = None
-    assumed: str = ""
-
-    @property
-    def confidence(self) -> float:
-        """0 to 1: how much more likely it is than the best guess of any other model."""
-        if not self.alternatives:
-            return 1.0
-        return 1.0 / (1.0 + math.exp(-min(50.0, self.alternatives[0].cost - self.cost)))
-
-
-@dataclass(frozen=True)
-class Around:
-    """What a search has to know besides its thing.
-
-    Attributes:
-        seen: The picture.
-        other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
-        smaller: (H, W) pixels in boxes of smaller things.
-        own: (H, W) the thing's own pixels, where somebody knows them.
-        near: The walls and the other furniture.
-        scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
-    """
-
-    seen: Observation
-    other_m: Array
-    other: NDArray[np.int32]
-    smaller: NDArray[np.bool_]
-    near: Neighbourhood
-    scale_share: float = 0.0
-    own: NDArray[np.bool_] | None = None
 
 
 def fit_thing(
@@ -132,6 +77,8 @@ def fit_thing(
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
+    if has_depth and has_ear(best.guess.entry):
+        best = turned_by_ear(fine, best)
     described = _described(fine.patch, best, others)
     if described is None or has_depth:
         return described
@@ -196,6 +143,15 @@ def renamed(
     if named and named[0].cost - ranked[0].cost < _MISNAMED:
         return _described(fine.patch, named[0], named[1:]) or found
     return _described(fine.patch, ranked[0], ranked[1:]) or found
+
+
+def retouched(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
+    """Returns a fit moved by what is known around it since, where its box shows hardly anything else than before."""
+    _, _, fine = _likelihoods(around, box_px)
+    best, *others = _by_cost(
+        [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
+    )
+    return _described(fine.patch, best, others) or found
 
 
 def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit) -> Fit:
@@ -377,6 +333,11 @@ def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
 
     Every pixel counts here: handles that are far are two pixels thick.
     """
+    if kind_of(best.guess.entry.category, best.guess.size_m[1]) is not Kind.ITEM:
+        # What is thin before a wall, such as a headboard, is no slope that a search goes down.
+        length, width, height = best.guess.size_m
+        taller = (replace(best.guess, size_m=(length, width, round(share * height, 4))) for share in _HEIGHTS)
+        best = min([best, *(fine.rated(one) for one in taller)], key=lambda one: one.cost)
     for _ in range(_ROUNDS):
         again = with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5))
         gained = best.cost - again.cost

@@ -13,6 +13,7 @@ from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
+_INSIDE = ("shelves", "racks")  # Seen where a door is open.
 _DETAILS = ("handle_height_m", "handle_length_m")
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
 _OPEN = "open_fraction"
@@ -49,7 +50,7 @@ def shapes(guess: Guess) -> Iterator[Guess]:
     """Yields the guess with every combination of what its model can be built as."""
     choices: list[list[tuple[str, object]]] = []
     for parameter in guess.entry.parameters:
-        if parameter.name not in _SHAPING:
+        if parameter.name not in _SHAPING and not (parameter.name in _INSIDE and _opened(guess) > 0.0):
             continue
         if isinstance(parameter, Option):
             choices.append([(parameter.name, word) for word in parameter.words])

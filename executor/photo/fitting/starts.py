@@ -13,7 +13,7 @@ from scipy.ndimage import label
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, Size, is_round
+from executor.photo.fitting.body import Guess, Size, has_ear, is_round
 from executor.photo.fitting.options import shapes
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.inputs.annotations import Sighting
@@ -109,7 +109,7 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
     top = float(np.percentile(points[:, 2], 98.0))
     for entry in entries:
         bases = distinct[:1] if is_round(entry) else distinct
-        if entry.length.of_width and not is_round(entry):
+        if has_ear(entry):
             # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
             bases = [own + share * math.pi / 2 for share in _ASKEW]
         for base in bases:
@@ -144,8 +144,7 @@ def opened_starts(
             places = (np.arange(first[axis], last[axis] + _APART_M, _APART_M) for axis in range(2))
             for x, y, fraction in itertools.product(*places, _AJAR):
                 at = float(c * x - s * y), float(s * x + c * y)
-                for one in shapes(Guess(entry, *at, yaw, bottom_m, size)):
-                    yield one.with_parameters(open_fraction=fraction)
+                yield from shapes(Guess(entry, *at, yaw, bottom_m, size).with_parameters(open_fraction=fraction))
 
 
 def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
@@ -234,7 +233,7 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
     for axis, side in enumerate(size[:2]):
         near = high[axis] - side / 2 if to_eye[axis] > 0 else low[axis] + side / 2
         far = low[axis] + side / 2 if to_eye[axis] > 0 else high[axis] - side / 2
-        along.append([near, far] if axis == 1 and abs(near - far) > _GAP_M else [near])
+        along.append([near, far] if abs(near - far) > _GAP_M else [near])
     for x in along[0]:
         for y in along[1]:
             for height in sorted(heights):

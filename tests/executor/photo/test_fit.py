@@ -15,7 +15,10 @@ from executor.geometry import Array
 from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import Around, fit_thing
+from executor.photo.fitting.fit import (
+    fit_thing,
+)
+from executor.photo.fitting.found import Around
 from executor.photo.fitting.prior import Neighbourhood, prior_cost
 from executor.photo.fitting.starts import opened_starts
 from executor.photo.fitting.turns import is_same_box

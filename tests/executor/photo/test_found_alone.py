@@ -9,7 +9,8 @@ import pytest
 
 from executor.bench.photo.matching import matched
 from executor.photo.overlay import shown_things
-from executor.photo.reconstruct import STOOD_OUT, FittedRoom, reconstruct
+from executor.photo.reconstruct import FittedRoom, reconstruct
+from executor.photo.room import STOOD_OUT
 from executor.photo.space.standing_out import box_of, standing_out
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
