@@ -96,7 +96,7 @@ def reconstruct(
     if seen.has_depth and alone:
         room.discover(told)
         for index in boxes:
-            if index not in room.fits:
+            if index not in room.fits and not room.adopt(index):
                 told(room.fit(index, None, hidden_by=carried))
                 if room.is_doubtful(index):
                     told(room.fit_anything(index))

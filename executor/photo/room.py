@@ -15,6 +15,7 @@ from executor.photo.fitting.body import Guess, depth_picture
 from executor.photo.fitting.fit import (
     LEAST_POINTS,
     assumed_beneath,
+    called,
     cheaper,
     fit_anything,
     fit_thing,
@@ -56,7 +57,7 @@ _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nin
 RIGHT = 0.9  # What explains less may be turned otherwise.
 _LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
-_SAME_BOX = 0.8  # Of two boxes in common.
+_SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
 
@@ -210,6 +211,19 @@ class Room:
         if found is None:
             self.reasons.setdefault(index, "no model explains it")
         return self._kept(index, found)
+
+    def adopt(self, index: int) -> bool:
+        """Gives a box that has no thing what was found alone and fills it; returns whether there is any."""
+        box_px = self.detections[index].box_px
+        for alone in [one for one in self.fits if one >= self._boxed]:
+            if overlap(self.detections[alone].box_px, box_px) < _ADOPTED:
+                continue
+            found = self.fits.pop(alone)
+            self._depths.pop(alone)
+            self.reasons[alone] = "it is what a box was drawn around"
+            self._kept(index, called(self._around(index, ()), box_px, found, named_models(self.detections[index])))
+            return True
+        return False
 
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""

@@ -145,6 +145,15 @@ def renamed(
     return _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
+def called(around: Around, box_px: tuple[float, float, float, float], found: Fit, own: Sequence[ModelEntry]) -> Fit:
+    """Returns what was found without a name as one of the models that its box is called, unless that is worse."""
+    _, search, fine = _likelihoods(around, box_px)
+    named = _best_of_models(_with_sides_of(found.guess, own, search, fine))
+    if not named or named[0].cost - fine.cost(found.guess) > _MISNAMED:
+        return found
+    return _described(fine.patch, named[0], named[1:]) or found
+
+
 def retouched(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Returns a fit moved by what is known around it since, where its box shows hardly anything else than before."""
     _, _, fine = _likelihoods(around, box_px)
