@@ -219,7 +219,7 @@ class Room:
             if overlap(self.detections[alone].box_px, box_px) < _ADOPTED:
                 continue
             found = self.fits.pop(alone)
-            self._depths.pop(alone)
+            self._depths.pop(alone, None)
             self.reasons[alone] = "it is what a box was drawn around"
             self._kept(index, called(self._around(index, ()), box_px, found, named_models(self.detections[index])))
             return True

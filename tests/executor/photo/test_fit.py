@@ -15,9 +15,7 @@ from executor.geometry import Array
 from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import (
-    fit_thing,
-)
+from executor.photo.fitting.fit import fit_thing
 from executor.photo.fitting.found import Around
 from executor.photo.fitting.prior import Neighbourhood, prior_cost
 from executor.photo.fitting.starts import opened_starts
@@ -240,3 +238,12 @@ def test_without_depth_a_thing_is_where_its_box_and_usual_sizes_put_it_within_wh
     guess, spread_m = table.fit.guess, table.fit.spread_m
     assert guess.entry.category == "table" and spread_m is not None
     assert math.dist((guess.x_m, guess.y_m), (TABLE.x_m, TABLE.y_m)) < min(0.2, 2 * spread_m)
+
+
+def test_a_table_stays_askew_beside_a_wall_and_a_cabinet_is_turned_along_it() -> None:
+    wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
+    table, cabinet = (
+        replace(TABLE, entry=LIBRARY[name], yaw_rad=0.04) for name in ("table_four_legs", "counter_plain")
+    )
+    found, _ = tidied({"table": table, "cabinet": replace(cabinet, y_m=-1.5)}, (wall,))
+    assert [round(found[name].yaw_rad, 3) for name in ("table", "cabinet")] == [0.04, 0.0]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from executor.assets.library import LIBRARY
 from executor.bench.photo.matching import matched
+from executor.photo.fitting.found import Fit
 from executor.photo.overlay import shown_things
 from executor.photo.reconstruct import FittedRoom, reconstruct
-from executor.photo.room import STOOD_OUT
+from executor.photo.room import STOOD_OUT, Room
 from executor.photo.space.standing_out import box_of, standing_out
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
@@ -35,6 +38,17 @@ def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
     # Nobody can tell a desk from a table of its size.
     assert [thing.fit.guess.entry.category.replace("desk", "table") for thing in alone.things] == ["table", "bowl"]
     assert {thing.detection.source for thing in alone.things} == {STOOD_OUT}
+
+
+def test_a_box_without_a_thing_adopts_what_was_found_alone() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    room = Room(seen, (), boxes, 0.0)
+    assert not room.adopt(0)
+    room.detections.append(replace(boxes[0], label="", category=None, source=STOOD_OUT))
+    desk = replace(TABLE, entry=LIBRARY["desk_four_legs"])
+    room.fits[1] = Fit(desk, 0.0, (), 1.0, 0.0, 100, None)
+    assert room.adopt(0) and list(room.fits) == [0]
+    assert room.fits[0].guess.entry.category == "table", "as its box is called, since nobody can tell it from a desk"
 
 
 def test_what_was_found_alone_stands_for_what_it_covers(alone: FittedRoom) -> None:

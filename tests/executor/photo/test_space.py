@@ -17,6 +17,7 @@ from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
+from executor.photo.space.view import View
 from executor.photo.space.walls import find_walls
 
 SIZE = (200, 150)
@@ -59,8 +60,8 @@ def drawn(
 
 def test_the_floor_levels_the_room_and_tells_the_noise() -> None:
     seen, floor = observe(PICTURE, drawn(), CAMERA)
-    assert floor.height_m == pytest.approx(HEIGHT_M, abs=0.005)
-    assert floor.tilt_deg == pytest.approx(20.0, abs=0.2)
+    assert floor.height_m == pytest.approx(HEIGHT_M, abs=0.002)
+    assert floor.tilt_deg == pytest.approx(20.0, abs=0.05)
     heights = seen.points_m[..., 2][seen.measured & (rays_in_room()[..., 2] < -0.5)]
     assert abs(float(np.median(heights))) < 0.003
     assert seen.noise.growth_per_m == pytest.approx(0.002, rel=0.3)
@@ -86,6 +87,17 @@ def test_a_wall_that_is_looked_over_is_no_higher_where_another_one_crosses_its_p
     low = next(wall for wall in find_walls(seen, ()) if abs(wall.normal[0]) > 0.9)
     assert low.offset_m == pytest.approx(-3.0, abs=0.02)
     assert low.top_m == pytest.approx(0.9, abs=0.05)
+
+
+def test_a_thing_is_seen_as_before_until_something_before_it_is_known() -> None:
+    seen, _ = observe(PICTURE, drawn(), CAMERA)
+    nobody = np.zeros(seen.z_m.shape, dtype=bool)
+    before, box_px = View.of(seen, np.full(seen.z_m.shape, np.inf), nobody), (50.0, 40.0, 100.0, 80.0)
+    known = np.full(seen.z_m.shape, np.inf)
+    known[:, 60:70] = seen.z_m[:, 60:70]
+    assert View.of(seen, known, nobody).is_like(before, (75.0, 40.0, 100.0, 80.0))
+    assert not View.of(seen, known, nobody).is_like(before, box_px)
+    assert not View.of(seen, np.full(seen.z_m.shape, np.inf), ~nobody).is_like(before, box_px)
 
 
 def test_the_front_of_what_nobody_has_put_a_box_around_is_no_wall() -> None:

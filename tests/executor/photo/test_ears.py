@@ -1,0 +1,43 @@
+"""A mug is turned as its ear is seen; where it is hidden, as far between all turns that hide it as can be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from executor.assets.library import LIBRARY
+from executor.photo.fitting.body import Guess
+from executor.photo.fitting.ears import turned_by_ear
+from executor.photo.fitting.likelihood import Likelihood
+from executor.photo.fitting.patch import Patch
+from executor.photo.fitting.prior import Neighbourhood
+from tests.executor.photo.test_fit import seen_from_above
+
+SIZE_M = (0.115, 0.08, 0.09)
+EAR_M = (SIZE_M[0] - SIZE_M[1]) / 2  # From the axis of its body to the middle of its box.
+
+
+def turned(yaw_rad: float) -> Guess:
+    """Returns a mug whose body stands in one place."""
+    x, y = 0.9 + EAR_M * math.cos(yaw_rad), EAR_M * math.sin(yaw_rad)
+    return Guess(LIBRARY["mug"], x, y, yaw_rad, 1.0, SIZE_M)
+
+
+def found_from(true_rad: float, start_rad: float) -> float:
+    """Returns the turn that is found of a mug that is turned one way, by who begins with another one."""
+    seen, boxes = seen_from_above(turned(true_rad))
+    nobody = np.zeros(seen.z_m.shape, dtype=np.int32)
+    fine = Likelihood(Patch.around(seen, boxes[0].box_px, seen.floor_z_m, nobody, 5000), Neighbourhood(()))
+    return turned_by_ear(fine, fine.rated(turned(start_rad))).guess.yaw_rad
+
+
+@pytest.mark.parametrize("start_rad", [0.0, 3.0])
+def test_an_ear_that_is_seen_tells_the_turn(start_rad: float) -> None:
+    assert math.remainder(found_from(math.pi / 2, start_rad) - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_hidden_ear_is_in_the_middle_of_what_hides_it() -> None:
+    # The camera is at the origin: an ear that points away from it is behind the body.
+    assert abs(found_from(0.3, 0.3)) < 0.2
