@@ -44,7 +44,7 @@ def _walk(folder: Path) -> Iterator[Path]:
             # Peers live in environments of their own beside ours.
             if path.name not in _NOT_OURS and not cache and not path.name.startswith(".venv-"):
                 yield from _walk(path)
-        elif path.is_file():
+        elif path.is_file() and path.name not in _NOT_OURS:  # A second checkout has a file of git's.
             yield path
 
 

@@ -113,6 +113,7 @@ ROOMS = {
         "space",
         "fitting",
         "supports",
+        "known",
         "reconstruct",
         "tidy",
         "scene",

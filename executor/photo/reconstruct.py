@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from executor.photo.fitting.found import Fit
+from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import CARRIED, stands_on_floor
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.room import RIGHT, Room
+from executor.photo.known import RIGHT, KnownRoom
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
@@ -71,7 +71,7 @@ def reconstruct(
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
         alone: Whether with depth things are looked for that nobody has put a box around.
     """
-    room = Room(seen, walls, detections, scale_share)
+    room = KnownRoom(seen, walls, detections, scale_share)
     boxes = range(len(detections))
     standing = [index for index in boxes if stands_on_floor(detections[index])]
     carried = [index for index in boxes if index not in standing]
@@ -106,7 +106,7 @@ def reconstruct(
     return _result(room)
 
 
-def _result(room: Room) -> FittedRoom:
+def _result(room: KnownRoom) -> FittedRoom:
     """What was found, with names."""
     counts: Counter[str] = Counter()
     things, unfitted = [], []

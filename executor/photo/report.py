@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from executor.photo.fitting.found import Fit
+from executor.photo.fitting.likelihood import Fit
 from executor.photo.inputs.depth import Depth
 from executor.photo.overlay import cut, outlined, shown_things
 from executor.photo.pipeline import Result

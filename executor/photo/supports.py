@@ -10,7 +10,7 @@ import numpy as np
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.geometry import Array
-from executor.photo.fitting.found import Fit
+from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import foot_of
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation

@@ -16,7 +16,7 @@ from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import fit_thing
-from executor.photo.fitting.found import Around
+from executor.photo.fitting.likelihood import Around
 from executor.photo.fitting.prior import Neighbourhood, prior_cost
 from executor.photo.fitting.starts import opened_starts
 from executor.photo.fitting.turns import is_same_box

@@ -10,10 +10,10 @@ import pytest
 
 from executor.assets.library import LIBRARY
 from executor.bench.photo.matching import matched
-from executor.photo.fitting.found import Fit
+from executor.photo.fitting.likelihood import Fit
+from executor.photo.known import STOOD_OUT, KnownRoom
 from executor.photo.overlay import shown_things
 from executor.photo.reconstruct import FittedRoom, reconstruct
-from executor.photo.room import STOOD_OUT, Room
 from executor.photo.space.standing_out import box_of, standing_out
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
@@ -42,7 +42,7 @@ def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
 
 def test_a_box_without_a_thing_adopts_what_was_found_alone() -> None:
     seen, boxes = seen_from_above(TABLE)
-    room = Room(seen, (), boxes, 0.0)
+    room = KnownRoom(seen, (), boxes, 0.0)
     assert not room.adopt(0)
     room.detections.append(replace(boxes[0], label="", category=None, source=STOOD_OUT))
     desk = replace(TABLE, entry=LIBRARY["desk_four_legs"])

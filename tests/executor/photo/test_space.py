@@ -15,9 +15,9 @@ from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.refusal import PhotoRefused
+from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
-from executor.photo.space.view import View
 from executor.photo.space.walls import find_walls
 
 SIZE = (200, 150)
@@ -92,12 +92,12 @@ def test_a_wall_that_is_looked_over_is_no_higher_where_another_one_crosses_its_p
 def test_a_thing_is_seen_as_before_until_something_before_it_is_known() -> None:
     seen, _ = observe(PICTURE, drawn(), CAMERA)
     nobody = np.zeros(seen.z_m.shape, dtype=bool)
-    before, box_px = View.of(seen, np.full(seen.z_m.shape, np.inf), nobody), (50.0, 40.0, 100.0, 80.0)
+    before, box_px = BoxView.of(seen, np.full(seen.z_m.shape, np.inf), nobody), (50.0, 40.0, 100.0, 80.0)
     known = np.full(seen.z_m.shape, np.inf)
     known[:, 60:70] = seen.z_m[:, 60:70]
-    assert View.of(seen, known, nobody).is_like(before, (75.0, 40.0, 100.0, 80.0))
-    assert not View.of(seen, known, nobody).is_like(before, box_px)
-    assert not View.of(seen, np.full(seen.z_m.shape, np.inf), ~nobody).is_like(before, box_px)
+    assert BoxView.of(seen, known, nobody).is_like(before, (75.0, 40.0, 100.0, 80.0))
+    assert not BoxView.of(seen, known, nobody).is_like(before, box_px)
+    assert not BoxView.of(seen, np.full(seen.z_m.shape, np.inf), ~nobody).is_like(before, box_px)
 
 
 def test_the_front_of_what_nobody_has_put_a_box_around_is_no_wall() -> None:

@@ -22,7 +22,7 @@ from executor.photo.fitting.fit import (
     renamed,
     retouched,
 )
-from executor.photo.fitting.found import Around, Fit
+from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.rim import beneath
@@ -35,10 +35,10 @@ from executor.photo.fitting.starts import (
     points_of,
 )
 from executor.photo.inputs.annotations import Sighting
+from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
-from executor.photo.space.view import View
 from executor.photo.space.walls import Wall
 from executor.photo.supports import heights_behind, heights_under, tops_of
 from llm.sight.forms import overlap
@@ -62,7 +62,7 @@ STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
 
 
-class Room:
+class KnownRoom:
     """What is known so far: the fits, and the depth that each of them has in every pixel."""
 
     def __init__(
@@ -73,7 +73,7 @@ class Room:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
-        self._views: dict[int, View] = {}  # index -> what was seen of it when it was searched for.
+        self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._empty = seen.floor_z_m
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
@@ -193,7 +193,7 @@ class Room:
             before = None
             self.reasons[index] = "what it is called would stand in other things"
         around = self._around(index, ())
-        self._views[index] = View.of(self.seen, around.other_m, around.smaller)
+        self._views[index] = BoxView.of(self.seen, around.other_m, around.smaller)
         points = self._points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(self._heights(detection, points))})
@@ -279,7 +279,7 @@ class Room:
         """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""
         if not self.seen.has_depth:
             return False
-        view, before = View.of(self.seen, around.other_m, around.smaller), self._views.get(index)
+        view, before = BoxView.of(self.seen, around.other_m, around.smaller), self._views.get(index)
         if before is not None and view.is_like(before, self.detections[index].box_px):
             return True
         self._views[index] = view

@@ -16,7 +16,7 @@ _CHANGED = 0.02  # Of a box's pixels.
 
 
 @dataclass(frozen=True)
-class View:
+class BoxView:
     """What stood out, and of that, what was nobody else's.
 
     Attributes:
@@ -28,11 +28,11 @@ class View:
     foreign: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, seen: Observation, other_m: Array, foreign: NDArray[np.bool_]) -> View:
+    def of(cls, seen: Observation, other_m: Array, foreign: NDArray[np.bool_]) -> BoxView:
         """Returns the view among all that is known, whose depth (H, W) this is."""
         return cls(seen.z_m < other_m - np.maximum(_LEAST_M, _SIGMAS * seen.sigma_m), foreign)
 
-    def is_like(self, before: View, box_px: Box) -> bool:
+    def is_like(self, before: BoxView, box_px: Box) -> bool:
         """Decides whether hardly a pixel of a box is another one's than before."""
         x0, y0, x1, y1 = (round(value) for value in box_px)
         window = np.s_[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
