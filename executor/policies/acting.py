@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from executor.policies.chunks import targets_in_the_room
 from executor.policies.features import Numbers, own_numbers, shown_numbers, state_numbers
@@ -17,7 +18,7 @@ from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
 from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
-from executor.policies.windows import chosen_points
+from executor.policies.windows import MOST_WAYS, chosen_points
 
 
 class Acting(Protocol):
@@ -72,6 +73,7 @@ class Actor:
         self.execute = execute or record.settings.acts.execute
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
+        self._ways: dict[int, int] = {}
         self._follower = PlanFollower(record, self.execute)
         mean, deviation = record.numbers
         self._scales = torch.from_numpy(mean), torch.from_numpy(deviation)
@@ -114,6 +116,7 @@ class Actor:
         self._follower.begin(plan)
         self._frames.clear()
         self._waiting.clear()
+        self._ways.clear()
         if self._settings.sees.kind == "cloud":
             self._points = chosen_points(self._settings.sees.points, seed)
 
@@ -128,13 +131,26 @@ class Actor:
         agent, sees = np.asarray(observation["agent_pos"])[None], self._settings.sees
         if self._points is None:
             environment = np.asarray(observation["environment_state"])[None]
-            numbers, cloud = state_numbers(agent, environment, sees.things, sees.handles), None
+            numbers, cloud = state_numbers(agent, environment, sees), None
         else:
             numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
         if sees.phase and not self._waiting:
             self._follower.go_on(shown_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
         frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
+
+    def _way(self, numbers: Tensor, phase: Tensor) -> int:
+        """Returns the way of grasping of the subtask that goes on, which it keeps to.
+
+        Where it does not choose, it is the one that most demonstrations have.
+        """
+        if not self._settings.sees.chooses:
+            return 0
+        if self.subtask not in self._ways:
+            ways = self._network(numbers[None], phase[None], None, torch.zeros_like(phase)[None]).ways
+            assert ways is not None
+            self._ways[self.subtask] = int(ways[0, : MOST_WAYS - 1].argmax())
+        return self._ways[self.subtask]
 
     def _foretell(self, qpos: NDArray) -> NDArray:
         """Returns (execute, 12 or 10) the next actions."""
@@ -145,8 +161,8 @@ class Actor:
         cloud = torch.from_numpy(np.stack(clouds))[None] if clouds else None
         with torch.inference_mode():
             told = phase[None] if self._settings.sees.phase else None
-            # Of all ways of grasping it keeps to the one that most demonstrations have.
-            found, logits = self._network(numbers[None], told, cloud, torch.zeros_like(phase)[None])
+            way = torch.full_like(phase, self._way(numbers, phase))[None]
+            found, logits, _ = self._network(numbers[None], told, cloud, way)
         mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
         chunk = found[0, -1].numpy() * deviation + mean
         if logits is not None:

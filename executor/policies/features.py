@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from executor.datasets.formats.observations import HANDLE, HANDLES, THING, THINGS
+from executor.policies.settings import Sees
+from executor.policies.surroundings import surrounding_numbers
 
 Numbers = NDArray[np.float32]
 
@@ -22,17 +24,18 @@ OWN_NUMBERS = 11
 _OPENING = 7  # Behind the arm's joints, or behind the hand's pose.
 
 
-def state_numbers(agent: NDArray, environment: NDArray, things: int, handles: int) -> Numbers:
-    """Returns (N, ROBOT_NUMBERS + things * THING_NUMBERS + handles * HANDLE_NUMBERS), in m, rad and shares.
+def state_numbers(agent: NDArray, environment: NDArray, sees: Sees) -> Numbers:
+    """Returns (N, F) of what is seen of the state, in m, rad and shares.
 
-    The robot: seven arm joints, the gripper's opening, hand position and first two axes of the hand from the base. A
-    thing: its position and first two axes, its extent, where a hand takes it from the base and from the hand. A handle:
-    how far it is open, its bar from the base and from the hand. What is not there is 0.
+    ROBOT_NUMBERS of the robot: seven arm joints, the gripper's opening, hand position and first two axes of the hand
+    from the base. THING_NUMBERS of each thing: its position and first two axes, its extent, where a hand takes it from
+    the base and from the hand. HANDLE_NUMBERS of each handle: how far it is open, its bar from the base and from the
+    hand. What is not there is 0. Then what room there is, where that is told (`surroundings.py`).
 
     Args:
         agent: (N, AGENT) the robot.
         environment: (N, ENVIRONMENT) what is around it.
-        things, handles: Of how many to tell.
+        sees: Of how many things and handles to tell, and of what room.
     """
     agent = np.asarray(agent, float)
     count = len(agent)
@@ -41,7 +44,7 @@ def state_numbers(agent: NDArray, environment: NDArray, things: int, handles: in
     hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
     found = [agent[:, 3:10], agent[:, 19:20], hand_m, _axes(hand)]
     rows = np.asarray(environment[:, : THINGS * THING], float).reshape(count, THINGS, THING)
-    for row in np.moveaxis(rows[:, :things], 1, 0):
+    for row in np.moveaxis(rows[:, : sees.things], 1, 0):
         there = row[:, :1]
         # A row that is not used has no quaternion.
         turn = Rotation.from_quat(np.where(there > 0.0, row[:, 4:8], [0.0, 0.0, 0.0, 1.0]))
@@ -50,9 +53,11 @@ def state_numbers(agent: NDArray, environment: NDArray, things: int, handles: in
         from_hand_m = hand.inv().apply(site_m - hand_m)
         found += [there * part for part in (place_m, _axes(to_base * turn), row[:, 8:11], site_m, from_hand_m)]
     bars = np.asarray(environment[:, THINGS * THING :], float).reshape(count, HANDLES, HANDLE)
-    for bar in np.moveaxis(bars[:, :handles], 1, 0):
+    for bar in np.moveaxis(bars[:, : sees.handles], 1, 0):
         bar_m = to_base.apply(bar[:, 3:6] - _floor_m(agent))
         found += [bar[:, :1] * part for part in (bar[:, 2:3], bar_m, hand.inv().apply(bar_m - hand_m))]
+    if sees.room:
+        found.append(surrounding_numbers(agent, environment, sees.room))
     return np.concatenate(found, axis=1, dtype=np.float32)
 
 

@@ -7,6 +7,7 @@ policy acts on one observation at a time.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -14,6 +15,23 @@ from torch import Tensor, nn
 from executor.policies.settings import NetworkForm, PolicySettings
 
 _POINT = 4
+_CHOICE_WIDTH = 64  # Of what chooses among a few ways: each demonstration shows one choice.
+
+
+class Foretold(NamedTuple):
+    """What a network foretells from B times T frames.
+
+    T is the number of frames for a transformer, which foretells from each, and 1 for a perceptron.
+
+    Attributes:
+        actions: (B, T, H, A) chunks of normalised actions.
+        phases: (B, T, H, phases) how likely each is to go on after each of them, as logits; None where none are told.
+        ways: (B, ways) how likely each way of grasping is, as logits; None where it does not choose.
+    """
+
+    actions: Tensor
+    phases: Tensor | None
+    ways: Tensor | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +83,10 @@ class PolicyNetwork(nn.Module):
 
     def forward(
         self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
-    ) -> tuple[Tensor, Tensor | None]:
-        """Returns chunks of actions (B, T, H, A), and of what goes on after each of them (B, T, H, phases).
+    ) -> Foretold:
+        """Returns what is foretold.
 
-        T is the number of frames for a transformer, which foretells from each, and 1 for a perceptron. In training each
-        member sees its own part of a batch; else all see all of it, and their mean counts.
+        In training each member sees its own part of a batch; else all see all of it, and their mean counts.
 
         Args:
             numbers: (B, T, F) normalised.
@@ -79,14 +96,12 @@ class PolicyNetwork(nn.Module):
         """
         given = (numbers, phase, cloud, way)
         if not self.training:
-            found = [member(*given) for member in self.members]
-            actions, logits = (list(parts) for parts in zip(*found, strict=True))
-            return torch.stack(actions).mean(dim=0), None if logits[0] is None else torch.stack(logits).mean(dim=0)
+            parts = zip(*(member(*given) for member in self.members), strict=True)
+            return Foretold(*(None if part[0] is None else torch.stack(part).mean(dim=0) for part in parts))
         count = len(self.members)
         shares = [[None] * count if part is None else part.tensor_split(count) for part in given]
         found = [member(*share) for member, share in zip(self.members, zip(*shares, strict=True), strict=True)]
-        actions, logits = (list(parts) for parts in zip(*found, strict=True))
-        return torch.cat(actions), None if logits[0] is None else torch.cat(logits)
+        return Foretold(*(None if part[0] is None else torch.cat(part) for part in zip(*found, strict=True)))
 
 
 class _Member(nn.Module):
@@ -107,21 +122,30 @@ class _Member(nn.Module):
         first = (nn.Linear(form.width, form.width), nn.GELU()) if form.kind == "transformer" else ()
         self.action = nn.Sequential(*first, last)
         self.next_phase = nn.Linear(form.width, acts.chunk * sizes.phases) if self._told else None
+        self.choice = (
+            nn.Sequential(
+                nn.Linear(sizes.numbers + self._told, _CHOICE_WIDTH), nn.GELU(), nn.Linear(_CHOICE_WIDTH, sizes.ways)
+            )
+            if sees.chooses
+            else None
+        )
 
     def forward(
         self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
-    ) -> tuple[Tensor, Tensor | None]:
+    ) -> Foretold:
         parts = [numbers]
-        if self.cloud is not None and cloud is not None:
-            parts.append(self.cloud(cloud))
         if self._told and phase is not None:
             parts.append(nn.functional.one_hot(phase, self._told).to(numbers.dtype))
+        choosing = torch.cat(parts, dim=-1)
+        if self.cloud is not None and cloud is not None:
+            parts.append(self.cloud(cloud))
         if self._ways and way is not None:
             parts.append(nn.functional.one_hot(way, self._ways).to(numbers.dtype))
         found = self.trunk(torch.cat(parts, dim=-1))
         shape = (*found.shape[:2], self._chunk)
         logits = None if self.next_phase is None else self.next_phase(found).reshape(*shape, self._sizes.phases)
-        return self.action(found).reshape(*shape, self._sizes.action), logits
+        ways = None if self.choice is None else self.choice(choosing[:, -1])
+        return Foretold(self.action(found).reshape(*shape, self._sizes.action), logits, ways)
 
 
 class _Perceptron(nn.Module):

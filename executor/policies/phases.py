@@ -4,7 +4,8 @@ A plan says that GRASP begins with the hand at its place, and ends with somethin
 is open when it was opened. So GRASP, what goes before it, and what opens and shuts count as done only where what shows
 of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on nothing
 begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked; a
-door that comes no farther is left. No contact and no detector is asked: it is what the policy sees anyway.
+door that comes no farther is left, and where the whole plan has left it less open than it should be, the plan begins
+anew. No contact and no detector is asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ range less open is a door as open."""
 
 PATIENCE_S = 2.0
 """For how long it is not let go on where it would: fingers close in half a second."""
+
+BACK_S = 3.0
+"""After so long in the last step the hand is back where plans begin."""
 
 EMPTY_SHARE = 0.5
 """Of the least that fingers were apart behind a grasp: with less they have shut on nothing. What they hold is as thick,
@@ -59,7 +63,7 @@ class PlanFollower:
         self._least, self._most = least - slack, most + slack
         self._plan: list[int] = []
         self._looks_a_second = record.rate_hz / execute
-        self._stage = self._first = self._held_back = 0
+        self._stage = self._first = self._held_back = self._at_end = 0
         self._foretold: NDArray | None = None
 
     @property
@@ -79,7 +83,7 @@ class PlanFollower:
             before = [step for step, kind in kinds if kind is Primitive.UNGRASP or step not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
-        self._stage, self._foretold, self._held_back = self._first, None, 0
+        self._stage, self._foretold, self._held_back, self._at_end = self._first, None, 0, 0
 
     def foretell(self, logits: NDArray) -> None:
         """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
@@ -96,6 +100,10 @@ class PlanFollower:
             shown: (G,) what now shows how far it has come.
         """
         if self._foretold is None:
+            return
+        self._at_end = self._at_end + 1 if self._stage == len(self._plan) - 1 else 0
+        if self._at_end > BACK_S * self._looks_a_second and not self._doors_are_open(shown):
+            self._stage, self._at_end, self._held_back = self._first, 0, 0
             return
         foreseen = self._foreseen(self._foretold)
         if (missed := self._missed(foreseen, shown)) is not None:
@@ -120,7 +128,15 @@ class PlanFollower:
             part = self._of_doors
         else:
             return True
-        return bool(((self._least[now, part] <= shown[part]) & (shown[part] <= self._most[now, part])).all())
+        return self._as_left(now, shown, part)
+
+    def _doors_are_open(self, shown: Numbers) -> bool:
+        """Decides whether doors are as open, or as shut, as the plan's last step at one had been seen to leave them."""
+        moved = [phase for phase in self._plan if self._kinds[phase] in _MOVES_DOORS]
+        return not moved or self._as_left(moved[-1], shown, self._of_doors)
+
+    def _as_left(self, phase: int, shown: Numbers, part: slice) -> bool:
+        return bool(((self._least[phase, part] <= shown[part]) & (shown[part] <= self._most[phase, part])).all())
 
     def _missed(self, foreseen: int, shown: Numbers) -> int | None:
         """Returns the step of the APPROACH to a grasp that should hold by now, and shut on nothing."""

@@ -51,19 +51,24 @@ class Sees(Form):
         kind: "state": where robot, things and handles are; "cloud": points on everything, and the robot's own state.
         frames: How many observations in a row, the latest last.
         things, handles: Of how many it is told, those that the task names first ("state" only).
+        room: In how many directions it is told what room there is, around its base and beside the first thing
+            (`surroundings.py`); with any, also where that thing's corners are ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
-        way: Whether it is told which posture its arm grasps with (`windows.py`): at work always the one that most
-            demonstrations have.
+        way: Whether it is told which posture its arm grasps with (`windows.py`): at work the one that most
+            demonstrations have, or
+        chooses: the one that it takes to be the likeliest where a subtask begins.
     """
 
     kind: Literal["state", "cloud"] = "state"
     frames: Annotated[StrictInt, Field(ge=1, le=64)] = 1
     things: Annotated[StrictInt, Field(ge=1, le=12)] = 1
     handles: Annotated[StrictInt, Field(ge=0, le=8)] = 1
+    room: Annotated[StrictInt, Field(ge=0, le=64)] = 0
     points: Annotated[StrictInt, Field(ge=16, le=POINTS)] = POINTS
     phase: StrictBool = False
     way: StrictBool = False
+    chooses: StrictBool = False
 
 
 class Acts(Form):
@@ -111,6 +116,7 @@ class TrainingForm(Form):
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
         noise: Deviation of noise in normalised numbers of the state.
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
+        mirror: Whether it learns from the mirror image of each demonstration too (`mirror.py`).
         usual: Share of the steps, the last ones, in which only the usual way is learned from (`sees.way`).
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
@@ -125,6 +131,7 @@ class TrainingForm(Form):
     noise: Amount = 0.03
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
+    mirror: StrictBool = False
     usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 

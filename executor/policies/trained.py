@@ -47,7 +47,10 @@ small thing, and a millimetre done no large one."""
 
 
 TAKEN_M = 0.1
-"""What every grasp of all demonstrations is nearer to is what they take: long handles are held 6 cm off the middle."""
+"""What nearly all grasps are nearer to is what they take: long handles are held 6 cm off the middle."""
+
+ODD_SHARE = 0.05
+"""Of demonstrations, at either end: what so few of them show, such as another of two doors opened, is no bound."""
 
 MOST_DEVIATIONS = 5.0
 """What is seen counts as no farther from its mean: demonstrations hardly are, and nothing was learned of beyond."""
@@ -233,14 +236,16 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
         return least, most
     rows, left = data.after_leaving(settings.acts.execute)
     for phase in np.unique(left):
-        least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
+        seen = shown[rows[left == phase]]
+        least[phase], most[phase] = np.quantile(seen, ODD_SHARE, axis=0), np.quantile(seen, 1.0 - ODD_SHARE, axis=0)
     sites = sees.things + sees.handles if sees.kind == "state" else 0
     subtasks = np.array([subtask_of(step) for step in data.steps])
     grasps = np.array([primitive_of(step) is Primitive.GRASP for step in data.steps])
     for subtask in np.unique(subtasks):
         behind_grasps = rows[(grasps & (subtasks == subtask))[left]]
         for site in (slice(1 + 3 * place, 4 + 3 * place) for place in range(sites)):
-            if not len(behind_grasps) or np.linalg.norm(shown[behind_grasps, site], axis=1).max() > TAKEN_M:
+            off_m = np.linalg.norm(shown[behind_grasps, site], axis=1)
+            if not len(behind_grasps) or np.quantile(off_m, 1.0 - ODD_SHARE) > TAKEN_M:
                 least[subtasks == subtask, site], most[subtasks == subtask, site] = -LARGEST, LARGEST
     return least, most
 

@@ -33,6 +33,7 @@ SAVE_EACH_S = 60.0
 """What an interruption costs at most, in seconds; writing takes hundredths of one."""
 
 _PHASE_WEIGHT = 0.1  # Of the phase's loss: enough for it to be learned, too little to take the trunk from the actions.
+_CHOICE_WEIGHT = 0.1
 _LARGEST_GRADIENT = 1.0
 _LOG_EACH = 100
 
@@ -146,7 +147,7 @@ class Trainer:
             jitter = form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
             cloud[..., :3] += self._there(shift.astype(np.float32)) + self._there(jitter)
         way = self._there(data.ways[frames])
-        actions, logits = self._network(numbers, phase if settings.sees.phase else None, cloud, way)
+        actions, logits, ways = self._network(numbers, phase if settings.sees.phase else None, cloud, way)
         begun = self._there(self._told[outputs.ravel()])
         target = ((self._there(wanted) - self._done[0][begun]) / self._done[1][begun]).reshape(actions.shape)
         loss = nn.functional.l1_loss(actions, target)
@@ -154,6 +155,10 @@ class Trainer:
             loss = loss + _PHASE_WEIGHT * nn.functional.cross_entropy(
                 logits.flatten(0, -2), self._there(after).flatten()
             )
+        if ways is not None:
+            begins = self._there(data.begins[moments])
+            wrong = nn.functional.cross_entropy(ways, way[:, -1], reduction="none")
+            loss = loss + _CHOICE_WEIGHT * (wrong * begins).mean()
         return loss
 
     def _there(self, array: np.ndarray) -> Tensor:

@@ -21,6 +21,7 @@ from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
+from executor.policies.mirror import mirrored
 from executor.policies.settings import PolicySettings, Sees
 from executor.policies.steps import step_number, subtask_of
 from oag.model.primitives import Primitive
@@ -56,7 +57,7 @@ class Demonstrations:
     """All moments of all demonstrations, one episode after the other.
 
     Attributes:
-        names: Of the episodes.
+        names: Of the episodes; their mirror images are rows, and have no names.
         key: Follows from what the episodes are.
         rate_hz: Moments a second.
         kinds: What the episodes are of, each once.
@@ -74,6 +75,7 @@ class Demonstrations:
         steps: The numbers of plans' steps that occur (`steps.py`), in order.
         takeovers: How many episodes go on from where a policy had come to.
         ways: (M,) which way the episode takes things in the subtask that is going on, 0 being the way of the most.
+        begins: (M,) 1 where the first step of a subtask is going on, in which a way is chosen, else 0.
     """
 
     names: tuple[str, ...]
@@ -93,6 +95,7 @@ class Demonstrations:
     steps: tuple[int, ...]
     takeovers: int
     ways: NDArray[np.int64]
+    begins: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -149,6 +152,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         pairs = zip(paths, streams, strict=True)
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
         raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
+    originals: list[FoldedEpisode] = []
     rows: list[tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
     for path, stream in zip(paths, streams, strict=True):
@@ -156,10 +160,12 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         for episode in islice(shown, most):
             if include and CLOUD not in episode.columns:
                 raise NotADataset(f"{path} has no point clouds; train on the store, or export it with them")
-            clouds = seen_clouds(episode, settings.sees.points) if include else None
-            # Whole clouds of all episodes at once would be too much.
-            kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
-            rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
+            originals.append(episode)
+            for seen in _images(episode) if settings.training.mirror else (episode,):
+                clouds = seen_clouds(seen, settings.sees.points) if include else None
+                # Whole clouds of all episodes at once would be too much.
+                kept = {name: column for name, column in seen.columns.items() if name != CLOUD}
+                rows.append((replace(seen, columns=kept), seen_numbers(seen, settings.sees), clouds))
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
@@ -171,11 +177,11 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     steps = tuple(int(number) for number in np.unique([phases, told]))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
-        names=tuple(str(episode.about["name"]) for episode in episodes),
-        key=_key(episodes),
+        names=tuple(str(episode.about["name"]) for episode in originals),
+        key=_key(originals),
         rate_hz=streams[0].found.rate_hz,
-        kinds=_kinds(episodes),
-        seeds=_seeds(episodes),
+        kinds=_kinds(originals),
+        seeds=_seeds(originals),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
@@ -186,8 +192,9 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         phases=np.searchsorted(steps, phases),
         told=np.searchsorted(steps, told),
         steps=steps,
-        takeovers=_takeovers(episodes),
+        takeovers=_takeovers(originals),
         ways=_ways(episodes, going_on),
+        begins=np.concatenate([_begins(rows) for rows in going_on]),
     )
 
 
@@ -228,6 +235,12 @@ def learned_from(path: Path) -> LearnedFrom:
     )
 
 
+def _images(episode: FoldedEpisode) -> tuple[FoldedEpisode, ...]:
+    """Returns an episode and, where the robot could do that, its mirror image."""
+    columns = mirrored(episode.columns)
+    return (episode,) if columns is None else (episode, replace(episode, columns=columns))
+
+
 def _seeds(episodes: Iterable[FoldedEpisode]) -> tuple[int, ...]:
     return tuple(sorted({DemoUnit.from_json(episode.about["unit"]).seed for episode in episodes}))
 
@@ -245,7 +258,7 @@ def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:
     agent = episode.columns["observation.state"]
     if sees.kind == "cloud":
         return own_numbers(agent)
-    return state_numbers(agent, episode.columns["observation.environment_state"], sees.things, sees.handles)
+    return state_numbers(agent, episode.columns["observation.environment_state"], sees)
 
 
 def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
@@ -274,6 +287,16 @@ def _going_on(episode: FoldedEpisode) -> NDArray[np.int64]:
     # What a planner goes on with begins in the middle of the whole task.
     subtasks = episode.columns["subtask_index"] + (int(takeover["subtask"]) if takeover else 0)
     return step_number(subtasks, primitives)[running[np.minimum(following, len(running) - 1)]]
+
+
+def _begins(steps: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Returns (N,) 1 where the first step of a subtask is going on, and else 0."""
+    found = np.zeros(len(steps), np.float32)
+    _, firsts = np.unique(subtask_of(steps), return_index=True)
+    for first in firsts:
+        later = np.flatnonzero(steps[first:] != steps[first])
+        found[first : first + later[0] if len(later) else None] = 1.0
+    return found
 
 
 def _ways(episodes: Sequence[FoldedEpisode], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:

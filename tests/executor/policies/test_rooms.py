@@ -1,0 +1,83 @@
+"""What a policy knows of the room, how it learns of the mirror image, and how it chooses a way of grasping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from executor.datasets.formats.export import open_set
+from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
+from executor.datasets.store import EpisodeStore
+from executor.policies.acting import Actor
+from executor.policies.mirror import mirrored, mirrored_joints
+from executor.policies.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, surrounding_numbers
+from executor.policies.trained import PolicyRecord
+from executor.policies.training import Trainer
+from executor.policies.windows import read_demonstrations
+from executor.robot.actions import arm_chain
+from tests.executor.policies.conftest import small
+
+pytestmark = pytest.mark.physics
+
+
+def room() -> tuple[np.ndarray, np.ndarray]:
+    """Returns the robot at 1, 0, facing along y, before a box of 0.4 by 0.6 m at 1, 1 with a low thing beside it."""
+    agent, environment = np.zeros((1, AGENT)), np.zeros((1, ENVIRONMENT))
+    agent[0, :3] = 1.0, 0.0, np.pi / 2
+    rows = environment[:, : THINGS * THING].reshape(1, THINGS, THING)
+    rows[0, 0] = [1, 1.0, 1.0, 0.5, 0, 0, 0, 1, 0.4, 0.6, 1.0, 1.0, 1.0, 0.5]
+    rows[0, 1] = [1, 1.3, 1.0, 0.5, 0, 0, 0, 1, 0.2, 0.2, 0.2, 1.3, 1.0, 0.5]
+    return agent, environment
+
+
+def test_room_is_told_from_the_base_and_from_what_is_taken() -> None:
+    agent, environment = room()
+    found = surrounding_numbers(agent, environment, 4)[0]
+    # Corners by the box's axes, seen by who faces along y: ahead is y, left is -x.
+    assert np.allclose(found[:8].reshape(4, 2), [[1.3, -0.2], [0.7, -0.2], [0.7, 0.2], [1.3, 0.2]])
+    assert np.allclose(found[8:12], [0.7, *[FAR_FROM_BASE_M] * 3])
+    assert np.allclose(found[12:], [FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, 0.2])
+    # What is as high no more is not in a hand's way.
+    environment[:, THING + 3] = 1.5
+    assert np.allclose(surrounding_numbers(agent, environment, 4)[0, 12:], FAR_FROM_TARGET_M)
+
+
+def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: EpisodeStore) -> None:
+    rng = np.random.default_rng(0)
+    joints = np.zeros((4, 12))
+    joints[:, 3:10] = rng.uniform(-1.0, 1.0, (4, 7))
+    chain, mirror = arm_chain(0.7), np.diag([1.0, -1.0, 1.0, 1.0])
+    seen = mirror @ chain.forward(joints[:, 3:10]) @ mirror
+    assert np.allclose(chain.forward(mirrored_joints(joints)[:, 3:10]), seen)
+
+    columns = {name: column.copy() for name, column in next(iter(open_set(picked.path, ()).episodes())).columns.items()}
+    columns["observation.state"][:, 9] = columns["action.joint_target"][:, 9] = 0.5
+    image = mirrored(columns)
+    assert image is not None
+    again = mirrored(image)
+    assert again is not None
+    for name in ("observation.state", "observation.environment_state", "action", "action.joint_target"):
+        assert np.allclose(again[name], columns[name], atol=1e-6)
+    columns["action.joint_target"][0, 9] = -2.0
+    assert mirrored(columns) is None
+
+
+def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore, tmp_path: Path) -> None:
+    settings = small(sees={"room": 4, "chooses": True}, training={"mirror": True})
+    plain, both = read_demonstrations([picked.path], small()), read_demonstrations([picked.path], settings)
+    assert both.names == plain.names and both.key == plain.key
+    assert len(plain) <= len(both) <= 2 * len(plain)
+    begun = both.begins.astype(bool)
+    assert begun[both.starts].all() and (both.phases[begun] == both.steps.index(17)).all()
+    record = PolicyRecord.of(settings, 0, both)
+    Trainer(tmp_path, record, both).run(lambda step, loss: None)
+    actor = Actor.load(tmp_path)
+    actor.begin([17, 1, 2, 3, 7], 0)
+    agent, environment = room()
+    actor.act({"agent_pos": agent[0] + np.eye(AGENT)[18], "environment_state": environment[0]})
+    assert actor._ways.keys() == {0} and actor._ways[0] < record.ways
+    numbers, none = torch.zeros(1, 1, record.sizes.numbers), torch.zeros(1, 1, dtype=torch.int64)
+    assert record.network().eval()(numbers, none, way=none).ways.shape == (1, record.ways)
