@@ -18,7 +18,8 @@ from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
 from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
-from executor.policies.windows import MOST_WAYS, chosen_points
+from executor.policies.ways import MOST_WAYS
+from executor.policies.windows import chosen_points
 
 
 class Acting(Protocol):
@@ -164,9 +165,9 @@ class Actor:
             way = torch.full_like(phase, self._way(numbers, phase))[None]
             found, logits, _ = self._network(numbers[None], told, cloud, way)
         mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
-        chunk = found[0, -1].numpy() * deviation + mean
+        chunk = (found[0, -1].numpy() * deviation + mean)[: self.execute]
         if logits is not None:
             self._follower.foretell(logits[0, -1, self.execute - 1].numpy())
         if self._settings.acts.kind == "joint_target":
-            chunk = targets_in_the_room(qpos, chunk)
-        return chunk[: self.execute]
+            chunk = targets_in_the_room(qpos, chunk, self.record.scale)
+        return chunk

@@ -118,6 +118,8 @@ class _Member(nn.Module):
             if form.kind == "transformer"
             else _Perceptron(form, each * sees.frames)
         )
+        straight = sizes.numbers * max(self._told, 1)
+        self.straight = nn.Linear(straight, acts.chunk * sizes.action) if form.linear else None
         last = nn.Linear(form.width, acts.chunk * sizes.action)
         first = (nn.Linear(form.width, form.width), nn.GELU()) if form.kind == "transformer" else ()
         self.action = nn.Sequential(*first, last)
@@ -145,7 +147,17 @@ class _Member(nn.Module):
         shape = (*found.shape[:2], self._chunk)
         logits = None if self.next_phase is None else self.next_phase(found).reshape(*shape, self._sizes.phases)
         ways = None if self.choice is None else self.choice(choosing[:, -1])
-        return Foretold(self.action(found).reshape(*shape, self._sizes.action), logits, ways)
+        actions = self.action(found)
+        if self.straight is not None:
+            actions = actions + self.straight(self._by_phase(numbers, phase))[:, -found.shape[1] :]
+        return Foretold(actions.reshape(*shape, self._sizes.action), logits, ways)
+
+    def _by_phase(self, numbers: Tensor, phase: Tensor | None) -> Tensor:
+        """Returns (B, T, F * phases) the numbers where those of their phase are, and else 0."""
+        if not self._told or phase is None:
+            return numbers
+        told = nn.functional.one_hot(phase, self._told).to(numbers.dtype)
+        return (told[..., None] * numbers[..., None, :]).flatten(-2)
 
 
 class _Perceptron(nn.Module):

@@ -76,11 +76,13 @@ class Acts(Form):
 
     Attributes:
         kind: What actions are, as `executor.robot.actions` defines them.
+        hand: Whether it foretells where the hand is to be beside the joints, which are put right by it (`hands.py`).
         chunk: How many actions in a row it foretells.
         execute: How many of them are done before it looks again.
     """
 
     kind: Literal["joint_target", "paper"] = "joint_target"
+    hand: StrictBool = False
     chunk: Annotated[StrictInt, Field(ge=1, le=64)] = 16
     execute: Annotated[StrictInt, Field(ge=1, le=64)] = 6
 
@@ -93,6 +95,8 @@ class NetworkForm(Form):
         width, layers: Of the trunk.
         heads: Of attention; they divide the width ("transformer" only).
         dropout: Share of activations that training leaves out.
+        linear: Whether what is seen also counts straight, primitive by primitive: a hand that goes to a place moves by
+            as much as it is off, and what is wound through layers loses the last centimetres.
         members: How many such networks there are, each trained on its part of a batch; at work their mean counts.
         point_widths: Widths of what each point goes through before the most of each number is taken ("cloud" only).
     """
@@ -102,6 +106,7 @@ class NetworkForm(Form):
     layers: Annotated[StrictInt, Field(ge=1, le=24)] = 3
     heads: Annotated[StrictInt, Field(ge=1, le=32)] = 8
     dropout: Share = 0.0
+    linear: StrictBool = False
     members: Annotated[StrictInt, Field(ge=1, le=16)] = 1
     point_widths: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (64, 128, 256)
 
@@ -189,6 +194,8 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)
+    if found.acts.hand and found.acts.kind != "joint_target":
+        raise document.fail(("acts", "hand"), "expected false where actions are the hand's already")
     if found.network.kind == "transformer" and found.network.width % found.network.heads:
         problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
         raise document.fail(("network", "heads"), problem)

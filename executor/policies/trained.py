@@ -31,7 +31,7 @@ from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
 from executor.policies.steps import primitive_of, subtask_of
-from executor.policies.windows import Demonstrations, EpisodeKind
+from executor.policies.windows import Demonstrations, EpisodeKind, scale_of
 from oag.model.primitives import Primitive
 
 SCHEMA = "scene2demo-policy/3"
@@ -119,8 +119,13 @@ class PolicyRecord:
     @property
     def sizes(self) -> NetworkSizes:
         """Of the network."""
-        each = numbers_each(self.settings.acts.kind)
+        each = numbers_each(self.settings.acts)
         return NetworkSizes(self.numbers[0].shape[-1], each, len(self.steps), self.ways)
+
+    @property
+    def scale(self) -> float:
+        """Of the robot, of a Panda's full size."""
+        return scale_of(self.kinds)
 
     @property
     def key(self) -> str:
@@ -170,7 +175,7 @@ class PolicyRecord:
             names = ("numbers", "actions", "left")
             seen, done, left = ([np.asarray(part, np.float32) for part in told[name]] for name in names)
             count = len(told["steps"]) if settings.sees.phase else 1
-            each = (count, settings.acts.chunk, numbers_each(settings.acts.kind))
+            each = (count, settings.acts.chunk, numbers_each(settings.acts))
             shapes = [part.shape for part in (*seen, *left)]
             if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
                 raise ValueError("arrays of other shapes than the settings say")

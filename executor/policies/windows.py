@@ -21,16 +21,12 @@ from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
+from executor.policies.hands import hand_poses, hands_from_here
 from executor.policies.mirror import mirrored
 from executor.policies.settings import PolicySettings, Sees
 from executor.policies.steps import step_number, subtask_of
-from oag.model.primitives import Primitive
-
-SAME_WAY_RAD = 1.0
-"""Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand
-makes 0.3 rad."""
-
-MOST_WAYS = 8  # What a few of a hundred demonstrations do is not learned from them.
+from executor.policies.ways import ways_of
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +64,8 @@ class Demonstrations:
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
         clouds: (M, P, 4) float16 points and mask, or None.
+        hands: (M, H, HAND_NUMBERS) where the hand is to be after each action of a chunk (`hands.py`); None where that
+            is not foretold.
         actions: (M, 12) joint targets or (M, 10) hand actions.
         phases: (M,) which of `steps` is going on.
         told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
@@ -89,6 +87,7 @@ class Demonstrations:
     qpos: NDArray[np.float32]
     numbers: Numbers
     clouds: NDArray[np.float16] | None
+    hands: NDArray[np.float32] | None
     actions: NDArray[np.float32]
     phases: NDArray[np.int64]
     told: NDArray[np.int64]
@@ -131,6 +130,8 @@ class Demonstrations:
         actions = self.actions[rows]
         if actions.shape[-1] == self.qpos.shape[-1]:
             actions = targets_from_here(self.qpos[moments], actions)
+        if self.hands is not None:
+            actions = np.concatenate([actions, self.hands[moments, :length]], axis=-1)
         return actions, self.phases[after]
 
 
@@ -176,24 +177,27 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     )
     steps = tuple(int(number) for number in np.unique([phases, told]))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
+    kinds = _kinds(originals)
+    lasts = _stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in originals),
         key=_key(originals),
         rate_hz=streams[0].found.rate_hz,
-        kinds=_kinds(originals),
+        kinds=kinds,
         seeds=_seeds(originals),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
-        lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
+        lasts=lasts,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
+        hands=_hands(episodes, lasts, settings.acts.chunk, scale_of(kinds)) if settings.acts.hand else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         phases=np.searchsorted(steps, phases),
         told=np.searchsorted(steps, told),
         steps=steps,
         takeovers=_takeovers(originals),
-        ways=_ways(episodes, going_on),
+        ways=ways_of(episodes, going_on),
         begins=np.concatenate([_begins(rows) for rows in going_on]),
     )
 
@@ -289,6 +293,27 @@ def _going_on(episode: FoldedEpisode) -> NDArray[np.int64]:
     return step_number(subtasks, primitives)[running[np.minimum(following, len(running) - 1)]]
 
 
+def scale_of(kinds: Sequence[EpisodeKind]) -> float:
+    """Returns the robot's scale in episodes of some kinds, of a Panda's full size."""
+    return FULL_SCALE if any(kind.full_size for kind in kinds) else PAPER_SCALE
+
+
+def _hands(episodes: Sequence[FoldedEpisode], lasts: NDArray[np.int64], length: int, scale: float) -> Numbers:
+    """Returns (M, length, HAND_NUMBERS) where joint targets want the hand, as seen from each moment.
+
+    They are put together once: batches would take twice as long.
+    """
+    columns = ("observation.state", "action.joint_target")
+    now, wanted = (
+        hand_poses(np.concatenate([episode.columns[column][:, :12] for episode in episodes]), scale)
+        for column in columns
+    )
+    first = np.arange(len(now))
+    return np.stack(
+        [hands_from_here(now, wanted[np.minimum(first + ahead, lasts - 1)]) for ahead in range(length)], axis=1
+    )
+
+
 def _begins(steps: NDArray[np.int64]) -> NDArray[np.float32]:
     """Returns (N,) 1 where the first step of a subtask is going on, and else 0."""
     found = np.zeros(len(steps), np.float32)
@@ -297,54 +322,6 @@ def _begins(steps: NDArray[np.int64]) -> NDArray[np.float32]:
         later = np.flatnonzero(steps[first:] != steps[first])
         found[first : first + later[0] if len(later) else None] = 1.0
     return found
-
-
-def _ways(episodes: Sequence[FoldedEpisode], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Returns (M,) the way of the subtask that goes on: what one grasp is like says nothing of another thing's."""
-    subtasks = [subtask_of(steps) for steps in going_on]
-    found = [np.zeros_like(rows) for rows in subtasks]
-    for subtask in np.unique(np.concatenate(subtasks)):
-        of_it = [rows == subtask for rows in subtasks]
-        postures = [_postures_at_grasps(episode, rows) for episode, rows in zip(episodes, of_it, strict=True)]
-        having = [number for number, rows in enumerate(of_it) if rows.any()]
-        for number, way in zip(having, ways([postures[number] for number in having]), strict=True):
-            found[number][of_it[number]] = way
-    return np.concatenate(found)
-
-
-def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
-    """Returns (N,) which way each demonstration takes things, 0 being the way of the most.
-
-    A hand gets to the same place with the elbow on either side and the wrist turned either way; what decides it is
-    not seen, and the mean of two postures reaches nowhere. A way is a posture that others are near to, those that most
-    others are near to first. From `MOST_WAYS` on, all that are left are one.
-
-    Args:
-        postures: Of each demonstration, (G, 7) the arm at each of its grasps, rad. The last ones are compared with the
-            last ones, since some demonstrations begin in the middle.
-    """
-    near = np.array([[_apart_rad(one, other) <= SAME_WAY_RAD for other in postures] for one in postures])
-    found = np.full(len(postures), MOST_WAYS - 1)
-    left = np.ones(len(postures), dtype=bool)
-    for way in range(MOST_WAYS - 1):
-        if not left.any():
-            break
-        usual = near[np.where(left, near.astype(int) @ left, -1).argmax()] & left
-        found[usual], left = way, left & ~usual
-    return found
-
-
-def _apart_rad(one: NDArray, other: NDArray) -> float:
-    """Returns how far two demonstrations' postures are apart at the most different of their grasps, over all joints."""
-    count = min(len(one), len(other))
-    return float(np.abs(one[len(one) - count :] - other[len(other) - count :]).sum(axis=1).max(initial=0.0))
-
-
-def _postures_at_grasps(episode: FoldedEpisode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Returns (G, 7) the arm where each of an episode's grasps begins, of those in some of its rows."""
-    grasping = (episode.columns["primitive_index"] == Primitive.GRASP) & rows
-    begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
-    return episode.columns["observation.state"][begun, 3:10]
 
 
 def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.int64]:

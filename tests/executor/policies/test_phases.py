@@ -11,7 +11,8 @@ from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
 from executor.policies.phases import EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
 from executor.policies.trained import PolicyRecord
-from executor.policies.windows import MOST_WAYS, read_demonstrations, ways
+from executor.policies.ways import MOST_WAYS, ways
+from executor.policies.windows import read_demonstrations
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics

@@ -12,12 +12,15 @@ from executor.datasets.formats.export import open_set
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
 from executor.datasets.store import EpisodeStore
 from executor.policies.acting import Actor
+from executor.policies.chunks import numbers_each, targets_in_the_room
 from executor.policies.mirror import mirrored, mirrored_joints
+from executor.policies.settings import SettingsError
 from executor.policies.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, surrounding_numbers
 from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
 from executor.robot.actions import arm_chain
+from oag.model.scenefile import PAPER_SCALE
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -81,3 +84,22 @@ def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore
     assert actor._ways.keys() == {0} and actor._ways[0] < record.ways
     numbers, none = torch.zeros(1, 1, record.sizes.numbers), torch.zeros(1, 1, dtype=torch.int64)
     assert record.network().eval()(numbers, none, way=none).ways.shape == (1, record.ways)
+
+
+def test_joints_are_put_right_by_where_the_hand_is_foretold_to_be(picked: EpisodeStore) -> None:
+    settings = small(acts={"hand": True})
+    data = read_demonstrations([picked.path], settings)
+    assert numbers_each(settings.acts) == 17
+    moment = int(np.flatnonzero(data.phases == data.steps.index(2))[0])
+    chunk = data.chunks(np.array([moment]), 8)[0][0]
+    exact = targets_in_the_room(data.qpos[moment], chunk[:, :11])
+    askew = chunk.copy()
+    askew[:, 3:10] += np.random.default_rng(0).normal(0.0, 0.03, (8, 7))
+    hands = arm_chain(PAPER_SCALE).forward(exact[:, 3:10])
+    right, wrong = (
+        arm_chain(PAPER_SCALE).forward(targets_in_the_room(data.qpos[moment], numbers)[:, 3:10])
+        for numbers in (askew, askew[:, :11])
+    )
+    assert np.abs(right - hands)[:, :3, 3].max() < 1e-3 < 5e-3 < np.abs(wrong - hands)[:, :3, 3].max()
+    with pytest.raises(SettingsError, match="hand's already"):
+        small(acts={"hand": True, "kind": "paper"})
