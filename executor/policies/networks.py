@@ -126,7 +126,9 @@ class _Member(nn.Module):
         self.next_phase = nn.Linear(form.width, acts.chunk * sizes.phases) if self._told else None
         self.choice = (
             nn.Sequential(
-                nn.Linear(sizes.numbers + self._told, _CHOICE_WIDTH), nn.GELU(), nn.Linear(_CHOICE_WIDTH, sizes.ways)
+                nn.Linear(sizes.numbers * max(self._told, 1), _CHOICE_WIDTH),
+                nn.GELU(),
+                nn.Linear(_CHOICE_WIDTH, sizes.ways),
             )
             if sees.chooses
             else None
@@ -136,17 +138,16 @@ class _Member(nn.Module):
         self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
     ) -> Foretold:
         parts = [numbers]
-        if self._told and phase is not None:
-            parts.append(nn.functional.one_hot(phase, self._told).to(numbers.dtype))
-        choosing = torch.cat(parts, dim=-1)
         if self.cloud is not None and cloud is not None:
             parts.append(self.cloud(cloud))
+        if self._told and phase is not None:
+            parts.append(nn.functional.one_hot(phase, self._told).to(numbers.dtype))
         if self._ways and way is not None:
             parts.append(nn.functional.one_hot(way, self._ways).to(numbers.dtype))
         found = self.trunk(torch.cat(parts, dim=-1))
         shape = (*found.shape[:2], self._chunk)
         logits = None if self.next_phase is None else self.next_phase(found).reshape(*shape, self._sizes.phases)
-        ways = None if self.choice is None else self.choice(choosing[:, -1])
+        ways = None if self.choice is None else self.choice(self._by_phase(numbers, phase)[:, -1])
         actions = self.action(found)
         if self.straight is not None:
             actions = actions + self.straight(self._by_phase(numbers, phase))[:, -found.shape[1] :]
