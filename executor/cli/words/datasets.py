@@ -239,7 +239,7 @@ class TrainOptions(CommonOptions):
     """Train a policy on stored demonstrations; the same command goes on where an earlier one ended."""
 
     settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
-    """state, ensemble, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
+    """state, ensemble, rooms, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)")]
     """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
     out: Path

@@ -79,7 +79,7 @@ def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert run(["train", "state", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
     assert "is no store of episodes, nor exported of one" in str(last_json(capsys)["error"])
     assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
-    assert "cloud, ensemble, paper, state" in str(last_json(capsys)["error"])
+    assert "cloud, ensemble, paper, rooms, state" in str(last_json(capsys)["error"])
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
     assert "holds no policy" in str(last_json(capsys)["error"])
 

@@ -9,7 +9,7 @@ import pytest
 
 from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
-from executor.policies.phases import EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
+from executor.policies.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
 from executor.policies.trained import PolicyRecord
 from executor.policies.ways import MOST_WAYS, ways
 from executor.policies.windows import read_demonstrations
@@ -111,6 +111,22 @@ def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
         follower.go_on(shown)
         looks += 1
     assert looks == (1 if least < 0.7 else int(PATIENCE_S * record.rate_hz / EXECUTE) + 1)
+
+
+def test_a_plan_that_left_a_door_shut_begins_anew(record: PolicyRecord) -> None:
+    primitives = (3, 4, 5)
+    left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
+    left[0][1, 7], left[1][1, 7] = 0.6, 1.0
+    for share, begins in ((0.7, False), (0.3, True)):
+        follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1])), EXECUTE)
+        follower.begin((3, 4, 5))
+        shown = np.full(8, share)
+        seen = []
+        for _ in range(int((BACK_S + 4 * PATIENCE_S) * record.rate_hz / EXECUTE)):
+            follower.foretell(np.array([0.0, 5.0, 9.0]))
+            follower.go_on(shown)
+            seen.append(follower.phase)
+        assert 2 in seen and (0 in seen[seen.index(2) :]) is begins
 
 
 def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:

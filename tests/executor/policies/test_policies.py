@@ -366,10 +366,10 @@ def test_settings_that_cannot_be_are_refused(content: dict[str, object], words: 
 
 
 def test_settings_that_come_along_can_be_read() -> None:
-    assert known_settings() == ("cloud", "ensemble", "paper", "state")
+    assert known_settings() == ("cloud", "ensemble", "paper", "rooms", "state")
     for name in known_settings():
         read_settings(name)
-    with pytest.raises(SettingsError, match=r"cloud, ensemble, paper, state, or a file that ends in \.toml"):
+    with pytest.raises(SettingsError, match=r"cloud, ensemble, paper, rooms, state, or a file that ends in \.toml"):
         read_settings("stat")
 
 

@@ -82,6 +82,16 @@ def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore
     agent, environment = room()
     actor.act({"agent_pos": agent[0] + np.eye(AGENT)[18], "environment_state": environment[0]})
     assert actor._ways.keys() == {0} and actor._ways[0] < record.ways
+    straight = PolicyRecord.of(small(network={"linear": True}), 0, plain).network().eval()
+    seen = torch.randn(1, 1, plain.numbers.shape[1])
+    steps = [torch.full((1, 1), phase) for phase in (0, 1)]
+    with torch.no_grad():
+        for member in straight.members:
+            member.action[-1].weight.zero_()  # type: ignore[union-attr,operator,index]
+    first, second = (straight(seen, phase, way=torch.zeros_like(phase)).actions for phase in steps)
+    doubled = straight(2 * seen, steps[0], way=torch.zeros_like(steps[0])).actions
+    base = straight(0 * seen, steps[0], way=torch.zeros_like(steps[0])).actions
+    assert torch.allclose(doubled - base, 2 * (first - base), atol=1e-5) and not torch.allclose(first, second)
     numbers, none = torch.zeros(1, 1, record.sizes.numbers), torch.zeros(1, 1, dtype=torch.int64)
     assert record.network().eval()(numbers, none, way=none).ways.shape == (1, record.ways)
 
