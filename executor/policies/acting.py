@@ -75,6 +75,7 @@ class Actor:
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
         self._ways: dict[int, int] = {}
+        self._began: NDArray | None = None
         self._follower = PlanFollower(record, self.execute)
         mean, deviation = record.numbers
         self._scales = torch.from_numpy(mean), torch.from_numpy(deviation)
@@ -118,6 +119,7 @@ class Actor:
         self._frames.clear()
         self._waiting.clear()
         self._ways.clear()
+        self._began = None
         if self._settings.sees.kind == "cloud":
             self._points = chosen_points(self._settings.sees.points, seed)
 
@@ -132,7 +134,9 @@ class Actor:
         agent, sees = np.asarray(observation["agent_pos"])[None], self._settings.sees
         if self._points is None:
             environment = np.asarray(observation["environment_state"])[None]
-            numbers, cloud = state_numbers(agent, environment, sees), None
+            if self._began is None:
+                self._began = environment[0]
+            numbers, cloud = state_numbers(agent, environment, sees, self._began), None
         else:
             numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
         if sees.phase and not self._waiting:

@@ -24,7 +24,7 @@ OWN_NUMBERS = 11
 _OPENING = 7  # Behind the arm's joints, or behind the hand's pose.
 
 
-def state_numbers(agent: NDArray, environment: NDArray, sees: Sees) -> Numbers:
+def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArray | None = None) -> Numbers:
     """Returns (N, F) of what is seen of the state, in m, rad and shares.
 
     ROBOT_NUMBERS of the robot: seven arm joints, the gripper's opening, hand position and first two axes of the hand
@@ -36,6 +36,7 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees) -> Numbers:
         agent: (N, AGENT) the robot.
         environment: (N, ENVIRONMENT) what is around it.
         sees: Of how many things and handles to tell, and of what room.
+        began: (ENVIRONMENT,) what was around it when the policy began; by default the first of those.
     """
     agent = np.asarray(agent, float)
     count = len(agent)
@@ -57,7 +58,7 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees) -> Numbers:
         bar_m = to_base.apply(bar[:, 3:6] - _floor_m(agent))
         found += [bar[:, :1] * part for part in (bar[:, 2:3], bar_m, hand.inv().apply(bar_m - hand_m))]
     if sees.room:
-        found.append(surrounding_numbers(agent, environment, sees.room))
+        found.append(surrounding_numbers(agent, environment, environment[0] if began is None else began, sees.room))
     return np.concatenate(found, axis=1, dtype=np.float32)
 
 

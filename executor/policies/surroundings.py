@@ -1,6 +1,7 @@
-"""What room there is: where the target's corners are, and how far it is to the nearest thing in several directions.
+"""What room there is: where the target's corners and its door's hinge are, and how far it is to the nearest things.
 
-A door turns about one of the corners, and what is beside a thing is in the way of a hand that comes from there. A thing
+A door turns about the edge that is farther from its handle; of two doors side by side, whose handles are next to each
+other, about the edge on its own side. That is read off as things stood when the policy began. What is beside a thing is in the way of a hand that comes from there. A thing
 counts as the box around it, upright and seen from above. The base is held up by whatever it meets, since furniture
 stands on the floor and what stands on furniture is within it; a hand by what is as high as what it takes. Of a door
 that is open its body alone counts.
@@ -12,24 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from executor.datasets.formats.observations import THING, THINGS
+from executor.datasets.formats.observations import HANDLE, HANDLES, THING, THINGS
 
 FAR_FROM_BASE_M, FAR_FROM_TARGET_M = 2.0, 0.4
 """What is farther off counts as so far off: rooms are three or four metres wide, and a hand is 0.2 m wide."""
 
+SIDE_BY_SIDE_M, AS_HIGH_M = 0.25, 0.1
+"""Handles that are nearer to each other, and as high, are of two doors side by side."""
+
 _LEAST = 1e-9
 
 
-def surrounding_numbers(agent: NDArray, environment: NDArray, directions: int) -> NDArray[np.float64]:
-    """Returns (N, 8 + 2 * directions): corners of the first thing, and two rounds of distances, in m.
+def surrounding_numbers(agent: NDArray, environment: NDArray, began: NDArray, directions: int) -> NDArray[np.float64]:
+    """Returns (N, 10 + 2 * directions): corners and hinge of the first thing, and two rounds of distances, in m.
 
-    The four corners (x, y from the base) are those of the box around it, in the order of its own axes. The first round
+    The four corners (x, y from the base) are those of the box around it, in the order of its own axes. The hinge (x, y
+    from the base) is that of the first handle's door; of what has no handle, one of the corners. The first round
     is from the middle of the base to the nearest thing; 0 inside one. The second is from where a hand takes the first
     thing, to others that are as high. Either begins in the direction of the base and goes counter-clockwise, evenly.
 
     Args:
         agent: (N, AGENT) the robot, as `executor.datasets.formats.observations` has it.
         environment: (N, ENVIRONMENT) what is around it.
+        began: (ENVIRONMENT,) what was around it when the policy began.
         directions: How many.
     """
     things = _things(environment)
@@ -41,11 +47,35 @@ def surrounding_numbers(agent: NDArray, environment: NDArray, directions: int) -
     return np.concatenate(
         [
             _corners_m(things[:, 0], base_m, yaw_rad),
+            _turned(hinge_m(began) - base_m, -yaw_rad),
             _distances_m(things, there, base_m, yaw_rad, directions, FAR_FROM_BASE_M),
             _distances_m(things, there & as_high, site_m[:, :2], yaw_rad, directions, FAR_FROM_TARGET_M),
         ],
         axis=1,
     )
+
+
+def hinge_m(environment: NDArray) -> NDArray[np.float64]:
+    """Returns (2,) where in the room the door of the first handle turns about, as it stands shut.
+
+    Args:
+        environment: (ENVIRONMENT,) what is there.
+    """
+    thing = _things(environment[None])[0, :1]
+    yaw = _yaws_rad(thing[:, None], thing[:, :1] > 0.0)[0]
+    half_m = thing[0, 8:10] / 2
+    handles = np.asarray(environment[THINGS * THING :], float).reshape(HANDLES, HANDLE)
+    bars_m = _turned(handles[:, 3:5] - thing[0, 1:3], -yaw)
+    front = int(np.argmax(np.abs(bars_m[0]) / np.maximum(half_m, _LEAST)))
+    beside = 1 - front
+    next_to = (handles[:, 0] > 0.0) & (np.abs(handles[:, 5] - handles[0, 5]) < AS_HIGH_M)
+    next_to &= np.linalg.norm(bars_m - bars_m[0], axis=1) < SIDE_BY_SIDE_M
+    next_to[0] = False
+    other = bars_m[next_to.argmax()] - bars_m[0] if next_to.any() else bars_m[0]
+    found = np.empty(2)
+    found[front] = np.copysign(half_m[front], bars_m[0, front])
+    found[beside] = -np.copysign(half_m[beside], other[beside])
+    return _turned(found, yaw[0]) + thing[0, 1:3]
 
 
 def _corners_m(thing: NDArray, base_m: NDArray, yaw_rad: NDArray) -> NDArray[np.float64]:
