@@ -52,7 +52,7 @@ class Sees(Form):
         frames: How many observations in a row, the latest last.
         things, handles: Of how many it is told, those that the task names first ("state" only).
         room: In how many directions it is told what room there is, around its base and beside the first thing
-            (`surroundings.py`); with any, also where that thing's corners are ("state" only).
+            (`surroundings.py`); with any, also where that thing's corners and hinge are ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
         way: Whether it is told which posture its arm grasps with (`windows.py`): at work the one that most

@@ -15,7 +15,7 @@ from executor.policies.acting import Actor
 from executor.policies.chunks import numbers_each, targets_in_the_room
 from executor.policies.mirror import mirrored, mirrored_joints
 from executor.policies.settings import SettingsError
-from executor.policies.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, surrounding_numbers
+from executor.policies.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, hinge_m, surrounding_numbers
 from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
@@ -38,14 +38,38 @@ def room() -> tuple[np.ndarray, np.ndarray]:
 
 def test_room_is_told_from_the_base_and_from_what_is_taken() -> None:
     agent, environment = room()
-    found = surrounding_numbers(agent, environment, 4)[0]
+    found = surrounding_numbers(agent, environment, environment[0], 4)[0]
     # Corners by the box's axes, seen by who faces along y: ahead is y, left is -x.
     assert np.allclose(found[:8].reshape(4, 2), [[1.3, -0.2], [0.7, -0.2], [0.7, 0.2], [1.3, 0.2]])
-    assert np.allclose(found[8:12], [0.7, *[FAR_FROM_BASE_M] * 3])
-    assert np.allclose(found[12:], [FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, 0.2])
+    assert np.allclose(found[10:14], [0.7, *[FAR_FROM_BASE_M] * 3])
+    assert np.allclose(found[14:], [FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, FAR_FROM_TARGET_M, 0.2])
     # What is as high no more is not in a hand's way.
     environment[:, THING + 3] = 1.5
-    assert np.allclose(surrounding_numbers(agent, environment, 4)[0, 12:], FAR_FROM_TARGET_M)
+    assert np.allclose(surrounding_numbers(agent, environment, environment[0], 4)[0, 14:], FAR_FROM_TARGET_M)
+
+
+@pytest.mark.parametrize(("turn", "yaw"), [((0, 0, 0, 1), 0.0), ((0, 0, 1, 0), np.pi)])
+def test_a_hinge_is_at_the_far_edge_or_at_its_own_side_of_two_doors(turn: tuple[float, ...], yaw: float) -> None:
+    _, environment = room()
+    environment[0, 4:8] = turn
+
+    def at(*bar_m: float) -> list[float]:
+        x, y = np.array([np.cos(yaw), np.sin(yaw)])
+        return [1, 0, 0, 1.0 + x * bar_m[0] - y * bar_m[1], 1.0 + y * bar_m[0] + x * bar_m[1], 0.7]
+
+    handles = environment[0, THINGS * THING :].reshape(-1, 6)
+    handles[0] = at(-0.23, 0.2)
+    along = np.array([np.cos(yaw), np.sin(yaw)])
+    across = np.array([-along[1], along[0]])
+    middle = np.array([1.0, 1.0])
+    assert np.allclose(hinge_m(environment[0]), middle - 0.2 * along - 0.3 * across)
+    handles[0], handles[1] = at(-0.23, -0.02), at(-0.23, 0.08)
+    assert np.allclose(hinge_m(environment[0]), middle - 0.2 * along - 0.3 * across)
+    handles[1] = at(-0.23, -0.12)
+    assert np.allclose(hinge_m(environment[0]), middle - 0.2 * along + 0.3 * across)
+    handles[1, 5] = 0.3  # Of a drawer below.
+    handles[0] = at(-0.23, -0.2)
+    assert np.allclose(hinge_m(environment[0]), middle - 0.2 * along + 0.3 * across)
 
 
 def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: EpisodeStore) -> None:
