@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from executor.policies.chunks import targets_in_the_room
-from executor.policies.features import Numbers, own_numbers, shown_numbers, state_numbers
 from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
+from executor.policies.seen.features import Numbers, own_numbers, shown_numbers, state_numbers
 from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
 from executor.policies.ways import MOST_WAYS

@@ -1,30 +1,41 @@
 """Actions as a policy foretells them: several in a row, as seen from where the robot is when it decides.
 
 A chunk of joint targets is (H, 11): base x, y (m) and yaw (rad) as seen from the base where it stands, seven arm joints
-less what they are (rad), and how far each finger is from the middle (m); where the hand is foretold too, 6 more
-(`hands.py`). A chunk of hand actions is (H, 10), as it is.
+less what they are (rad), and how far each finger is from the middle (m). A chunk of hand actions is (H, 10), as it is.
+
+Where the hand is foretold too, 6 more numbers say where it is to be, and the joints are put right by it. Seven joints
+that are foretold one by one put a hand centimetres off where each posture is new, as in rooms that are drawn; how a
+hand moves as seen from itself hardly depends on the posture. So the joints say where the elbow is, and the hand's
+motion says where the hand is.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from executor.policies.features import Numbers
-from executor.policies.hands import HAND_NUMBERS as HAND_POSE_NUMBERS
-from executor.policies.hands import arms_put_right
+from executor.geometry import Array
+from executor.policies.seen.features import Numbers
 from executor.policies.settings import Acts
-from executor.robot.actions import HAND_NUMBERS, joint_limits
+from executor.robot.actions import HAND_NUMBERS, arm_chain, joint_limits
+from executor.robot.tracking import pose_error
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
-TARGET_NUMBERS = 11
+TARGET_NUMBERS, POSE_NUMBERS = 11, 6
+
+_ARM = slice(3, 10)
+_DAMPING = 1e-4  # m and rad squared: where the arm is stretched out, elbows stay where they were foretold.
+_ITERATIONS = 3
+_MOST_RAD = 0.2
+"""How far a step puts a joint right."""
 
 
 def numbers_each(acts: Acts) -> int:
     """Returns how many numbers an action has in a chunk."""
     if acts.kind == "paper":
         return HAND_NUMBERS
-    return TARGET_NUMBERS + (HAND_POSE_NUMBERS if acts.hand else 0)
+    return TARGET_NUMBERS + (POSE_NUMBERS if acts.hand else 0)
 
 
 def targets_from_here(qpos: NDArray, targets: NDArray) -> Numbers:
@@ -60,3 +71,49 @@ def targets_in_the_room(qpos: NDArray, chunk: NDArray, scale: float = PAPER_SCAL
     # The environment cuts what a smaller hand cannot do.
     low, high = joint_limits(FULL_SCALE).T
     return np.clip(np.concatenate([ahead, fingers], axis=1), low, high)
+
+
+def hand_poses(joints: NDArray, scale: float) -> NDArray[np.float32]:
+    """Returns (N, 4, 4) the hand from the base.
+
+    Args:
+        joints: (N, 12) joint positions or targets.
+        scale: The robot's, of a Panda's full size.
+    """
+    return np.asarray(arm_chain(scale).forward(np.asarray(joints[:, _ARM], float)), np.float32)
+
+
+def hands_from_here(now: NDArray, later: NDArray) -> NDArray[np.float32]:
+    """Returns (N, POSE_NUMBERS) where hands are to be, as seen from where each is: m, and rotation vectors in rad.
+
+    Args:
+        now: (N, 4, 4) from the base.
+        later: (N, 4, 4) from the base, wherever that is then.
+    """
+    back = now[:, :3, :3].swapaxes(-1, -2)
+    places = (back @ (later[:, :3, 3] - now[:, :3, 3])[..., None])[..., 0]
+    turns = Rotation.from_matrix(back @ later[:, :3, :3]).as_rotvec()
+    return np.concatenate([places, turns], axis=-1, dtype=np.float32)
+
+
+def arms_put_right(qpos: NDArray, arms: NDArray, hands: NDArray, scale: float) -> Array:
+    """Returns (H, 7) postures near those that were foretold, with the hand where that was foretold to be.
+
+    Args:
+        qpos: (12,) joint positions where it was foretold.
+        arms: (H, 7) postures, rad.
+        hands: (H, POSE_NUMBERS) as `hands_from_here` has them.
+        scale: The robot's, of a Panda's full size.
+    """
+    chain, found = arm_chain(scale), np.array(arms, float)
+    now = chain.forward(np.asarray(qpos, float)[None, _ARM])[0]
+    wanted = np.tile(np.eye(4), (len(found), 1, 1))
+    wanted[:, :3, :3] = now[:3, :3] @ Rotation.from_rotvec(hands[:, 3:]).as_matrix()
+    wanted[:, :3, 3] = now[:3, 3] + hands[:, :3] @ now[:3, :3].T
+    for _ in range(_ITERATIONS):
+        reached, jacobians = chain.forward_and_jacobian(found)
+        turned = jacobians.swapaxes(-1, -2)
+        error = pose_error(wanted, reached)[..., None]
+        step = turned @ np.linalg.solve(jacobians @ turned + _DAMPING * np.eye(6), error)
+        found += np.clip(step[..., 0], -_MOST_RAD, _MOST_RAD)
+    return found

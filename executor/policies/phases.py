@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.policies.features import Numbers
+from executor.policies.seen.features import Numbers
 from executor.policies.steps import primitive_of
 from executor.policies.trained import PolicyRecord
 from oag.model.primitives import Primitive

@@ -76,7 +76,7 @@ class Acts(Form):
 
     Attributes:
         kind: What actions are, as `executor.robot.actions` defines them.
-        hand: Whether it foretells where the hand is to be beside the joints, which are put right by it (`hands.py`).
+        hand: Whether it foretells where the hand is to be beside the joints, which are put right by it (`chunks.py`).
         chunk: How many actions in a row it foretells.
         execute: How many of them are done before it looks again.
     """

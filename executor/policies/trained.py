@@ -27,8 +27,8 @@ from bddl.files import temporary_beside
 from executor.datasets.formats.observations import LARGEST
 from executor.machine.files import content_key, json_text, read_json, write_json
 from executor.policies.chunks import numbers_each
-from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
+from executor.policies.seen.features import Numbers, shown_numbers
 from executor.policies.settings import PolicySettings, settings_of
 from executor.policies.steps import primitive_of, subtask_of
 from executor.policies.windows import Demonstrations, EpisodeKind, scale_of

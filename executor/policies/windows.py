@@ -19,10 +19,9 @@ from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
-from executor.policies.chunks import targets_from_here
-from executor.policies.features import Numbers, own_numbers, state_numbers
-from executor.policies.hands import hand_poses, hands_from_here
-from executor.policies.mirror import mirrored
+from executor.policies.chunks import hand_poses, hands_from_here, targets_from_here
+from executor.policies.seen.features import Numbers, own_numbers, state_numbers
+from executor.policies.seen.mirror import mirrored
 from executor.policies.settings import PolicySettings, Sees
 from executor.policies.steps import step_number, subtask_of
 from executor.policies.ways import ways_of
@@ -64,7 +63,7 @@ class Demonstrations:
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
         clouds: (M, P, 4) float16 points and mask, or None.
-        hands: (M, H, HAND_NUMBERS) where the hand is to be after each action of a chunk (`hands.py`); None where that
+        hands: (M, H, POSE_NUMBERS) where the hand is to be after each action of a chunk (`chunks.py`); None where that
             is not foretold.
         actions: (M, 12) joint targets or (M, 10) hand actions.
         phases: (M,) which of `steps` is going on.
@@ -299,7 +298,7 @@ def scale_of(kinds: Sequence[EpisodeKind]) -> float:
 
 
 def _hands(episodes: Sequence[FoldedEpisode], lasts: NDArray[np.int64], length: int, scale: float) -> Numbers:
-    """Returns (M, length, HAND_NUMBERS) where joint targets want the hand, as seen from each moment.
+    """Returns (M, length, POSE_NUMBERS) where joint targets want the hand, as seen from each moment.
 
     They are put together once: batches would take twice as long.
     """

@@ -20,11 +20,11 @@ from executor.envs.environment import SceneEnvironment
 from executor.policies import windows
 from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
-from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.judging.comparison import PolicyScore, paired_tests
 from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
 from executor.policies.networks import NetworkSizes, PolicyNetwork
+from executor.policies.seen.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.settings import Sees, SettingsError, known_settings, read_settings, settings_of
 from executor.policies.steps import primitive_of, subtask_of
 from executor.policies.trained import (

@@ -13,9 +13,9 @@ from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, TH
 from executor.datasets.store import EpisodeStore
 from executor.policies.acting import Actor
 from executor.policies.chunks import numbers_each, targets_in_the_room
-from executor.policies.mirror import mirrored, mirrored_joints
+from executor.policies.seen.mirror import mirrored, mirrored_joints
+from executor.policies.seen.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, hinge_m, surrounding_numbers
 from executor.policies.settings import SettingsError
-from executor.policies.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, hinge_m, surrounding_numbers
 from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations

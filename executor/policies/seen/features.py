@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from executor.datasets.formats.observations import HANDLE, HANDLES, THING, THINGS
+from executor.policies.seen.surroundings import surrounding_numbers
 from executor.policies.settings import Sees
-from executor.policies.surroundings import surrounding_numbers
 
 Numbers = NDArray[np.float32]
 
