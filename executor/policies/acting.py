@@ -15,7 +15,7 @@ from torch import Tensor
 from executor.policies.chunks import targets_in_the_room
 from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
-from executor.policies.seen.features import Numbers, own_numbers, shown_numbers, state_numbers
+from executor.policies.seen.features import Numbers, own_numbers, robot_numbers, shown_numbers, state_numbers
 from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
 from executor.policies.ways import MOST_WAYS
@@ -132,15 +132,19 @@ class Actor:
 
     def _see(self, observation: Mapping[str, Any]) -> None:
         agent, sees = np.asarray(observation["agent_pos"])[None], self._settings.sees
+        cloud: NDArray | None = None
         if self._points is None:
             environment = np.asarray(observation["environment_state"])[None]
             if self._began is None:
                 self._began = environment[0]
-            numbers, cloud = state_numbers(agent, environment, sees, self._began), None
+            numbers = state_numbers(agent, environment, sees, self._began)
         else:
-            numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
+            cloud = np.asarray(observation["point_cloud"], np.float32)[self._points]
+            numbers = own_numbers(agent)
+            if sees.locates:
+                numbers, cloud = self._network.located(robot_numbers(agent), cloud[None]), None
         if sees.phase and not self._waiting:
-            self._follower.go_on(shown_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
+            self._follower.go_on(shown_numbers(numbers, sees.places, sees.things, sees.handles)[0])
         frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
 

@@ -1,4 +1,4 @@
-"""The networks: a PointNet for clouds, and over the frames a causal transformer or a plain perceptron.
+"""The networks that act: over the frames a causal transformer or a plain perceptron.
 
 Source of the transformer with a PointNet: the paper's policy (its widths are settings); LayerNorm throughout, since a
 policy acts on one observation at a time.
@@ -9,9 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from executor.policies.seen.features import Numbers
+from executor.policies.seen.locator import Locator, PointNet
 from executor.policies.settings import NetworkForm, PolicySettings
 
 _POINT = 4
@@ -51,21 +55,6 @@ class NetworkSizes:
     ways: int
 
 
-class PointNet(nn.Module):
-    """Points (..., P, 4) -> numbers (..., W): each point by itself, then the most of each number."""
-
-    def __init__(self, widths: tuple[int, ...]) -> None:
-        super().__init__()
-        layers: list[nn.Module] = []
-        for before, after in zip((_POINT, *widths), widths, strict=False):
-            layers += [nn.Linear(before, after), nn.LayerNorm(after), nn.GELU()]
-        self.points = nn.Sequential(*layers)
-
-    def forward(self, cloud: Tensor) -> Tensor:
-        """Returns what the cloud says as a whole."""
-        return self.points(cloud).amax(dim=-2)
-
-
 class PolicyNetwork(nn.Module):
     """Frames -> chunks of normalised actions, by one network or the mean of several.
 
@@ -80,6 +69,8 @@ class PolicyNetwork(nn.Module):
     def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:
         super().__init__()
         self.members = nn.ModuleList(_Member(settings, sizes) for _ in range(settings.network.members))
+        sees, widths = settings.sees, settings.network.point_widths
+        self.locator = Locator(sees.things, sees.handles, widths) if sees.locates else None
 
     def forward(
         self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None, way: Tensor | None = None
@@ -103,6 +94,19 @@ class PolicyNetwork(nn.Module):
         found = [member(*share) for member, share in zip(self.members, zip(*shares, strict=True), strict=True)]
         return Foretold(*(None if part[0] is None else torch.cat(part) for part in zip(*found, strict=True)))
 
+    def located(self, robot: Numbers, cloud: NDArray) -> Numbers:
+        """Returns (N, F) the robot's numbers, and behind them where the locator says things and handles are.
+
+        Args:
+            robot: (N, ROBOT_NUMBERS) the robot.
+            cloud: (N, P, 4) clouds.
+        """
+        if self.locator is None:
+            raise ValueError("this policy has no locator")
+        with torch.inference_mode():
+            _, places = self.locator(torch.from_numpy(cloud), torch.from_numpy(robot))
+        return np.concatenate([robot, places.numpy()], axis=1)
+
 
 class _Member(nn.Module):
     def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:
@@ -111,7 +115,7 @@ class _Member(nn.Module):
         self._chunk, self._sizes = acts.chunk, sizes
         self._told = sizes.phases if sees.phase else 0
         self._ways = sizes.ways if sees.way else 0
-        self.cloud = PointNet(form.point_widths) if sees.kind == "cloud" else None
+        self.cloud = None if sees.places else PointNet(_POINT, form.point_widths)
         each = sizes.numbers + self._told + self._ways + (form.point_widths[-1] if self.cloud is not None else 0)
         self.trunk: nn.Module = (
             _CausalTransformer(form, each, sees.frames)

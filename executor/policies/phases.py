@@ -55,7 +55,7 @@ class PlanFollower:
         least, most = record.left
         self._empty_m = EMPTY_SHARE * least[:, 0]
         sees = record.settings.sees
-        places = 3 * (sees.things + sees.handles) if sees.kind == "state" else 0
+        places = 3 * (sees.things + sees.handles) if sees.places else 0
         self._of_grasps, self._of_doors = slice(0, 1 + places), slice(1 + places, None)
         least_slack = np.full(least.shape[-1], NEAR_SLACK_M)
         least_slack[:1], least_slack[self._of_doors] = OPENING_SLACK_M, OPEN_SLACK

@@ -54,6 +54,7 @@ class Sees(Form):
         room: In how many directions it is told what room there is, around its base and beside the first thing
             (`surroundings.py`); with any, also where that thing's corners and hinge are ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
+        locates: Whether it tells from the cloud where things and handles are, and acts on that (`seen/locator.py`).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
         way: Whether it is told which posture its arm grasps with (`windows.py`): at work the one that most
             demonstrations have, or
@@ -66,9 +67,15 @@ class Sees(Form):
     handles: Annotated[StrictInt, Field(ge=0, le=8)] = 1
     room: Annotated[StrictInt, Field(ge=0, le=64)] = 0
     points: Annotated[StrictInt, Field(ge=16, le=POINTS)] = POINTS
+    locates: StrictBool = False
     phase: StrictBool = False
     way: StrictBool = False
     chooses: StrictBool = False
+
+    @property
+    def places(self) -> bool:
+        """Whether what it acts on has places of things and handles: the simulator's, or told from a cloud."""
+        return self.kind == "state" or self.locates
 
 
 class Acts(Form):
@@ -122,6 +129,7 @@ class TrainingForm(Form):
         noise: Deviation of noise in normalised numbers of the state.
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
         mirror: Whether it learns from the mirror image of each demonstration too (`mirror.py`).
+        clouds: From how many samples of a batch a policy that locates learns to do so in a step.
         usual: Share of the steps, the last ones, in which only the usual way is learned from (`sees.way`).
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
@@ -137,6 +145,7 @@ class TrainingForm(Form):
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
     mirror: StrictBool = False
+    clouds: Annotated[StrictInt, Field(ge=1, le=65_536)] = 24
     usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
@@ -191,6 +200,10 @@ def settings_of(content: object, source: str) -> PolicySettings:
     """
     document = Document(content, source, SettingsError)
     found = document.read(PolicySettings)
+    if found.sees.locates and found.sees.kind != "cloud":
+        raise document.fail(("sees", "locates"), "expected false where it sees no cloud, got true")
+    if found.sees.room and found.sees.kind != "state":
+        raise document.fail(("sees", "room"), f"expected 0 where it sees a cloud, got {found.sees.room}")
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)

@@ -233,7 +233,7 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
     What is never left, such as the last one, has no bounds; nor has where things are that a subtask takes no hold of.
     """
     sees = settings.sees
-    shown = shown_numbers(data.numbers, sees.kind, sees.things, sees.handles)
+    shown = shown_numbers(data.numbers, sees.places, sees.things, sees.handles)
     count = len(data.steps) if sees.phase else 1
     most = np.full((count, shown.shape[1]), LARGEST, np.float32)
     least = -most
@@ -243,7 +243,7 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
     for phase in np.unique(left):
         seen = shown[rows[left == phase]]
         least[phase], most[phase] = np.quantile(seen, ODD_SHARE, axis=0), np.quantile(seen, 1.0 - ODD_SHARE, axis=0)
-    sites = sees.things + sees.handles if sees.kind == "state" else 0
+    sites = sees.things + sees.handles if sees.places else 0
     subtasks = np.array([subtask_of(step) for step in data.steps])
     grasps = np.array([primitive_of(step) is Primitive.GRASP for step in data.steps])
     for subtask in np.unique(subtasks):

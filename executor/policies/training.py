@@ -14,6 +14,8 @@ from torch import Tensor, nn
 
 from executor.machine.files import write_text
 from executor.policies.networks import PolicyNetwork
+from executor.policies.seen.features import ROBOT_NUMBERS
+from executor.policies.seen.locator import Locator
 from executor.policies.settings import TrainingForm
 from executor.policies.trained import (
     LOSSES,
@@ -34,6 +36,7 @@ SAVE_EACH_S = 60.0
 
 _PHASE_WEIGHT = 0.1  # Of the phase's loss: enough for it to be learned, too little to take the trunk from the actions.
 _CHOICE_WEIGHT = 0.1
+_PLACES_WEIGHT = 10.0  # A decimetre counts as much as an action that is one deviation off.
 _LARGEST_GRADIENT = 1.0
 _LOG_EACH = 100
 
@@ -140,8 +143,10 @@ class Trainer:
         numbers = normalised(self._there(data.numbers[frames]), phase, self._seen)
         if form.noise:
             numbers = numbers + form.noise * self._there(rng.standard_normal(numbers.shape, np.float32))
-        cloud = None
-        if data.clouds is not None:
+        cloud, astray = None, torch.zeros((), device=self._device)
+        if (locator := self._network.locator) is not None:
+            astray = self._astray(locator, moments, rng)
+        elif data.clouds is not None:
             cloud = self._there(data.clouds[frames].astype(np.float32))
             shift = rng.uniform(-form.shift_m, form.shift_m, (len(moments), 1, 1, 3))
             jitter = form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
@@ -150,7 +155,7 @@ class Trainer:
         actions, logits, ways = self._network(numbers, phase if settings.sees.phase else None, cloud, way)
         begun = self._there(self._told[outputs.ravel()])
         target = ((self._there(wanted) - self._done[0][begun]) / self._done[1][begun]).reshape(actions.shape)
-        loss = nn.functional.l1_loss(actions, target)
+        loss = nn.functional.l1_loss(actions, target) + astray
         if logits is not None:
             loss = loss + _PHASE_WEIGHT * nn.functional.cross_entropy(
                 logits.flatten(0, -2), self._there(after).flatten()
@@ -160,6 +165,17 @@ class Trainer:
             wrong = nn.functional.cross_entropy(ways, way[:, -1], reduction="none")
             loss = loss + _CHOICE_WEIGHT * (wrong * begins).mean()
         return loss
+
+    def _astray(self, locator: Locator, moments: np.ndarray, rng: np.random.Generator) -> Tensor:
+        """Returns the loss of what is told from clouds: how far it is off, before and after it is corrected."""
+        assert self._data.clouds is not None
+        moments = moments[: self._form.clouds]
+        cloud = self._data.clouds[moments].astype(np.float32)
+        cloud[..., :3] += self._form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
+        numbers = self._there(self._data.numbers[moments])
+        told = locator(self._there(cloud), numbers[:, :ROBOT_NUMBERS])
+        wanted = numbers[:, ROBOT_NUMBERS:]
+        return _PLACES_WEIGHT * sum((nn.functional.l1_loss(part, wanted) for part in told), torch.zeros(()))
 
     def _there(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(np.ascontiguousarray(array)).to(self._device)

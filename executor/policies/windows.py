@@ -259,7 +259,7 @@ def _takeovers(episodes: Iterable[FoldedEpisode]) -> int:
 def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:
     """Returns (N, F) what a policy is told in numbers at each moment of an episode."""
     agent = episode.columns["observation.state"]
-    if sees.kind == "cloud":
+    if not sees.places:
         return own_numbers(agent)
     return state_numbers(agent, episode.columns["observation.environment_state"], sees)
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.model import Asset
 from executor.assets.surface import surface_of
 from executor.geometry import Array, inverse
 from executor.machine.extras import require
@@ -25,6 +26,13 @@ HAND_POINTS = 128
 
 NAMED_POINTS = 576
 """Points on what the task names, shared evenly; what is left of `POINTS` lies on everything else, by its area."""
+
+HANDLE_SHARE = 0.25
+"""Of a named thing's points, those near the bars of its handles, shared evenly: by area alone a refrigerator's handle
+would get two or three, and the hand has to find it to a centimetre."""
+
+_NEAR_BAR_M = 0.03  # From the bar's middle line: the bar itself, and where its posts begin.
+_TRIED = 20_000  # Points on a door of 1 m2, of which a bar of 20 cm then has 200.
 
 _HAND = (HAND_LINK, *FINGER_LINKS)
 
@@ -49,7 +57,10 @@ class CloudReader:
         shares = _shared(NAMED_POINTS, [1.0] * len(first))
         self._parts: list[tuple[str, str, Array]] = list(_sampled(hands, HAND_POINTS, rng))
         for name, share in zip(first, shares, strict=True):
-            self._parts += _sampled({body: mesh for body, mesh in surfaces.items() if body[0] == name}, share, rng)
+            own = {body: mesh for body, mesh in surfaces.items() if body[0] == name}
+            at_handles = list(_at_handles(own, world.assets[name], name, round(HANDLE_SHARE * share), rng))
+            left = share - sum(len(points) for *_, points in at_handles)
+            self._parts += [*at_handles, *_sampled(own, left, rng)]
         others = {body: mesh for body, mesh in surfaces.items() if body[0] not in first}
         so_far = sum(len(points) for *_, points in self._parts)
         self._parts += _sampled(others or surfaces, POINTS - so_far, rng)
@@ -75,6 +86,22 @@ def _sampled(
         if share:
             points, _ = sample(mesh, share, seed=int(rng.integers(2**31)))
             yield owner, link, np.asarray(points, dtype=float)
+
+
+def _at_handles(
+    surfaces: dict[tuple[str, str], Any], asset: Asset, name: str, count: int, rng: np.random.Generator
+) -> Iterator[tuple[str, str, Array]]:
+    """Yields owner, link and points (N, 3) in its frame near the bars of its handles, at most `count` in all."""
+    sample = require("trimesh.sample", "sim").sample_surface
+    bars = [handle for handle in asset.handles if (name, handle.link) in surfaces]
+    for handle, share in zip(bars, _shared(count, [1.0] * len(bars)), strict=True):
+        points, _ = sample(surfaces[name, handle.link], _TRIED, seed=int(rng.integers(2**31)))
+        points = np.asarray(points, dtype=float)
+        from_middle_m = points - np.asarray(handle.position_m)
+        along_m = from_middle_m @ np.asarray(handle.axis)
+        along_m = np.clip(along_m, -handle.length_m / 2.0, handle.length_m / 2.0)
+        near = np.linalg.norm(from_middle_m - along_m[:, None] * np.asarray(handle.axis), axis=1) <= _NEAR_BAR_M
+        yield name, handle.link, points[near][:share]
 
 
 def _shared(count: int, weights: Sequence[float]) -> list[int]:

@@ -6,8 +6,6 @@ that training and evaluation see the same. Arrays have one row a moment.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -40,10 +38,8 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArr
     """
     agent = np.asarray(agent, float)
     count = len(agent)
-    to_base = Rotation.from_euler("z", -agent[:, 2:3])
-    hand = to_base * Rotation.from_quat(agent[:, 15:19])
-    hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
-    found = [agent[:, 3:10], agent[:, 19:20], hand_m, _axes(hand)]
+    to_base, hand, hand_m = _hand(agent)
+    found: list[NDArray] = [robot_numbers(agent)]
     rows = np.asarray(environment[:, : THINGS * THING], float).reshape(count, THINGS, THING)
     for row in np.moveaxis(rows[:, : sees.things], 1, 0):
         there = row[:, :1]
@@ -62,6 +58,13 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArr
     return np.concatenate(found, axis=1, dtype=np.float32)
 
 
+def robot_numbers(agent: NDArray) -> Numbers:
+    """Returns (N, ROBOT_NUMBERS), the first of `state_numbers`."""
+    agent = np.asarray(agent, float)
+    _, hand, hand_m = _hand(agent)
+    return np.concatenate([agent[:, 3:10], agent[:, 19:20], hand_m, _axes(hand)], axis=1, dtype=np.float32)
+
+
 def own_numbers(agent: NDArray) -> Numbers:
     """Returns (N, OWN_NUMBERS), the paper's proprioception: hand position (m) and quaternion x y z w, gripper, base.
 
@@ -69,31 +72,36 @@ def own_numbers(agent: NDArray) -> Numbers:
     same it is the one with x + w not below 0, since hands point ahead or down, and there that sum is far from 0.
     """
     agent = np.asarray(agent, float)
-    to_base = Rotation.from_euler("z", -agent[:, 2:3])
-    turn = (to_base * Rotation.from_quat(agent[:, 15:19])).as_quat()
+    _, hand, hand_m = _hand(agent)
+    turn = hand.as_quat()
     turn = np.where(turn[:, :1] + turn[:, 3:] < 0.0, -turn, turn)
-    hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
     return np.concatenate([hand_m, turn, agent[:, 19:20], agent[:, :3]], axis=1, dtype=np.float32)
 
 
-def shown_numbers(numbers: Numbers, kind: Literal["state", "cloud"], things: int, handles: int) -> Numbers:
+def shown_numbers(numbers: Numbers, places: bool, things: int, handles: int) -> Numbers:
     """Returns (N, 1 + 4 * handles + 3 * things) of what is seen what shows how far a plan has come: the gripper's
     opening (m), where a hand takes each thing and then each handle, from the hand (m), and how far each handle is open.
-    Of clouds it is the opening alone.
+    Without places it is the opening alone.
 
     Args:
         numbers: (N, F) as `state_numbers` or `own_numbers` gives them.
-        kind: Which of the two.
+        places: Which of the two.
         things, handles: Of how many they tell.
     """
     found = [numbers[:, _OPENING : _OPENING + 1]]
-    if kind == "state":
+    if places:
         begins = ROBOT_NUMBERS + THING_NUMBERS * things
         ends = [ROBOT_NUMBERS + THING_NUMBERS * (row + 1) for row in range(things)]
         ends += [begins + HANDLE_NUMBERS * (row + 1) for row in range(handles)]
         found += [numbers[:, end - 3 : end] for end in ends]
         found += [numbers[:, begins : begins + HANDLE_NUMBERS * handles : HANDLE_NUMBERS]]
     return np.concatenate(found, axis=1, dtype=np.float32)
+
+
+def _hand(agent: NDArray) -> tuple[Rotation, Rotation, NDArray]:
+    """Returns the turn from the room to the base, and turn and place (N, 3) of the hand from the base."""
+    to_base = Rotation.from_euler("z", -agent[:, 2:3])
+    return to_base, to_base * Rotation.from_quat(agent[:, 15:19]), to_base.apply(agent[:, 12:15] - _floor_m(agent))
 
 
 def _floor_m(agent: NDArray) -> NDArray:

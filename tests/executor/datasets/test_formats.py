@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.assets.model import Handle
 from executor.datasets.footage import DEPTH, SEGMENTATION, pictures
 from executor.datasets.formats.clouds import CloudReader
 from executor.datasets.formats.export import FORMATS, ExportExists, Format, open_set, write_set
@@ -139,12 +140,28 @@ def test_rows_are_what_the_environment_tells_a_policy(made_store: EpisodeStore) 
                 assert reader.agent() == pytest.approx(episode.columns["observation.state"][k], abs=1e-5)
                 assert np.array_equal(reader.environment(), episode.columns["observation.environment_state"][k])
                 assert np.array_equal(cloud.read(), episode.columns[CLOUD][k])
+                assert all(points_at(handle, world, cloud.read()) >= 30 for handle in opened(stored, world))
         first = episode.about["things"][0]
         assert first == stored.meta["task"]["sub_tasks"][0]["target"]
         if first in stored.meta["object_ids"]:
             poses = stored.arrays["object_poses"][:, stored.meta["object_ids"].index(first)]
             found = episode.columns["observation.environment_state"][:, 1:8]
             assert found == pytest.approx(quaternions_last(poses), abs=1e-5)
+
+
+def opened(stored: StoredEpisode, world: World) -> list[tuple[str, Handle]]:
+    """Returns the handles of what an episode opens or shuts."""
+    targets = {part.target for part in stored.task.subtasks}
+    return [(name, handle) for name in targets & set(world.assets) for handle in world.assets[name].handles]
+
+
+def points_at(handle: tuple[str, Handle], world: World, cloud: np.ndarray) -> int:
+    """Returns how many of a cloud's points are within 5 cm of the middle part of a handle's bar."""
+    name, bar = handle
+    T = inverse(world.T_world_link("robot")) @ world.T_world_link(name, bar.link)
+    middle_m = T[:3, :3] @ np.asarray(bar.position_m) + T[:3, 3]
+    away_m = np.linalg.norm(cloud[:, :3] - middle_m, axis=1)
+    return int((away_m <= bar.length_m / 2.0 + 0.05).sum())
 
 
 def test_hand_actions_lead_to_the_commanded_targets(

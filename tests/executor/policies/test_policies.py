@@ -358,6 +358,8 @@ def test_scores_and_pairs() -> None:
         ({"acts": {"chunk": 4, "execute": 5}}, "acts.execute: expected at most the 4 actions of a chunk, got 5"),
         ({"network": {"kind": "transformer", "width": 30, "heads": 4}}, "network.heads: expected a divisor"),
         ({"training": {"steps": 0}}, "training.steps"),
+        ({"sees": {"locates": True}}, "sees.locates: expected false where it sees no cloud"),
+        ({"sees": {"kind": "cloud", "room": 8}}, "sees.room: expected 0 where it sees a cloud, got 8"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(content: dict[str, object], words: str) -> None:
