@@ -58,7 +58,10 @@ def test_no_more_is_owed_than_comes_back_soon(elbow: Elbow) -> None:
     stretched = _hand(target)
     for _ in range(8):
         target = follower.joint_target(target, _moved(x_m=-0.03))
-    assert _hand(target)[0] < stretched[0] - (8 * 0.03 - OWED_M) + 0.02
+    # Out of the stretched arm joints are at their fastest: another two periods make good what speeds left undone.
+    for _ in range(2):
+        target = follower.joint_target(target, STILL)
+    assert _hand(target)[0] < stretched[0] - (8 * 0.03 - OWED_M) + 0.002
 
 
 def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way(elbow: Elbow) -> None:
