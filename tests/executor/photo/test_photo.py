@@ -126,8 +126,12 @@ def test_a_box_around_no_such_thing_is_left_out_and_what_is_there_is_found_alone
     assert run(["photo", str(folder / "room.png"), *map(str, arguments), "--out", str(folder / "alone")]) == 0
     told = json.loads((folder / "alone" / "photo.json").read_text())
     assert "cup" in [one["label"] for one in told["left_out"]]
-    assert {"table_0", "bottom_cabinet_0"} <= set(told["things"]) <= {"table_0", "bowl_0", "bottom_cabinet_0"}
-    for made, true in (("table_0", "table_0"), ("bottom_cabinet_0", "cabinet_0")):
+    found = {"table_0": "table_0", "bottom_cabinet_0": "cabinet_0"}
+    assert found.keys() <= told["things"].keys()
+    # The bowl, which nobody has named, may be taken for something else of its size, but is where it is.
+    found |= {made: "bowl_0" for made in told["things"].keys() - found.keys()}
+    assert len(found) <= 3
+    for made, true in found.items():
         x, y, z = (shot.T_level_world @ [*shot.scene.objects[true].position, 1.0])[:3]
         assert np.linalg.norm(np.subtract(told["things"][made]["position_m"], (x, y, z))) < 0.05, made
 
