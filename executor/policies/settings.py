@@ -50,7 +50,7 @@ class Sees(Form):
     Attributes:
         kind: "state": where robot, things and handles are; "cloud": points on everything, and the robot's own state.
         frames: How many observations in a row, the latest last.
-        things, handles: Of how many it is told, those that the task names first ("state" only).
+        things, handles: Of how many it is told, or tells itself from a cloud, those that the task names first.
         room: In how many directions it is told what room there is, around its base and beside the first thing
             (`surroundings.py`); with any, also where that thing's corners and hinge are ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
@@ -204,6 +204,8 @@ def settings_of(content: object, source: str) -> PolicySettings:
         raise document.fail(("sees", "locates"), "expected false where it sees no cloud, got true")
     if found.sees.room and found.sees.kind != "state":
         raise document.fail(("sees", "room"), f"expected 0 where it sees a cloud, got {found.sees.room}")
+    if found.sees.chooses and not (found.sees.way and found.sees.places):
+        raise document.fail(("sees", "chooses"), "expected false where no way or no places are told, got true")
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)

@@ -37,8 +37,7 @@ def ways_of(episodes: Sequence[FoldedEpisode], going_on: Sequence[NDArray[np.int
 def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
     """Returns (N,) which way each demonstration takes things, 0 being the way of the most.
 
-    A hand gets to the same place with the elbow on either side and the wrist turned either way; what decides it is
-    not seen, and the mean of two postures reaches nowhere. A way is a posture that others are near to, those that most
+    The mean of two postures reaches nowhere. A way is a posture that others are near to, those that most
     others are near to first. From `MOST_WAYS` on, all that are left are one.
 
     Args:

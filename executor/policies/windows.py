@@ -153,19 +153,16 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
         raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
     originals: list[FoldedEpisode] = []
-    rows: list[tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]] = []
+    rows: list[_Seen] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
     for path, stream in zip(paths, streams, strict=True):
         shown = (episode for episode in stream.episodes() if episode.about["kind"] == DEMONSTRATION)
         for episode in islice(shown, most):
             if include and CLOUD not in episode.columns:
                 raise NotADataset(f"{path} has no point clouds; train on the store, or export it with them")
-            originals.append(episode)
-            for seen in _images(episode) if settings.training.mirror else (episode,):
-                clouds = seen_clouds(seen, settings.sees.points) if include else None
-                # Whole clouds of all episodes at once would be too much.
-                kept = {name: column for name, column in seen.columns.items() if name != CLOUD}
-                rows.append((replace(seen, columns=kept), seen_numbers(seen, settings.sees), clouds))
+            seen = _as_seen(episode, settings)
+            originals.append(seen[0][0])
+            rows += seen
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
@@ -236,6 +233,21 @@ def learned_from(path: Path) -> LearnedFrom:
         demonstrations=len(shown),
         takeovers=_takeovers(shown),
     )
+
+
+_Seen = tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]
+"""An episode without its clouds, and of each of its moments what is seen in numbers and of the cloud."""
+
+
+def _as_seen(episode: FoldedEpisode, settings: PolicySettings) -> list[_Seen]:
+    """Returns an episode as a policy sees it, and behind it its mirror image where that is learned from."""
+    found: list[_Seen] = []
+    for seen in _images(episode) if settings.training.mirror else (episode,):
+        clouds = seen_clouds(seen, settings.sees.points) if settings.sees.kind == "cloud" else None
+        # Whole clouds of all episodes at once would be too much.
+        kept = {name: column for name, column in seen.columns.items() if name != CLOUD}
+        found.append((replace(seen, columns=kept), seen_numbers(seen, settings.sees), clouds))
+    return found
 
 
 def _images(episode: FoldedEpisode) -> tuple[FoldedEpisode, ...]:

@@ -11,6 +11,7 @@ import torch
 from executor.datasets.store import EpisodeStore
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
+from executor.policies.networks import PolicyNetwork
 from executor.policies.seen.features import ROBOT_NUMBERS, THING_NUMBERS
 from executor.policies.seen.locator import Locator
 from executor.policies.settings import PolicySettings
@@ -61,8 +62,8 @@ def test_training_brings_places_nearer_and_the_policy_acts_on_a_cloud_alone(data
     moments = np.arange(0, len(data), 7)
     robot, cloud = robots(data)[moments], data.clouds[moments].astype(np.float32)
 
-    def off_m(network: torch.nn.Module) -> float:
-        told = network.located(robot, cloud)  # type: ignore[operator]
+    def off_m(network: PolicyNetwork) -> float:
+        told = network.located(robot, cloud)
         assert np.array_equal(told[:, :ROBOT_NUMBERS], robot)
         return float(np.abs(told[:, -3:] - data.numbers[moments, -3:]).mean())
 

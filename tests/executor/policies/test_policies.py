@@ -359,6 +359,7 @@ def test_scores_and_pairs() -> None:
         ({"network": {"kind": "transformer", "width": 30, "heads": 4}}, "network.heads: expected a divisor"),
         ({"training": {"steps": 0}}, "training.steps"),
         ({"sees": {"locates": True}}, "sees.locates: expected false where it sees no cloud"),
+        ({"sees": {"kind": "cloud", "way": True, "chooses": True}}, "sees.chooses: expected false where no way"),
         ({"sees": {"kind": "cloud", "room": 8}}, "sees.room: expected 0 where it sees a cloud, got 8"),
     ],
 )
