@@ -66,6 +66,11 @@ class Range:
         value = float(rng.uniform(self.low, self.high))
         return value * width_m if self.of_width else round(value, _DIGITS)
 
+    def clipped(self, value_m: float, width_m: float = 1.0) -> float:
+        """Returns the length in metres of the range that is nearest to some length."""
+        unit = width_m if self.of_width else 1.0
+        return min(max(value_m, self.low * unit), self.high * unit)
+
     def __str__(self) -> str:
         text = f"{self.low:g}" if self.low == self.high else f"{self.low:g}-{self.high:g}"
         return f"{text} x width" if self.of_width else text

@@ -14,18 +14,18 @@ from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
 from executor.photo.fitting.fit import (
     LEAST_POINTS,
-    assumed_beneath,
     called,
     cheaper,
     fit_anything,
     fit_thing,
     renamed,
     retouched,
+    shaken,
 )
 from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
-from executor.photo.fitting.rim import beneath
+from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import (
     CARRIED,
     foot_of,
@@ -75,6 +75,7 @@ class KnownRoom:
         self._depths: dict[int, Array] = {}
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
+        self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
         self._empty = seen.floor_z_m
         self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
         for number, wall in enumerate(walls, start=1):
@@ -183,6 +184,19 @@ class KnownRoom:
         if found is None or found is before:
             return self._kept(index, before)
         return self._kept(index, cheaper(self._around(index, hidden_by), self.detections[index].box_px, found, before))
+
+    def shake(self, index: int) -> str:
+        """Looks for what explains a piece of furniture better and is not near it, among all that is known now."""
+        found = self.fits.get(index)
+        if found is None or not self.seen.has_depth or not is_large(found.guess.entry):
+            return self._kept(index, found)
+        del self.fits[index], self._depths[index]
+        around, category = self._around(index, ()), found.guess.entry.category
+        if self._shaken.get(index) != {found.guess, *around.near.pieces}:
+            named = [entry for entry in LIBRARY.values() if entry.category == category]
+            found = shaken(around, self.detections[index].box_px, found, named)
+            self._shaken[index] = frozenset((found.guess, *around.near.pieces))
+        return self._kept(index, found)
 
     def fit_anything(self, index: int) -> str:
         """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""

@@ -82,6 +82,8 @@ def reconstruct(
         room.fit(index, [0.0], hidden_by=boxes)
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
+    for index in sorted(standing, key=room.unlikeliness, reverse=True):
+        told(room.shake(index))
     for index in standing:
         if room.is_unlikely(index, RIGHT):
             told(room.fit_again(index, hidden_by=carried))
@@ -100,6 +102,8 @@ def reconstruct(
                 told(room.fit(index, None, hidden_by=carried))
                 if room.is_doubtful(index):
                     told(room.fit_anything(index))
+    for index in sorted(room.fits, key=room.unlikeliness, reverse=True):
+        told(room.shake(index))
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))

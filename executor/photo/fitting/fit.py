@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
@@ -14,12 +13,12 @@ from executor.photo.fitting.body import Guess, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
-from executor.photo.fitting.options import dressed, with_options
+from executor.photo.fitting.options import dressed, redressed, shapes, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import opened_starts, outline_starts, points_of, starts
-from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of, turned_by_ear
+from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of, reshaped, turned_by_ear
 from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
@@ -35,6 +34,7 @@ _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
+_SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
 _MISNAMED = 12.0
 """Less, a model of another name has to cost: a name is wrong once in twenty, and then one of forty, 6.6 by itself."""
@@ -49,6 +49,8 @@ def fit_thing(
     entries: Sequence[ModelEntry],
     bottoms_m: Sequence[float],
     points: Array | None = None,
+    *,
+    roughly: bool = False,
 ) -> Fit | None:
     """Returns the best fit of a thing among some models, or None where nothing of it stands out.
 
@@ -58,6 +60,7 @@ def fit_thing(
         entries: Models that it may be.
         bottoms_m: Heights that it may stand on.
         points: (N, 3) that are its own; by default those that stand out in its box. None where there is no depth.
+        roughly: Whether it is enough to tell what it may be at all.
     """
     has_depth = around.seen.has_depth
     if points is None and has_depth:
@@ -71,7 +74,7 @@ def fit_thing(
     if not len(coarse.patch.z_m):
         return None
     boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods)
-    ranked = _ranked(boxes, entries, likelihoods)
+    ranked = _ranked(boxes, entries, likelihoods, roughly=roughly)
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
@@ -94,7 +97,7 @@ def fit_anything(
 
     Among many models, few turns of each are followed. Arguments are those of `fit_thing`.
     """
-    found = fit_thing(around, box_px, entries, bottoms_m, points)
+    found = fit_thing(around, box_px, entries, bottoms_m, points, roughly=True)
     if found is None:
         return None
     category = found.guess.entry.category
@@ -138,6 +141,8 @@ def renamed(
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
         return found
     named = _best_of_models(_with_sides_of(ranked[0].guess, own, search, fine))
+    if named and has_ear(named[0].guess.entry):
+        named[0] = turned_by_ear(fine, named[0])
     if named and named[0].cost - ranked[0].cost < _MISNAMED:
         return _described(fine.patch, named[0], named[1:]) or found
     return _described(fine.patch, ranked[0], ranked[1:]) or found
@@ -161,27 +166,41 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
     return _described(fine.patch, best, others) or found
 
 
+def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit, entries: Sequence[ModelEntry]) -> Fit:
+    """Returns a fit, or what is cheaper and not on the way down from where its search began.
+
+    Tried are other sides, as neighbours may have come or gone since, all turns and models of one name with these sides,
+    and each with every hinge side and number of drawers.
+
+    Args:
+        around: What else is known.
+        box_px: The thing's box.
+        found: The fit.
+        entries: The models.
+    """
+    _, search, fine = _likelihoods(around, box_px)
+    now = fine.rated(found.guess)
+    others = itertools.chain(reshaped(found.guess), all_turns(found.guess, entries))
+    tried = _by_cost(search.rated(shape) for guess in others for shape in shapes(guess))
+    best: dict[tuple[object, ...], RatedGuess] = {}
+    for one in tried:
+        if one.cost < tried[0].cost + _WORTH_A_LOOK:
+            best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.parameters), one)
+    distinct = dict.fromkeys(dressed(search, one.guess) for one in list(best.values())[:_OPENED])
+    begun = _by_cost(fine.rated(one) for one in distinct)
+    ended = [fine.rated(descended(fine, one.guess, _LAST, colours=True)) for one in begun[:_SHAKEN]]
+    likely = [one for one in _best_of_models(ended) if one.cost < now.cost + _WORTH_A_LOOK / 2]
+    polished = [_polished(fine, one) for one in likely[:_POLISHED]]
+    ranked = _best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
+    if ranked[0].cost > now.cost - _GAINED:
+        return found
+    return _described(fine.patch, ranked[0], ranked[1:]) or found
+
+
 def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit) -> Fit:
     """Returns which of two fits of a thing costs less among all that is known now, the first where they are alike."""
     _, _, fine = _likelihoods(around, box_px)
     return second if fine.cost(second.guess) < fine.cost(first.guess) else first
-
-
-def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) -> Fit:
-    """Returns a support of usual size whose edges are not in the picture, with some places over its middle.
-
-    Args:
-        around: What else is known.
-        entries: The models that it may be, the likeliest first.
-        over: (N, 2) places on the floor that it is under.
-    """
-    x, y = (float(value) for value in np.mean(over, axis=0))
-    facing = math.atan2(y, x)
-    first, *others = [Guess(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
-    spread_m = around.scale_share * math.hypot(x, y)
-    told = "its edges are not in the picture: as large as usual, its middle under what stands on it"
-    alternatives = tuple(RatedGuess(one, 0.0) for one in others)
-    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, told)
 
 
 def _likelihoods(
@@ -249,6 +268,8 @@ def _ranked(
     boxes: list[RatedGuess],
     entries: Sequence[ModelEntry],
     likelihoods: tuple[Likelihood, Likelihood, Likelihood],
+    *,
+    roughly: bool,
 ) -> list[RatedGuess]:
     """The best of every model and turn of some boxes, with their options and colours, the best first."""
     coarse, search, fine = likelihoods
@@ -262,9 +283,23 @@ def _ranked(
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
     ranked = _best_of_models(finished)
+    if roughly:
+        return _by_look(fine, ranked)
     ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
-    rivals = [one.guess.entry for one in ranked[1 : 1 + _RIVALS] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
-    return _by_look(fine, [*ranked, *(_with_sides_of(ranked[0].guess, rivals, search, fine) if rivals else ())])
+    return _by_look(fine, _compared(ranked, search, fine))
+
+
+def _compared(ranked: list[RatedGuess], search: Likelihood, fine: Likelihood) -> list[RatedGuess]:
+    """The best of every model, the best first: each rival of the best searched for from where that one is, too.
+
+    Ends of searches differ by more than models do.
+    """
+    best = ranked[0]
+    rivals = [one.guess.entry for one in ranked[1:] if one.cost < best.cost + _WORTH_A_LOOK]
+    turned = _best_of_models(search.rated(dressed(search, guess)) for guess in all_turns(best.guess, rivals))
+    ended = [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned]
+    likely = [one for one in _best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
+    return _best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
 
 def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
@@ -346,7 +381,7 @@ def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
         taller = (replace(best.guess, size_m=(length, width, round(share * height, 4))) for share in _HEIGHTS)
         best = min([best, *(fine.rated(one) for one in taller)], key=lambda one: one.cost)
     for _ in range(_ROUNDS):
-        again = with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5))
+        again = redressed(fine, with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5)))
         gained = best.cost - again.cost
         best = again if gained > 0.0 else best
         if gained < _GAINED:

@@ -16,6 +16,7 @@ _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Seen where a door is open.
 _DETAILS = ("handle_height_m", "handle_length_m")
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
+_DETAIL_STEPS = (0.3, 0.15, 0.07)
 _OPEN = "open_fraction"
 _OPENED = (0.0, 0.25, 0.5, 0.75, 1.0)
 _OPENED_STEPS = (0.12, 0.06, 0.03)
@@ -38,6 +39,22 @@ def with_options(likelihood: Likelihood, guess: Guess) -> RatedGuess:
             for one in shapes(best.guess):
                 best = likelihood.better(best, one)
     return _detailed(likelihood, best, colours=True)
+
+
+def redressed(likelihood: Likelihood, best: RatedGuess) -> RatedGuess:
+    """Returns a guess with its handles moved and stretched at once, by less and less, as long as that gains something.
+
+    A long handle that is too high may cost as much as a short one that is too low, and one alone gains nothing.
+    """
+    known = [one for one in best.guess.entry.parameters if isinstance(one, Quantity) and one.name in _DETAILS]
+    for step, *signs in itertools.product(_DETAIL_STEPS, *([(-1, 0, 1)] * len(known))):
+        values = {}
+        for detail, sign in zip(known, signs, strict=True):
+            now = float(str(dict(best.guess.parameters).get(detail.name, detail.default)))
+            at = now + sign * step * (detail.high - detail.low)
+            values[detail.name] = round(min(max(at, detail.low), detail.high), 3)
+        best = likelihood.better(best, best.guess.with_parameters(**values))
+    return best
 
 
 def dressed(likelihood: Likelihood, guess: Guess) -> Guess:

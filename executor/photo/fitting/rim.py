@@ -17,7 +17,8 @@ from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.photo.fitting.body import is_round
+from executor.photo.fitting.body import Guess, is_round
+from executor.photo.fitting.likelihood import Around, Fit, RatedGuess
 from executor.photo.fitting.prior import OF_RANGE, usual_size_m
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
@@ -87,6 +88,23 @@ def beneath(thing: Sighting, size_px: tuple[int, int]) -> list[ModelEntry]:
     entries = [entry for entry in LIBRARY.values() if entry.category == thing.category]
     supports = [entry for entry in entries if kind_of(entry.category, entry.width.low) is Kind.SUPPORT]
     return supports if sum(reached) >= 3 else []
+
+
+def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) -> Fit:
+    """Returns a support of usual size whose edges are not in the picture, with some places over its middle.
+
+    Args:
+        around: What else is known.
+        entries: The models that it may be, the likeliest first.
+        over: (N, 2) places on the floor that it is under.
+    """
+    x, y = (float(value) for value in np.mean(over, axis=0))
+    facing = math.atan2(y, x)
+    first, *others = [Guess(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
+    spread_m = around.scale_share * math.hypot(x, y)
+    told = "its edges are not in the picture: as large as usual, its middle under what stands on it"
+    alternatives = tuple(RatedGuess(one, 0.0) for one in others)
+    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, told)
 
 
 def tilted_circle(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from executor.assets.library import LIBRARY
-from executor.assets.parameters import ModelEntry, Range
+from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size, has_ear, is_round
 from executor.photo.fitting.options import shapes
@@ -221,10 +221,10 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
     c, s = math.cos(yaw), math.sin(yaw)
     local = flat @ np.array([[c, -s], [s, c]])
     low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
-    width = _clipped(float(high[1] - low[1]), entry.width, 1.0)
-    length = _clipped(float(high[0] - low[0]), entry.length, width)
+    width = entry.width.clipped(float(high[1] - low[1]))
+    length = entry.length.clipped(float(high[0] - low[0]), width)
     unit = width if entry.height.of_width else 1.0
-    seen_m = _clipped(top_m - bottom_m, entry.height, width)
+    seen_m = entry.height.clipped(top_m - bottom_m, width)
     # What is thin before a wall, such as a headboard, does not stand out from it: the box may know better.
     heights = {round(one, 3) for one in (seen_m, (seen_m + entry.height.high * unit) / 2, entry.height.high * unit)}
     size: Size = (length, width, seen_m)
@@ -239,11 +239,6 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
             for height in sorted(heights):
                 at = c * x - s * y, s * x + c * y
                 yield Guess(entry, *at, yaw, bottom_m, (length, width, height))
-
-
-def _clipped(value: float, span: Range, width_m: float) -> float:
-    unit = width_m if span.of_width else 1.0
-    return min(max(value, span.low * unit), span.high * unit)
 
 
 def _outline_yaw(flat: Array) -> float:

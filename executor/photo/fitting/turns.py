@@ -8,6 +8,7 @@ What has no sides, such as a mug, is turned as its ear is; where that is hidden,
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,12 +17,15 @@ import numpy as np
 
 from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, body_of, is_round
+from executor.photo.fitting.body import Guess, body_of, has_ear, is_round
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
+
+_SIDES_M = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)  # By which sides are moved that may have been misjudged.
+_LEAST_M = 0.2  # Of a side that is.
 
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
 _ALIKE = 8.0  # So much more in cost makes a turn e times less likely.
@@ -41,10 +45,25 @@ def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
         for quarter in range(1 if is_round(entry) else 4):
             length, width, height = panels.size_m
             size = (width, length, height) if quarter % 2 else (length, width, height)
+            if has_ear(entry):
+                # The box was one's without an ear, or its ear lay otherwise.
+                round_m = min(length, width)
+                size = entry.length.clipped(length, round_m), round_m, height
             bare = replace(
                 panels, entry=entry, parameters=(), size_m=size, yaw_rad=panels.yaw_rad + quarter * math.pi / 2
             )
             yield _pushed(bare, -_inset_m(bare))
+
+
+def reshaped(found: Guess) -> Iterator[Guess]:
+    """Yields a guess with one of its upright sides farther out or farther in, the side behind it where it is."""
+    c, s = math.cos(found.yaw_rad), math.sin(found.yaw_rad)
+    for axis, side, by_m in itertools.product(range(2), (-0.5, 0.5), _SIDES_M):
+        length, width, height = (own + by_m * (index == axis) for index, own in enumerate(found.size_m))
+        x, y = (side * by_m * (index == axis) for index in range(2))
+        if min(length, width) > _LEAST_M:
+            at = found.x_m + c * x - s * y, found.y_m + s * x + c * y
+            yield replace(found, x_m=at[0], y_m=at[1], size_m=(length, width, height))
 
 
 def quarter_of(guess: Guess) -> int:

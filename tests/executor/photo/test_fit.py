@@ -90,20 +90,24 @@ def test_they_make_a_scene_that_stands(room: FittedRoom) -> None:
     assert max(made.settled_m.values()) < 0.005
 
 
-def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
-    true = Guess(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
+def painted_around(true: Guess) -> tuple[Around, Sighting]:
+    """Returns what is known around a thing that is seen alone, each face in a colour of its own, and its box."""
     body = body_of(true)
     assert body is not None
     seen, boxes = seen_from_above(true)
-    # Each group of faces has a colour of its own, as panels, sides and handles have.
     _, group = body.looks(true, seen.eye_m, seen.rays.reshape(-1, 3))
     palette = np.random.default_rng(1).integers(40, 220, (int(group.max()) + 2, 3)).astype(np.uint8)
     painted = replace(seen, rgb=palette[group].reshape(*seen.z_m.shape, 3))
     down = np.maximum(-seen.rays[..., 2], 1e-6)
     floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
     nothing = np.zeros(floor_m.shape, dtype=np.int32)
-    around = Around(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(()))
-    found = fit_thing(around, boxes[0].box_px, [true.entry], [0.0])
+    return Around(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(())), boxes[0]
+
+
+def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
+    true = Guess(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
+    around, box = painted_around(true)
+    found = fit_thing(around, box.box_px, [true.entry], [0.0])
     assert found is not None and dict(found.guess.parameters)["hinge"] == "right"
     assert math.remainder(found.guess.yaw_rad - 0.4, 2 * math.pi) == pytest.approx(0.0, abs=0.03)
 
