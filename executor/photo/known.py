@@ -213,6 +213,8 @@ class KnownRoom:
         places = sorted({0.0, *(self._heights(detection, points))})
         entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
+        if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
+            found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not self._is_there(index, found, around):
             found = None
         least = _LEAST_ALONE

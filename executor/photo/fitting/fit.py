@@ -13,7 +13,7 @@ from executor.photo.fitting.body import Guess, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
-from executor.photo.fitting.options import dressed, redressed, shapes, with_options
+from executor.photo.fitting.options import dressed, redressed, shape_of, shapes, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.fitting.spread import place_spread_m
@@ -140,21 +140,23 @@ def renamed(
     ranked = _best_of_models([fine.rated(found.guess), *rivals])
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
         return found
-    named = _best_of_models(_with_sides_of(ranked[0].guess, own, search, fine))
-    if named and has_ear(named[0].guess.entry):
-        named[0] = turned_by_ear(fine, named[0])
-    if named and named[0].cost - ranked[0].cost < _MISNAMED:
-        return _described(fine.patch, named[0], named[1:]) or found
-    return _described(fine.patch, ranked[0], ranked[1:]) or found
+    return _named(ranked[0], own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
 def called(around: Around, box_px: tuple[float, float, float, float], found: Fit, own: Sequence[ModelEntry]) -> Fit:
-    """Returns what was found without a name as one of the models that its box is called, unless that is worse."""
+    """Returns what was found by another name as one of the models that its box is called, unless that is worse."""
     _, search, fine = _likelihoods(around, box_px)
+    return _named(fine.rated(found.guess), own, search, fine) or found
+
+
+def _named(found: RatedGuess, own: Sequence[ModelEntry], search: Likelihood, fine: Likelihood) -> Fit | None:
+    """A thing as one of the models that its box is called, with the sides that were found; None where that is worse."""
     named = _best_of_models(_with_sides_of(found.guess, own, search, fine))
-    if not named or named[0].cost - fine.cost(found.guess) > _MISNAMED:
-        return found
-    return _described(fine.patch, named[0], named[1:]) or found
+    if named and has_ear(named[0].guess.entry):
+        named[0] = turned_by_ear(fine, named[0])
+    if not named or named[0].cost - found.cost > _MISNAMED:
+        return None
+    return _described(fine.patch, named[0], named[1:])
 
 
 def retouched(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
@@ -188,9 +190,9 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
             best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.parameters), one)
     distinct = dict.fromkeys(dressed(search, one.guess) for one in list(best.values())[:_OPENED])
     begun = _by_cost(fine.rated(one) for one in distinct)
-    ended = [fine.rated(descended(fine, one.guess, _LAST, colours=True)) for one in begun[:_SHAKEN]]
-    likely = [one for one in _best_of_models(ended) if one.cost < now.cost + _WORTH_A_LOOK / 2]
-    polished = [_polished(fine, one) for one in likely[:_POLISHED]]
+    ended = [fine.rated(descended(search, one.guess, _SECOND, colours=True)) for one in begun[:_SHAKEN]]
+    near = [one for one in ended if one.cost < now.cost + _WORTH_A_LOOK and not _is_alike(one.guess, now.guess)]
+    polished = [_polished(fine, one) for one in _best_of_models(near)[:_POLISHED]]
     ranked = _best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
     if ranked[0].cost > now.cost - _GAINED:
         return found
@@ -297,7 +299,7 @@ def _compared(ranked: list[RatedGuess], search: Likelihood, fine: Likelihood) ->
     best = ranked[0]
     rivals = [one.guess.entry for one in ranked[1:] if one.cost < best.cost + _WORTH_A_LOOK]
     turned = _best_of_models(search.rated(dressed(search, guess)) for guess in all_turns(best.guess, rivals))
-    ended = [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned]
+    ended = [with_options(fine, descended(search, one.guess, _SECOND, colours=True, reach=0.5)) for one in turned]
     likely = [one for one in _best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
     return _best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
@@ -324,6 +326,12 @@ def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
     """The cheapest start of each model, turn and height, those that are far worse left out."""
     found = _cheapest_turns(begun)
     return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED] if found else []
+
+
+def _is_alike(first: Guess, second: Guess) -> bool:
+    """Whether a search that begins at one of two guesses ends where one does that begins at the other, most likely."""
+    built = [(one.entry.model, quarter_of(one), shape_of(one)) for one in (first, second)]
+    return built[0] == built[1] and is_same_box(first, second)
 
 
 def _distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
 from executor.assets.library import LIBRARY, asset_for
@@ -16,7 +16,7 @@ _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Seen where a door is open.
 _DETAILS = ("handle_height_m", "handle_length_m")
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
-_DETAIL_STEPS = (0.3, 0.15, 0.07)
+_DETAIL_STEPS = (0.12, 0.06)
 _OPEN = "open_fraction"
 _OPENED = (0.0, 0.25, 0.5, 0.75, 1.0)
 _OPENED_STEPS = (0.12, 0.06, 0.03)
@@ -42,19 +42,33 @@ def with_options(likelihood: Likelihood, guess: Guess) -> RatedGuess:
 
 
 def redressed(likelihood: Likelihood, best: RatedGuess) -> RatedGuess:
-    """Returns a guess with its handles moved and stretched at once, by less and less, as long as that gains something.
+    """Returns a guess with its handles moved and stretched at once on either side, and then by less and less.
 
     A long handle that is too high may cost as much as a short one that is too low, and one alone gains nothing.
     """
     known = [one for one in best.guess.entry.parameters if isinstance(one, Quantity) and one.name in _DETAILS]
-    for step, *signs in itertools.product(_DETAIL_STEPS, *([(-1, 0, 1)] * len(known))):
-        values = {}
-        for detail, sign in zip(known, signs, strict=True):
-            now = float(str(dict(best.guess.parameters).get(detail.name, detail.default)))
-            at = now + sign * step * (detail.high - detail.low)
-            values[detail.name] = round(min(max(at, detail.low), detail.high), 3)
-        best = likelihood.better(best, best.guess.with_parameters(**values))
+    if not known:
+        return best
+    for shape in shapes(best.guess):
+        for shares in itertools.product(_DETAIL_SHARES, repeat=len(known)):
+            best = likelihood.better(best, _detailed_by(shape, known, shares))
+    for step in _DETAIL_STEPS:
+        now = [
+            (float(str(dict(best.guess.parameters).get(one.name, one.default))) - one.low) / (one.high - one.low)
+            for one in known
+        ]
+        for signs in itertools.product((-1, 0, 1), repeat=len(known)):
+            shares = tuple(min(max(share + step * sign, 0.0), 1.0) for share, sign in zip(now, signs, strict=True))
+            best = likelihood.better(best, _detailed_by(best.guess, known, shares))
     return best
+
+
+def _detailed_by(guess: Guess, details: Sequence[Quantity], shares: Sequence[float]) -> Guess:
+    """With every detail at a share of its range."""
+    values = {
+        one.name: round(one.low + share * (one.high - one.low), 3) for one, share in zip(details, shares, strict=True)
+    }
+    return guess.with_parameters(**values)
 
 
 def dressed(likelihood: Likelihood, guess: Guess) -> Guess:
@@ -75,6 +89,11 @@ def shapes(guess: Guess) -> Iterator[Guess]:
             choices.append([(parameter.name, n) for n in range(round(parameter.low), round(parameter.high) + 1)])
     for combination in itertools.product(*choices):
         yield guess.with_parameters(**dict(combination))
+
+
+def shape_of(guess: Guess) -> Mapping[str, object]:
+    """Returns what a guess is built as, of all that its model can be, but for how far open it is and its handles."""
+    return {name: value for name, value in guess.parameters if name in _SHAPING}
 
 
 def with_parts(entries: Sequence[ModelEntry], doors: int | None, drawers: int | None) -> list[ModelEntry]:

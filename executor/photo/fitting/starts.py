@@ -34,6 +34,7 @@ _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _FARTHEST_M = 12.0
+_ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
 
 def named_models(detection: Sighting) -> list[ModelEntry]:
@@ -226,7 +227,10 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
     unit = width if entry.height.of_width else 1.0
     seen_m = entry.height.clipped(top_m - bottom_m, width)
     # What is thin before a wall, such as a headboard, does not stand out from it: the box may know better.
-    heights = {round(one, 3) for one in (seen_m, (seen_m + entry.height.high * unit) / 2, entry.height.high * unit)}
+    # What is lower or higher than its model mostly is, is looked for as high as it is seen, too.
+    highest_m, least_m = entry.height.high * unit, _ODD_SHARE * entry.height.low * unit
+    odd_m = min(max(top_m - bottom_m, least_m), highest_m / _ODD_SHARE)
+    heights = {round(one, 3) for one in (seen_m, (seen_m + highest_m) / 2, highest_m, odd_m)}
     size: Size = (length, width, seen_m)
     to_eye = -local.mean(axis=0)
     along: list[list[float]] = []
