@@ -191,10 +191,11 @@ class KnownRoom:
         if found is None or not self.seen.has_depth or not is_large(found.guess.entry):
             return self._kept(index, found)
         del self.fits[index], self._depths[index]
-        around, category = self._around(index, ()), found.guess.entry.category
-        if self._shaken.get(index) != {found.guess, *around.near.pieces}:
-            named = [entry for entry in LIBRARY.values() if entry.category == category]
-            found = shaken(around, self.detections[index].box_px, found, named)
+        around, detection = self._around(index, ()), self.detections[index]
+        if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
+            names = (found.guess.entry.category, detection.category)
+            named = [entry for entry in LIBRARY.values() if entry.category in names]
+            found = shaken(around, detection.box_px, found, named)
             self._shaken[index] = frozenset((found.guess, *around.near.pieces))
         return self._kept(index, found)
 

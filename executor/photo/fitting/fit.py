@@ -39,7 +39,6 @@ _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it h
 _MISNAMED = 12.0
 """Less, a model of another name has to cost: a name is wrong once in twenty, and then one of forty, 6.6 by itself."""
 
-
 _LOOK = 20.0  # Of a thing without a name, another colour by a third of its light is as unlikely as a wrong name.
 
 
@@ -93,19 +92,20 @@ def fit_anything(
     bottoms_m: Sequence[float],
     points: Array | None,
 ) -> Fit | None:
-    """Returns the best fit of a thing among models of any name, searched for once more among those of the name it gets.
+    """Returns the best fit of a thing among models of any name, searched for once more among those of likely names.
 
     Among many models, few turns of each are followed. Arguments are those of `fit_thing`.
     """
     found = fit_thing(around, box_px, entries, bottoms_m, points, roughly=True)
     if found is None:
         return None
-    category = found.guess.entry.category
-    named = [entry for entry in entries if entry.category == category]
+    rivals = (one.guess.entry for one in found.alternatives if one.cost < found.cost + _WORTH_A_LOOK)
+    likely = {found.guess.entry.category, *(entry.category for entry in rivals)}
+    named = [entry for entry in entries if entry.category in likely]
     again = fit_thing(around, box_px, named, [found.guess.bottom_m], points)
     if again is None or again.cost > found.cost:
         return found
-    others = [one for one in found.alternatives if one.guess.entry.category != category]
+    others = [one for one in found.alternatives if one.guess.entry.category not in likely]
     return replace(again, alternatives=tuple(_by_cost([*again.alternatives, *others])))
 
 
@@ -119,7 +119,7 @@ def renamed(
     """Returns a thing as one of other models where that explains it clearly better than what it is called, or as it is.
 
     Only what is no worse by depths alone, with the sides that were found, is looked at with its options and colours.
-    What it is called is looked at once more with the sides that are found so.
+    Where something is, all are, and what it is called once more, with the sides that are found so.
 
     Args:
         around: What else is known.
@@ -133,13 +133,13 @@ def renamed(
         return found
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
     turned = _cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
-    dressed_up = _cheapest_turns(
-        search.rated(dressed(search, one.guess)) for one in turned[:_OPENED] if one.cost < most
-    )
+    likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
+    dressed_up = _cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
     ranked = _best_of_models([fine.rated(found.guess), *rivals])
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
         return found
+    ranked = _compared(ranked, others, search, fine)
     return _named(ranked[0], own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
@@ -188,10 +188,9 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
     for one in tried:
         if one.cost < tried[0].cost + _WORTH_A_LOOK:
             best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.parameters), one)
-    distinct = dict.fromkeys(dressed(search, one.guess) for one in list(best.values())[:_OPENED])
-    begun = _by_cost(fine.rated(one) for one in distinct)
+    begun = _by_cost(map(fine.rated, {dressed(search, one.guess): None for one in list(best.values())[:_OPENED]}))
     ended = [fine.rated(descended(search, one.guess, _SECOND, colours=True)) for one in begun[:_SHAKEN]]
-    near = [one for one in ended if one.cost < now.cost + _WORTH_A_LOOK and not _is_alike(one.guess, now.guess)]
+    near = (one for one in ended if one.cost < now.cost + _WORTH_A_LOOK and not _is_alike(one.guess, now.guess))
     polished = [_polished(fine, one) for one in _best_of_models(near)[:_POLISHED]]
     ranked = _best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
     if ranked[0].cost > now.cost - _GAINED:
@@ -257,8 +256,8 @@ def _boxes(
     if points is not None and (flat := _flat(entries)):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
     boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
-    is_named = len({entry.category for entry in entries}) == 1
-    if boxes and points is not None and len(points) and is_named and not _explains(search, boxes):
+    named = {entry.category for entry in entries}
+    if boxes and points is not None and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
         out = search.patch.own_points_m
         ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
@@ -288,18 +287,22 @@ def _ranked(
     if roughly:
         return _by_look(fine, ranked)
     ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
-    return _by_look(fine, _compared(ranked, search, fine))
+    rivals = [one.guess.entry for one in ranked[1:] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
+    return _by_look(fine, _compared(ranked, rivals, search, fine))
 
 
-def _compared(ranked: list[RatedGuess], search: Likelihood, fine: Likelihood) -> list[RatedGuess]:
+def _compared(
+    ranked: list[RatedGuess], rivals: Sequence[ModelEntry], search: Likelihood, fine: Likelihood
+) -> list[RatedGuess]:
     """The best of every model, the best first: each rival of the best searched for from where that one is, too.
 
     Ends of searches differ by more than models do.
     """
     best = ranked[0]
-    rivals = [one.guess.entry for one in ranked[1:] if one.cost < best.cost + _WORTH_A_LOOK]
     turned = _best_of_models(search.rated(dressed(search, guess)) for guess in all_turns(best.guess, rivals))
-    ended = [with_options(fine, descended(search, one.guess, _SECOND, colours=True, reach=0.5)) for one in turned]
+    ended = [
+        with_options(fine, descended(search, one.guess, _SECOND, colours=True, reach=0.5)) for one in turned[:_OPENED]
+    ]
     likely = [one for one in _best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
     return _best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
@@ -330,8 +333,8 @@ def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
 
 def _is_alike(first: Guess, second: Guess) -> bool:
     """Whether a search that begins at one of two guesses ends where one does that begins at the other, most likely."""
-    built = [(one.entry.model, quarter_of(one), shape_of(one)) for one in (first, second)]
-    return built[0] == built[1] and is_same_box(first, second)
+    one, other = ((guess.entry.model, quarter_of(guess), shape_of(guess)) for guess in (first, second))
+    return one == other and is_same_box(first, second)
 
 
 def _distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:
