@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from executor.datasets.store import EpisodeStore
-from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
+from executor.policies.judging.evaluation import environment_for
 from executor.policies.networks import PolicyNetwork
 from executor.policies.seen.features import ROBOT_NUMBERS, THING_NUMBERS
 from executor.policies.seen.locator import Locator
@@ -72,14 +72,7 @@ def test_training_brings_places_nearer_and_the_policy_acts_on_a_cloud_alone(data
     Trainer(out, record, data).run(lambda step, loss: None)
     actor = Actor.load(out)
     assert off_m(actor._network) < 0.6 * before
-    kind = record.kinds[0]
-    env = SceneEnvironment(
-        scene=kind.origin.scene,
-        query=kind.origin.query,
-        variation=kind.variation,
-        observation_mode="point_cloud",
-        action_mode="joint_target",
-    )
+    env = environment_for(actor, record.kinds[0])
     observation, _ = env.reset(seed=62985)
     assert set(observation) == {"agent_pos", "point_cloud"}
     actor.begin(record.steps, 62985)

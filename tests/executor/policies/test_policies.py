@@ -21,7 +21,7 @@ from executor.policies import windows
 from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
 from executor.policies.judging.comparison import PolicyScore, paired_tests
-from executor.policies.judging.evaluation import TrialConditions, run_episode
+from executor.policies.judging.evaluation import TrialConditions, environment_for, run_episode
 from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.seen.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
@@ -243,15 +243,8 @@ def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: Episode
     record = PolicyRecord.of(smoke, 0, seen)
     assert parameters(record.network()) > 12e6
     Trainer(out, record, seen).run(lambda step, loss: None)
-    kind = record.kinds[0]
-    env = SceneEnvironment(
-        scene=kind.origin.scene,
-        query=kind.origin.query,
-        variation=kind.variation,
-        observation_mode="point_cloud",
-        action_mode="paper",
-    )
     actor = Actor.load(out)
+    env = environment_for(actor, record.kinds[0])
     observation, _ = env.reset(seed=62985)
     actor.begin([17, 1, 2, 3, 7], 62985)
     for _ in range(2):
