@@ -130,7 +130,7 @@ def make(unit: DemoUnit) -> Made:
     todo = prepared(unit)
     graph = todo.graph
     physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
-    seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, unit.stances, physics)
+    seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, graph.scene, unit.stances, physics)
     if unit.evolve:
         story = evolve(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
         return Made(todo, graph, story.rollout, story)

@@ -143,8 +143,6 @@ class Actor:
             numbers = own_numbers(agent)
             if sees.locates:
                 numbers, cloud = self._network.located(robot_numbers(agent), cloud[None]), None
-        if sees.phase and not self._waiting:
-            self._follower.go_on(shown_numbers(numbers, sees.places, sees.things, sees.handles)[0])
         frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
 
@@ -162,7 +160,29 @@ class Actor:
         return self._ways[self.subtask]
 
     def _foretell(self, qpos: NDArray) -> NDArray:
-        """Returns (execute, 12 or 10) the next actions."""
+        """Returns (execute, 12 or 10) the next actions.
+
+        Where another step of the plan turns out to go on by now, they are those of that one: one that is asked what it
+        does where it is done already has never been shown that.
+        """
+        found, logits = self._asked()
+        if logits is not None:
+            before, sees, (numbers, _, cloud) = self._follower.phase, self._settings.sees, self._frames[-1]
+            self._follower.go_on(logits[0], shown_numbers(numbers[None], sees.places, sees.things, sees.handles)[0])
+            if self._follower.phase != before:
+                self._frames[-1] = (numbers, self._follower.phase, cloud)
+                found, logits = self._asked()
+                assert logits is not None
+            self._follower.foretell(logits[self.execute - 1])
+        mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
+        chunk = (found * deviation + mean)[: self.execute]
+        if self._settings.acts.kind == "joint_target":
+            chunk = targets_in_the_room(qpos, chunk, self.record.scale)
+        return chunk
+
+    def _asked(self) -> tuple[NDArray, NDArray | None]:
+        """Returns what the network foretells: (chunk, A) actions, normalised, and (chunk, P) what goes on after each of
+        them; None where it is told nothing of steps."""
         phase = torch.tensor([frame[1] for frame in self._frames])
         seen = torch.from_numpy(np.stack([frame[0] for frame in self._frames]))
         numbers = normalised(seen, phase, self._scales)
@@ -172,10 +192,4 @@ class Actor:
             told = phase[None] if self._settings.sees.phase else None
             way = torch.full_like(phase, self._way(numbers, phase))[None]
             found, logits, _ = self._network(numbers[None], told, cloud, way)
-        mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
-        chunk = (found[0, -1].numpy() * deviation + mean)[: self.execute]
-        if logits is not None:
-            self._follower.foretell(logits[0, -1, self.execute - 1].numpy())
-        if self._settings.acts.kind == "joint_target":
-            chunk = targets_in_the_room(qpos, chunk, self.record.scale)
-        return chunk
+        return found[0, -1].numpy(), None if logits is None else logits[0, -1].numpy()

@@ -62,9 +62,9 @@ class PlanFollower:
         slack = np.maximum(least_slack, _SLACK_SHARE * (most - least))
         self._least, self._most = least - slack, most + slack
         self._plan: list[int] = []
+        self._foretold: NDArray | None = None
         self._looks_a_second = record.rate_hz / execute
         self._stage = self._first = self._held_back = self._at_end = 0
-        self._foretold: NDArray | None = None
 
     @property
     def phase(self) -> int:
@@ -89,23 +89,23 @@ class PlanFollower:
         """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
         self._foretold = logits
 
-    def go_on(self, shown: Numbers) -> None:
+    def go_on(self, now: NDArray, shown: Numbers) -> None:
         """Takes the step of the plan that goes on now.
 
-        It is the next one where that was foretold to be likelier than the present one, and so on. One that has seen
-        what the planner does where a policy went astray also goes back: to the latest earlier step of the kind that was
-        the likeliest of all.
+        It is the next one where that is likelier than the present one, and so on: as it was foretold, since how long
+        fingers rest is not seen, or as it looks now, since a hand that has arrived would go on into what it came for.
+        One that has seen what the planner does where a policy went astray also goes back: to the latest earlier step of
+        the kind that was foretold as the likeliest of all.
 
         Args:
+            now: (P,) how likely each is to go on with the next action, the likeliest the largest.
             shown: (G,) what now shows how far it has come.
         """
-        if self._foretold is None:
-            return
         self._at_end = self._at_end + 1 if self._stage == len(self._plan) - 1 else 0
         if self._at_end > BACK_S * self._looks_a_second and not self._doors_are_open(shown):
             self._stage, self._at_end, self._held_back = self._first, 0, 0
             return
-        foreseen = self._foreseen(self._foretold)
+        foreseen = self._ahead(now) if self._foretold is None else self._foreseen(self._foretold, self._ahead(now))
         if (missed := self._missed(foreseen, shown)) is not None:
             self._stage, self._held_back = missed, 0
             return
@@ -152,13 +152,9 @@ class PlanFollower:
         kinds = [self._kinds[phase] for phase in self._plan[:stage]]
         return next((at for at in reversed(range(stage)) if kinds[at] is Primitive.APPROACH), stage)
 
-    def _foreseen(self, logits: NDArray) -> int:
-        """Returns which step goes on, as it was foretold."""
-        begun, foreseen, likeliest = self._stage, self._stage, int(np.argmax(logits))
-        for now, following in pairwise(self._plan[begun:] if begun >= self._first else ()):
-            if logits[following] <= logits[now]:
-                break
-            foreseen += 1
+    def _foreseen(self, foretold: NDArray, ahead: int) -> int:
+        """Returns which step goes on, as it was foretold and as it looks now."""
+        begun, foreseen, likeliest = self._stage, max(self._ahead(foretold), ahead), int(np.argmax(foretold))
         if foreseen != begun or not self._takeovers or likeliest == self._plan[begun]:
             return foreseen
         places = [place for place, kind in enumerate(self._plan) if kind == likeliest]
@@ -166,3 +162,12 @@ class PlanFollower:
             return places[0]
         earlier = [place for place in places if place < begun]
         return earlier[-1] if earlier else begun
+
+    def _ahead(self, logits: NDArray) -> int:
+        """Returns the step that one gets to where each next one is likelier than the one before it."""
+        ahead = self._stage
+        for now, following in pairwise(self._plan[ahead:] if ahead >= self._first else ()):
+            if logits[following] <= logits[now]:
+                break
+            ahead += 1
+        return ahead

@@ -15,30 +15,39 @@ from executor.primitives.session import Session
 from executor.records.rollout import Failure, ignore
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
+from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.running import RECORD_HZ, Run
 from executor.world.physics import STANDARD, Physics
-from oag import ObjectActionGraph
+from oag import ObjectActionGraph, Scene
 
 
-def seed_nearest_home(graph: ObjectActionGraph, count: int, physics: Physics = STANDARD) -> int:
+def seed_nearest_home(
+    graph: ObjectActionGraph,
+    scene: Scene,
+    count: int,
+    physics: Physics = STANDARD,
+    start: Checkpoint | None = None,
+) -> int:
     """Returns the seed of planning, below `count`, by which the first subtask's arm posture is nearest to home.
 
     Args:
-        graph: The composed task in its concrete scene; its first subtask drives to its target.
+        graph: The composed task; its first subtask drives to its target.
+        scene: The concrete scene that worlds are built of.
         count: How many seeds are tried, from 0 on.
         physics: Of the episode.
+        start: Where things are; by default as the scene has them.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
     """
-    run = Run(graph, graph.scene, 0, ignore, RECORD_HZ, physics=physics)
+    run = Run(graph, scene, 0, ignore, RECORD_HZ, physics=physics)
     try:
-        start = run.begin()
-        world, control = start.restore(graph.scene, lambda: None, physics=physics)
+        begun = start or run.begin()
+        world, control = begun.restore(scene, lambda: None, physics=physics)
         with world:
             control.settle(world.timestep_s)  # Contacts are found by stepping.
-            session = run.session(0, start, world, control)
+            session = run.session(0, begun, world, control)
             return min(range(count), key=lambda seed: _from_home_rad(session, seed))
     finally:
         run.close()

@@ -147,8 +147,8 @@ def test_the_seed_nearest_home_depends_on_the_room_alone(picked: EpisodeStore) -
     unit = next(series_of({**PLAN, "stances": 3, "episodes": 1})[0].units())
     assert unit.stances == 3 and unit.to_json()["stances"] == 3
     graph = prepared(unit).graph
-    seed = seed_nearest_home(graph, 3)
-    assert seed == seed_nearest_home(graph, 3) and seed in range(3)
+    seed = seed_nearest_home(graph, graph.scene, 3)
+    assert seed == seed_nearest_home(graph, graph.scene, 3) and seed in range(3)
     assert "stances" not in replace(unit, stances=1).to_json()
 
 
