@@ -42,6 +42,10 @@ from oag.task.sizes import Sizing, handled_sizes
 _LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 
 
+class NotNeeded(RuntimeError):
+    """There is nothing to show in a unit, such as where a policy did by itself what it was to be corrected in."""
+
+
 @dataclass(frozen=True, slots=True)
 class Prepared:
     """What is to be done for a unit.

@@ -14,12 +14,14 @@ from executor.datasets.corrections import write_corrections
 from executor.datasets.footage import Filmed, film_unit
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import Made, drawn_values, make, meta_of, noise_of, physics_of
+from executor.datasets.work import Made, NotNeeded, drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.stage import Draughtsman, kept_draughtsman
 from executor.records.rollout import PlanRefused, Rollout, Trajectory
 from executor.scenes.pair import NotDrawn
+
+_KINDS = {PlanRefused: "plan-refused", NotDrawn: "not-drawn", NotNeeded: "not-needed"}
 
 Draw = Callable[[DemoUnit, Rollout, Trajectory, Path], Filmed]
 """Draws what a unit's recording asks for of a motion in its rollout's scene into a folder."""
@@ -48,9 +50,9 @@ def run_unit(
     with store.writing(unit, version) as folder:
         try:
             made = maker(unit)
-        except (PlanRefused, NotDrawn) as problem:
-            kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
-            meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
+        except (PlanRefused, NotDrawn, NotNeeded) as problem:
+            failure = {"kind": _KINDS[type(problem)], "message": str(problem)}
+            meta: dict[str, Any] = {"ended": "failed", "failure": failure}
         else:
             meta = {**meta_of(made), "drawn": drawn_values(unit, made.of.graph.scene, made.of.strays)}
             if made.story is not None:

@@ -103,6 +103,11 @@ class Actor:
         return self.record.steps[self._follower.phase]
 
     @property
+    def anew(self) -> int:
+        """How often it has begun a grasp or its plan anew in this episode."""
+        return self._follower.anew
+
+    @property
     def subtask(self) -> int:
         """Index of the subtask that it takes to be going on; 0 where it is told nothing of that."""
         return subtask_of(self.phase) if self._settings.sees.phase else 0

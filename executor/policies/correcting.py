@@ -1,9 +1,10 @@
-"""Corrections: a policy acts, and from where it has brought things the planner goes on with a proved plan.
+"""Corrections: a policy acts, and from where it fails the planner goes on with a proved plan.
 
 What the planner then does is a demonstration like others, but for where it begins, and says so: `takeover` in its
-`unit.json`. It tells a policy what to do where only a policy gets to. Where that one takes the wrong primitive to be
-going on, this is kept too, so that the same place means one thing to whoever is on the way, and another to whoever has
-to go back. Also the process that makes them, one after the other: `python -m executor.policies.correcting`.
+`unit.json`. It tells a policy what to do where only a policy gets to: where it begins anew (`phases.py`), which no
+demonstration does, and where it stalls. What a policy does well is not interrupted, as the planner mostly begins a
+subtask from its start, and where a policy is right to go on nothing may say that it goes back. Also the process that
+makes them, one after the other: `python -m executor.policies.correcting`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import torch
 
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import Made, Prepared, noise_of
+from executor.datasets.work import Made, NotNeeded, Prepared, noise_of
 from executor.datasets.worker import drawn, run_unit
 from executor.envs.environment import SceneEnvironment
 from executor.machine.workers.process import serve
@@ -33,9 +34,6 @@ from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.continuing import continue_plan
 
 WORKER = "executor.policies.correcting"
-WHERE_IT_STALLED = 0.5
-"""How often, where a policy did not get to its goal, the planner takes over at its end: that is where help is needed.
-Else it does so at a moment of its way that is drawn, since what leads there has to be put right as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ class _Moment:
         subtask: Index of the subtask that is not done.
         phase: Number of the step that the policy takes to be going on.
         at_s: Simulated time.
-        because: "stalled", "time", or "drawn".
+        because: "anew", "stalled", or "time".
         pushes: What pushed until then, as it was.
     """
 
@@ -75,6 +73,7 @@ class Corrector:
 
         Raises:
             NotDrawn: No room could be made of the unit's seed.
+            NotNeeded: The policy did it by itself.
             PlanRefused: The rest of the plan is not proved from there; the planner moved nothing.
         """
         env = self._environment(unit)
@@ -86,6 +85,7 @@ class Corrector:
             moment.subtask,
             unit.seed,
             rate_hz,
+            stances=unit.stances,
             physics=episode.physics,
             noise=noise_of(unit),
         )
@@ -119,28 +119,28 @@ class Corrector:
         actor, rate_hz = self.actor, self.actor.record.rate_hz
         observation, info = env.reset(seed=unit.seed, options=None if unit.index is None else {"index": unit.index})
         actor.begin(plan_of(env.episode.task), unit.seed)
-        watch, stall, moments = OutcomeWatch(env.episode, env.world), StallWatch(rate_hz), []
-        most = len(env.episode.task.subtasks) - 1
+        watch, stall = OutcomeWatch(env.episode, env.world), StallWatch(rate_hz)
         pusher = pusher_of(env, unit.seed, unit.takeover.pushes if unit.takeover is not None else ())
         env.disturb(pusher)
 
-        def now(because: str) -> _Moment:
-            subtask, applied = min(int(info["stage"]), most), tuple(push.to_json() for push in pusher.applied)
-            return _Moment(env.checkpoint(), subtask, actor.phase, env.world.time_s, because, applied)
+        def now(because: str, phase: int) -> _Moment:
+            subtask = min(int(info["stage"]), len(env.episode.task.subtasks) - 1)
+            pushes = tuple(push.to_json() for push in pusher.applied)
+            return _Moment(env.checkpoint(), subtask, phase, env.world.time_s, because, pushes)
 
         for _ in range(most_steps(env.family, rate_hz)):
-            moments.append(now("drawn"))
-            observation, _, _, _, info = env.step(actor.act(observation))
+            phase = actor.phase
+            action = actor.act(observation)
+            if actor.anew:
+                return now("anew", phase)
+            observation, _, _, _, info = env.step(action)
             watch.look(info)
             stall.look(observation["agent_pos"])
-            if stall.stalled or watch.succeeded_s is not None:
-                break
-        rng = unit.draws("takeover")
-        if watch.succeeded_s is None and rng.uniform() < WHERE_IT_STALLED:
-            return now("stalled" if stall.stalled else "time")
-        # Before the first push it is as it would be without any.
-        moments = [moment for moment in moments if moment.pushes] or moments
-        return moments[int(rng.integers(len(moments)))]
+            if watch.succeeded_s is not None:
+                raise NotNeeded(f"the policy did it by itself, in {watch.succeeded_s:.1f} s")
+            if stall.stalled:
+                return now("stalled", actor.phase)
+        return now("time", actor.phase)
 
 
 def main() -> None:

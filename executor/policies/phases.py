@@ -5,7 +5,8 @@ is open when it was opened. So GRASP, what goes before it, and what opens and sh
 of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on nothing
 begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked; a
 door that comes no farther is left, and where the whole plan has left it less open than it should be, the plan begins
-anew. No contact and no detector is asked: it is what the policy sees anyway.
+anew. Who has learned from corrections always begins anew as the planner does that made them: with an empty hand, from
+wherever it is. No contact and no detector is asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.policies.seen.features import Numbers
-from executor.policies.steps import primitive_of
+from executor.policies.steps import primitive_of, subtask_of
 from executor.policies.trained import PolicyRecord
 from oag.model.primitives import Primitive
 
@@ -64,12 +65,17 @@ class PlanFollower:
         self._plan: list[int] = []
         self._foretold: NDArray | None = None
         self._looks_a_second = record.rate_hz / execute
-        self._stage = self._first = self._held_back = self._at_end = 0
+        self._stage = self._first = self._held_back = self._at_end = self._anew = 0
 
     @property
     def phase(self) -> int:
         """Which of the steps that the policy knows goes on."""
         return self._plan[self._stage]
+
+    @property
+    def anew(self) -> int:
+        """How often it has begun anew in this episode."""
+        return self._anew
 
     def begin(self, plan: Sequence[int]) -> None:
         """Begins an episode with the numbers of its plan's steps, in order."""
@@ -83,7 +89,7 @@ class PlanFollower:
             before = [step for step, kind in kinds if kind is Primitive.UNGRASP or step not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
-        self._stage, self._foretold, self._held_back, self._at_end = self._first, None, 0, 0
+        self._stage, self._foretold, self._held_back, self._at_end, self._anew = self._first, None, 0, 0, 0
 
     def foretell(self, logits: NDArray) -> None:
         """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
@@ -94,8 +100,6 @@ class PlanFollower:
 
         It is the next one where that is likelier than the present one, and so on: as it was foretold, since how long
         fingers rest is not seen, or as it looks now, since a hand that has arrived would go on into what it came for.
-        One that has seen what the planner does where a policy went astray also goes back: to the latest earlier step of
-        the kind that was foretold as the likeliest of all.
 
         Args:
             now: (P,) how likely each is to go on with the next action, the likeliest the largest.
@@ -103,21 +107,28 @@ class PlanFollower:
         """
         self._at_end = self._at_end + 1 if self._stage == len(self._plan) - 1 else 0
         if self._at_end > BACK_S * self._looks_a_second and not self._doors_are_open(shown):
-            self._stage, self._at_end, self._held_back = self._first, 0, 0
+            self._begin_anew(self._first)
             return
-        foreseen = self._ahead(now) if self._foretold is None else self._foreseen(self._foretold, self._ahead(now))
+        foreseen = max(self._ahead(logits) for logits in (now, self._foretold) if logits is not None)
         if (missed := self._missed(foreseen, shown)) is not None:
-            self._stage, self._held_back = missed, 0
+            self._begin_anew(missed)
             return
-        if foreseen < self._stage:
-            self._stage = foreseen
         while self._stage < foreseen and self._may_leave(self._stage, shown):
             self._stage += 1
         self._held_back = self._held_back + 1 if self._stage < foreseen else 0
         if self._held_back > PATIENCE_S * self._looks_a_second:
-            door = self._kinds[self._plan[self._stage]] in _MOVES_DOORS
-            self._stage = self._stage + 1 if door else self._approach_before(self._stage)
-            self._held_back = 0
+            if self._kinds[self._plan[self._stage]] in _MOVES_DOORS:
+                self._stage, self._held_back = self._stage + 1, 0
+            else:
+                self._begin_anew(self._approach_before(self._stage))
+
+    def _begin_anew(self, stage: int) -> None:
+        """Begins anew at a step of the plan; one that has learned from corrections, where its subtask begins."""
+        if self._takeovers:
+            subtasks = [subtask_of(self._known[phase]) for phase in self._plan]
+            stage = 0 if subtasks[stage] == subtasks[self._first] else subtasks.index(subtasks[stage], self._first)
+        self._stage, self._held_back, self._at_end = stage, 0, 0
+        self._anew += 1
 
     def _may_leave(self, stage: int, shown: Numbers) -> bool:
         """Decides whether a step of the plan, that another one follows, is done as far as it shows."""
@@ -152,21 +163,17 @@ class PlanFollower:
         kinds = [self._kinds[phase] for phase in self._plan[:stage]]
         return next((at for at in reversed(range(stage)) if kinds[at] is Primitive.APPROACH), stage)
 
-    def _foreseen(self, foretold: NDArray, ahead: int) -> int:
-        """Returns which step goes on, as it was foretold and as it looks now."""
-        begun, foreseen, likeliest = self._stage, max(self._ahead(foretold), ahead), int(np.argmax(foretold))
-        if foreseen != begun or not self._takeovers or likeliest == self._plan[begun]:
-            return foreseen
-        places = [place for place, kind in enumerate(self._plan) if kind == likeliest]
-        if begun < self._first:
-            return places[0]
-        earlier = [place for place in places if place < begun]
-        return earlier[-1] if earlier else begun
-
     def _ahead(self, logits: NDArray) -> int:
-        """Returns the step that one gets to where each next one is likelier than the one before it."""
+        """Returns the step that one gets to where each next one is likelier than the one before it.
+
+        Of what is before the plan one thing or another is done, or nothing: what is the likeliest of it all and of what
+        the plan begins with.
+        """
+        if self._stage < self._first:
+            beginnings = range(self._stage, self._first + 1)
+            return max(beginnings, key=lambda stage: logits[self._plan[stage]])
         ahead = self._stage
-        for now, following in pairwise(self._plan[ahead:] if ahead >= self._first else ()):
+        for now, following in pairwise(self._plan[ahead:]):
             if logits[following] <= logits[now]:
                 break
             ahead += 1

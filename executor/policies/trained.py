@@ -98,15 +98,15 @@ class PolicyRecord:
     def of(cls, settings: PolicySettings, seed: int, data: Demonstrations) -> PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
-        told = data.told if settings.sees.phase else np.zeros_like(data.told)
+        phases = data.phases if settings.sees.phase else np.zeros_like(data.phases)
         count = len(data.steps) if settings.sees.phase else 1
         return cls(
             settings=settings,
             seed=seed,
             rate_hz=data.rate_hz,
             steps=data.steps,
-            numbers=_spread(data.numbers, told, count, _SEEN_SHARE),
-            actions=_spread(chunks, told, count, _DONE_SHARE),
+            numbers=_spread(data.numbers, phases, count, _SEEN_SHARE),
+            actions=_spread(chunks, phases, count, _DONE_SHARE),
             left=_left(settings, data),
             kinds=data.kinds,
             seeds=data.seeds,

@@ -73,7 +73,7 @@ class Trainer:
         self._average = {name: weight.detach().clone() for name, weight in self._network.state_dict().items()}
         self._seen = (self._there(record.numbers[0]), self._there(record.numbers[1]))
         self._done = (self._there(record.actions[0]), self._there(record.actions[1]))
-        self._told = data.told if record.settings.sees.phase else np.zeros_like(data.told)
+        self._phases = data.phases if record.settings.sees.phase else np.zeros_like(data.phases)
         self._usual = np.flatnonzero(data.ways == 0)
         self._losses: list[tuple[int, float]] = []
         self.step = 0
@@ -139,7 +139,7 @@ class Trainer:
         frames = data.frames(moments, settings.sees.frames)
         outputs = frames if settings.network.kind == "transformer" else frames[:, -1:]
         wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk)
-        phase = self._there(self._told[frames])
+        phase = self._there(self._phases[frames])
         numbers = normalised(self._there(data.numbers[frames]), phase, self._seen)
         if form.noise:
             numbers = numbers + form.noise * self._there(rng.standard_normal(numbers.shape, np.float32))
@@ -153,7 +153,7 @@ class Trainer:
             cloud[..., :3] += self._there(shift.astype(np.float32)) + self._there(jitter)
         way = self._there(data.ways[frames])
         actions, logits, ways = self._network(numbers, phase if settings.sees.phase else None, cloud, way)
-        begun = self._there(self._told[outputs.ravel()])
+        begun = self._there(self._phases[outputs.ravel()])
         target = ((self._there(wanted) - self._done[0][begun]) / self._done[1][begun]).reshape(actions.shape)
         loss = nn.functional.l1_loss(actions, target) + astray
         if logits is not None:

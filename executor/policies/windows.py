@@ -67,8 +67,6 @@ class Demonstrations:
             is not foretold.
         actions: (M, 12) joint targets or (M, 10) hand actions.
         phases: (M,) which of `steps` is going on.
-        told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
-            policy it is at first what that one took to be going on.
         steps: The numbers of plans' steps that occur (`steps.py`), in order.
         takeovers: How many episodes go on from where a policy had come to.
         ways: (M,) which way the episode takes things in the subtask that is going on, 0 being the way of the most.
@@ -89,7 +87,6 @@ class Demonstrations:
     hands: NDArray[np.float32] | None
     actions: NDArray[np.float32]
     phases: NDArray[np.int64]
-    told: NDArray[np.int64]
     steps: tuple[int, ...]
     takeovers: int
     ways: NDArray[np.int64]
@@ -168,10 +165,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     ends = np.cumsum(lengths)
     going_on = [_going_on(episode) for episode in episodes]
     phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
-    told = np.concatenate(
-        [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
-    )
-    steps = tuple(int(number) for number in np.unique([phases, told]))
+    steps = tuple(int(number) for number in np.unique(phases))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     kinds = _kinds(originals)
     lasts = _stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends
@@ -190,7 +184,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         hands=_hands(episodes, lasts, settings.acts.chunk, scale_of(kinds)) if settings.acts.hand else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         phases=np.searchsorted(steps, phases),
-        told=np.searchsorted(steps, told),
         steps=steps,
         takeovers=_takeovers(originals),
         ways=ways_of(episodes, going_on),
@@ -339,20 +332,6 @@ def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray
     """Returns (M,) of each moment where the primitive that is going on ends, within its episode."""
     borders = np.append(np.flatnonzero((phases[1:] != phases[:-1]) | (ends[1:] != ends[:-1])) + 1, len(phases))
     return borders[np.searchsorted(borders, np.arange(len(phases)), side="right")]
-
-
-def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> NDArray[np.int64]:
-    """Returns (N,) the steps that a policy is told to be going on.
-
-    One that has gone astray takes a wrong one to be going on. So it learns what to do then, and which comes next, from
-    the first moments of an episode that begins there: as many as pass until it looks again.
-    """
-    takeover = episode.about.get("takeover")
-    if not takeover:
-        return going_on
-    found = going_on.copy()
-    found[:execute] = int(takeover["phase"])
-    return found
 
 
 def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:

@@ -300,11 +300,10 @@ class EvaluateOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class CorrectOptions(CommonOptions):
-    """Have a policy act, and the planner go on with a proved plan from where it comes to: demonstrations into a store.
+    """Have a policy act, and the planner go on with a proved plan from where it fails: demonstrations into a store.
 
-    In half of the episodes that the policy fails, the planner takes over where it stalled; else at a moment of its way
-    that the episode's seed draws. Train on the store beside others. Goes on where an earlier run with the same folder
-    ended.
+    The planner takes over where the policy begins a grasp anew or stalls; what it does well by itself is counted as not
+    needed. Train on the store beside others. Goes on where an earlier run with the same folder ended.
     """
 
     policy: tyro.conf.Positional[
@@ -324,9 +323,11 @@ class CorrectOptions(CommonOptions):
     step: Maybe[int] = None
     """The weights after so many steps of training, where they were kept; by default the last."""
     push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
-    """What is pushed once while the policy acts; the planner then takes over at a moment after the first push."""
+    """What is pushed once while the policy acts."""
     noise_m: float = 0.0
     """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
+    stances: int = 4
+    """How many stances to plan, as `generate` does."""
     workers: int = 2
     """How many processes; one that crashes costs its episode only."""
     limit_s: float = 900.0

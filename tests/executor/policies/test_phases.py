@@ -20,6 +20,7 @@ pytestmark = pytest.mark.physics
 PLAN = [17, 1, 2, 3, 7]
 APPROACH, CONVERGE, GRASP, LIFT = 1, 2, 3, 4
 EXECUTE = 4
+STAYS = np.zeros(64)  # No step looks likelier than another now.
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def at(record: PolicyRecord, step: int) -> PlanFollower:
     follower.begin(PLAN)
     for place in range(step):
         foretold(record, follower, PLAN[place + 1])
-        follower.go_on(typical(record, PLAN[place]))
+        follower.go_on(STAYS, typical(record, PLAN[place]))
     assert record.steps[follower.phase] == PLAN[step]
     return follower
 
@@ -67,9 +68,22 @@ def test_a_primitive_is_left_where_demonstrations_left_it(record: PolicyRecord) 
     foretold(record, follower, 3)
     far = shown.copy()
     far[1] = record.left[1][record.steps.index(2), 1] + 2 * NEAR_SLACK_M
-    follower.go_on(far)
+    follower.go_on(STAYS, far)
     assert record.steps[follower.phase] == 2
-    follower.go_on(shown)
+    follower.go_on(STAYS, shown)
+    assert record.steps[follower.phase] == 3
+
+
+def test_a_hand_that_has_arrived_takes_hold_at_once(record: PolicyRecord) -> None:
+    follower = at(record, CONVERGE)
+    foretold(record, follower, 2)
+    there, far = typical(record, 2), typical(record, 2)
+    far[1] = record.left[1][record.steps.index(2), 1] + 2 * NEAR_SLACK_M
+    done = np.zeros(len(record.steps))
+    done[record.steps.index(3)] = 9.0
+    follower.go_on(done, far)
+    assert record.steps[follower.phase] == 2
+    follower.go_on(done, there)
     assert record.steps[follower.phase] == 3
 
 
@@ -79,7 +93,7 @@ def test_fingers_that_shut_on_nothing_begin_anew_at_the_approach(record: PolicyR
     foretold(record, follower, 7)
     empty = typical(record, 3)
     empty[0] = 0.9 * EMPTY_SHARE * record.left[0][record.steps.index(3), 0]
-    follower.go_on(empty)
+    follower.go_on(STAYS, empty)
     assert record.steps[follower.phase] == PLAN[APPROACH]
 
 
@@ -90,7 +104,7 @@ def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None
     looks = 0
     while record.steps[follower.phase] == 3:
         foretold(record, follower, 7)
-        follower.go_on(crooked)
+        follower.go_on(STAYS, crooked)
         looks += 1
     assert record.steps[follower.phase] == PLAN[APPROACH]
     assert PATIENCE_S < looks * EXECUTE / record.rate_hz <= PATIENCE_S + EXECUTE / record.rate_hz
@@ -108,7 +122,7 @@ def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
     shown, looks = np.full(8, 0.7), 0
     while follower.phase == 1:
         follower.foretell(np.array([0.0, 0.0, 9.0]))
-        follower.go_on(shown)
+        follower.go_on(STAYS, shown)
         looks += 1
     assert looks == (1 if least < 0.7 else int(PATIENCE_S * record.rate_hz / EXECUTE) + 1)
 
@@ -124,7 +138,7 @@ def test_a_plan_that_left_a_door_shut_begins_anew(record: PolicyRecord) -> None:
         seen = []
         for _ in range(int((BACK_S + 4 * PATIENCE_S) * record.rate_hz / EXECUTE)):
             follower.foretell(np.array([0.0, 5.0, 9.0]))
-            follower.go_on(shown)
+            follower.go_on(STAYS, shown)
             seen.append(follower.phase)
         assert 2 in seen and (0 in seen[seen.index(2) :]) is begins
 
@@ -134,7 +148,7 @@ def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:
     foretold(record, follower, 3)
     closing = typical(record, 3)
     closing[0] = 0.0
-    follower.go_on(closing)
+    follower.go_on(STAYS, closing)
     assert record.steps[follower.phase] == 3
 
 
@@ -142,7 +156,7 @@ def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) ->
     for seen, expected in ((replace(record, takeovers=1), 17), (record, 3)):
         follower = at(seen, GRASP)
         foretold(seen, follower, 17)
-        follower.go_on(typical(seen, 2))
+        follower.go_on(STAYS, typical(seen, 2))
         assert seen.steps[follower.phase] == expected
 
 

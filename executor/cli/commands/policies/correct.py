@@ -14,7 +14,7 @@ from executor.cli.sharing import check_unit_limit
 from executor.cli.words.datasets import CorrectOptions
 from executor.datasets.generate import Tally, generate
 from executor.datasets.store import EpisodeStore, pending
-from executor.datasets.units import DemoSeries, DemoUnit, Recording, Takeover
+from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Recording, Takeover
 from executor.policies.correcting import WORKER
 from executor.policies.trained import PolicyRecord, policy_key, read_record
 from executor.policies.windows import EpisodeKind
@@ -63,6 +63,7 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     check(0.0 <= options.noise_m <= _MOST_NOISE_M, "--noise-m", options.noise_m, f"0 to {_MOST_NOISE_M}")
+    check(1 <= options.stances <= MOST_STANCES, "--stances", options.stances, f"1 to {MOST_STANCES}")
     check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
     settings = record.settings
     told = "one that is told the primitive that is going on (phase = true), as else corrections contradict the rest"
@@ -78,6 +79,7 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
         replace(kind.variation, noise_m=options.noise_m),
         Recording(rate_hz=record.rate_hz),
         full_size=kind.full_size,
+        stances=options.stances,
         takeover=Takeover(policy_key(options.policy, options.step), count, options.push),
     )
     return DemoSeries(unit, options.episodes)
