@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from executor.envs.environment import SceneEnvironment
 from executor.envs.replay import replayed
 from executor.policies.acting import Actor
 from executor.policies.correcting import Corrector
+from executor.policies.judging.outcomes import OutcomeWatch
 from executor.policies.trained import PolicyRecord, policy_key
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
@@ -91,7 +94,7 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     told = episodes[0].meta["takeover"]
     unit = DemoUnit.from_json(episodes[0].meta["unit"])
     assert unit.takeover == Takeover(policy_key(policy), 4) and told["policy"] == policy_key(policy)
-    assert told["because"] in ("stalled", "time", "drawn") and told["phase"] in (17, 1, 2, 3, 7)
+    assert told["because"] in ("anew", "stalled", "time") and told["phase"] in (17, 1, 2, 3, 7)
     assert episodes[0].start is not None and episodes[0].arrays["time_s"][0] >= told["at_s"] > 0.5
     assert "pushes" not in told and "pushes" not in episodes[0].meta["unit"]["takeover"]
     after = episodes[1].meta["takeover"]
@@ -102,11 +105,37 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     both = read_demonstrations([picked.path, corrected.path], settings)
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
     first = int(np.unique(both.starts)[both.names.index(unit.name)])
-    assert [both.steps[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
-    assert np.array_equal(both.told[first + 4 : first + 20], both.phases[first + 4 : first + 20])
+    assert both.steps[both.phases[first]] in (5, 17)  # The planner drives, the hand emptied first.
     write_set(stream_of(corrected), "zarr", tmp_path / "z")
     exported = read_demonstrations([tmp_path / "z"], settings)
     assert exported.takeovers == 2 and exported.steps == read_demonstrations([corrected.path], settings).steps
+
+
+@pytest.mark.parametrize("anew", [1, 0])
+def test_the_planner_takes_over_where_a_policy_begins_anew_and_not_where_it_succeeds(
+    policy: Path,
+    picked: EpisodeStore,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    anew: int,
+) -> None:
+    class Done(OutcomeWatch):
+        def look(self, info: Mapping[str, Any]) -> None:
+            self.succeeded_s = 1.0
+
+    monkeypatch.setattr(Actor, "anew", property(lambda _: anew))
+    monkeypatch.setattr("executor.policies.correcting.OutcomeWatch", Done)
+    first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
+    unit = replace(first, seed=62972, takeover=Takeover(policy_key(policy), 4))
+    store, corrector = EpisodeStore(tmp_path / "s"), Corrector(Actor.load(policy, execute=4))
+    store.add_requests([DemoSeries(unit, 1).to_json()])
+    run_unit(store, unit, outcome_version(), maker=corrector.make)
+    corrector.close()
+    (episode,) = store.episodes()
+    if anew:
+        assert episode.succeeded and episode.meta["takeover"]["because"] == "anew"
+    else:
+        assert episode.meta["failure"]["kind"] == "not-needed" and not list(store.demonstrations())
 
 
 def test_what_cannot_be_corrected_is_refused(
@@ -122,6 +151,7 @@ def test_what_cannot_be_corrected_is_refused(
     assert "--execute 9: expected 1 to 8" in str(last_json(capsys)["error"])
     assert run(["correct", str(policy), "--noise-m", "1", *out]) == 2
     assert run(["correct", str(policy), "--push", "base", "base", *out]) == 2
+    assert run(["correct", str(policy), "--stances", "0", *out]) == 2
     assert not (tmp_path / "s").exists()
 
 

@@ -152,12 +152,31 @@ def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:
     assert record.steps[follower.phase] == 3
 
 
-def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) -> None:
-    for seen, expected in ((replace(record, takeovers=1), 17), (record, 3)):
+def test_who_has_learned_from_corrections_begins_anew_as_the_planner_does(record: PolicyRecord) -> None:
+    empty = typical(record, 3)
+    empty[0] = 0.0
+    # The planner opens the hand first; a policy that has seen that does so, and drives then.
+    opening = replace(
+        record,
+        takeovers=1,
+        steps=(*record.steps, 5),
+        left=(
+            np.concatenate([record.left[0], record.left[0][:1]]),
+            np.concatenate([record.left[1], record.left[1][:1]]),
+        ),
+    )
+    for seen, expected in ((record, [1]), (replace(record, takeovers=1), [17]), (opening, [5, 17])):
         follower = at(seen, GRASP)
-        foretold(seen, follower, 17)
-        follower.go_on(STAYS, typical(seen, 2))
-        assert seen.steps[follower.phase] == expected
+        foretold(seen, follower, 7)
+        follower.go_on(STAYS, empty)
+        begun = [seen.steps[follower.phase]]
+        assert follower.anew == 1
+        foretold(seen, follower, expected[-1])
+        follower.go_on(STAYS[: len(seen.steps)], typical(record, 17))
+        begun.append(seen.steps[follower.phase])
+        assert list(dict.fromkeys(begun)) == expected
+    follower.begin(PLAN)
+    assert follower.anew == 0
 
 
 def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
