@@ -8,6 +8,8 @@ are tried in every episode, and the stance counts whose arm is nearest to home, 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from executor.primitives.navigate import with_stance
@@ -35,7 +37,7 @@ def seed_nearest_home(
         scene: The concrete scene that worlds are built of.
         count: How many seeds are tried, from 0 on.
         physics: Of the episode.
-        start: Where things are; by default as the scene has them.
+        start: Where things are; by default as the scene has them. Who drives from there brings its arm home first.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
@@ -43,9 +45,12 @@ def seed_nearest_home(
     """
     run = Run(graph, scene, 0, ignore, RECORD_HZ, physics=physics)
     try:
-        begun = start or run.begin()
+        begun = run.begin() if start is None else replace(start, target=(*start.target[:3], *ARM_HOME))
         world, control = begun.restore(scene, lambda: None, physics=physics)
         with world:
+            if start is not None:
+                widest_m = run.planner.kinematics.finger_upper_m
+                world.robot.set_qpos([*begun.target, widest_m, widest_m])
             control.settle(world.timestep_s)  # Contacts are found by stepping.
             session = run.session(0, begun, world, control)
             return min(range(count), key=lambda seed: _from_home_rad(session, seed))
