@@ -180,7 +180,7 @@ def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> 
     record = PolicyRecord.of(small(), 0, data)
     mean, deviation = (torch.from_numpy(part) for part in record.numbers)
     grasping = data.phases == record.steps.index(3)
-    seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.told), (mean, deviation)).numpy()
+    seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.phases), (mean, deviation)).numpy()
     assert np.allclose(seen[grasping].mean(axis=0), 0.0, atol=0.02) and np.abs(seen).max() <= MOST_DEVIATIONS
     assert (record.numbers[1] >= 0.099 * np.maximum(data.numbers.std(axis=0), 1e-3)).all()
     whole = PolicyRecord.of(small(sees={"phase": False}), 0, data)
