@@ -10,7 +10,10 @@ import pytest
 from executor.assets.library import LIBRARY
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.fit import shaken
-from executor.photo.fitting.likelihood import Fit
+from executor.photo.fitting.likelihood import Fit, Likelihood
+from executor.photo.fitting.options import redressed
+from executor.photo.fitting.patch import Patch
+from executor.photo.fitting.starts import starts
 from executor.photo.fitting.turns import reshaped
 from tests.executor.photo.test_fit import painted_around
 
@@ -53,3 +56,23 @@ def test_the_other_sides_stay_where_they_are_when_one_is_moved() -> None:
     before = sides(CABINET)
     moved = [[a for a, b in zip(sides(one), before, strict=True) if abs(a - b) > 1e-9] for one in reshaped(CABINET)]
     assert moved and {len(one) for one in moved} == {1}
+
+
+def test_a_short_handle_is_found_by_who_begins_with_a_long_one_on_the_other_side() -> None:
+    true = Guess(LIBRARY["fridge_one_door"], 2.0, 0.0, 0.4, 0.0, (0.7, 0.6, 1.4))
+    true = true.with_parameters(hinge="left", handle_height_m=0.67, handle_length_m=0.15)
+    around, box = painted_around(true)
+    pixels = Patch.around(around.seen, box.box_px, around.other_m, around.other, 5000)
+    fine = Likelihood(pixels, around.near)
+    begun = true.with_parameters(hinge="right", handle_height_m=0.75, handle_length_m=0.30)
+    found = dict(redressed(fine, fine.rated(begun)).guess.parameters)
+    assert found["hinge"] == "left"
+    assert found["handle_height_m"] == pytest.approx(0.67, abs=0.02)
+    assert found["handle_length_m"] == pytest.approx(0.15, abs=0.03)
+
+
+def test_what_is_lower_than_its_model_mostly_is_begins_as_low_as_it_is_seen() -> None:
+    low = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.7, 0.63))
+    assert low.entry.height.low > 0.7
+    begun = starts(low.corners_m(), [low.entry], 0.0, ())
+    assert any(one.size_m[2] == pytest.approx(0.63, abs=0.01) for one in begun)
