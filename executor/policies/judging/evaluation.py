@@ -71,7 +71,7 @@ def evaluate(
     told: Seen,
     conditions: TrialConditions = TrialConditions(),
 ) -> dict[str, list[EpisodeOutcome]]:
-    """Returns policy -> what came of each seed, in order.
+    """Returns policy -> what came of each seed, in order; after Ctrl-C, of the seeds in which all of them had acted.
 
     Args:
         actors: The policies; each gets the same episodes.
@@ -82,16 +82,23 @@ def evaluate(
 
     Raises:
         NotDrawn: No room could be made of a seed.
+        KeyboardInterrupt: Before there was anything to return.
     """
     found: dict[str, list[EpisodeOutcome]] = {actor.name: [] for actor in actors}
     with ExitStack() as open_ones:
         envs = [open_ones.enter_context(closing(environment_for(actor, kind))) for actor in actors]
         # Seed by seed: to draw an episode takes as long as to act in it, and what was drawn last is remembered.
-        for seed in seeds:
-            for actor, env in zip(actors, envs, strict=True):
-                outcome, footage = run_episode(env, actor, seed, conditions)
-                found[actor.name].append(outcome)
-                told(actor, outcome, footage)
+        try:
+            for seed in seeds:
+                for actor, env in zip(actors, envs, strict=True):
+                    outcome, footage = run_episode(env, actor, seed, conditions)
+                    found[actor.name].append(outcome)
+                    told(actor, outcome, footage)
+        except KeyboardInterrupt:
+            whole = min(map(len, found.values()))
+            if not whole:
+                raise
+            return {name: outcomes[:whole] for name, outcomes in found.items()}
     return found
 
 

@@ -173,6 +173,19 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
     assert run(["evaluate", policies[0], "--push", "base", "base", "--json"]) == 2
     assert "each thing once" in str(last_json(capsys)["error"])
 
+    # Ctrl-C in the second episode of the second policy: what both had done by then is kept.
+    def ended(env: SceneEnvironment, actor: Actor, seed: int, conditions: TrialConditions) -> object:
+        if seed == 62986 and actor.name == policies[1]:
+            raise KeyboardInterrupt
+        return run_episode(env, actor, seed, conditions)
+
+    monkeypatch.setattr("executor.policies.judging.evaluation.run_episode", ended)
+    asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
+    assert run(["evaluate", *policies, *asked]) == 130
+    kept = last_json(capsys)
+    assert [len(row["episodes"]) for row in kept["policies"]] == [1, 1]  # type: ignore[attr-defined]
+    assert json.loads((tmp_path / "ended" / "evaluation.json").read_text())["policies"] == kept["policies"]
+
 
 def episode(seed: int, *, good: bool) -> EpisodeOutcome:
     """Returns an outcome."""

@@ -11,7 +11,7 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bddl.files import read_bounded_text
-from executor.cli.errors import DONE, BadOption, check
+from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.words.datasets import EvaluateOptions, Family
@@ -44,6 +44,8 @@ RESULTS, PAGE = "evaluation.json", "evaluation.html"
 
 def execute(options: EvaluateOptions) -> int:
     """Evaluates policies; returns the exit code: 0 whatever they came to, since it is a measurement.
+
+    Ctrl-C ends it with what is known by then.
 
     Raises:
         NotAPolicy, BadOption: Something that was named cannot be used.
@@ -78,14 +80,17 @@ def execute(options: EvaluateOptions) -> int:
         found = evaluate(actors, kind, seeds, told, conditions)
     judged = _judged(kind, conditions, actors, found)
     told_all = _told(kind, conditions, actors, judged, found) | {"videos": drawn}
+    code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
     if options.out is not None:
         write_json(options.out / RESULTS, told_all)
         write_text(options.out / PAGE, evaluation_page(judged))
     if options.json:
-        print_json({"ok": True, "exit_code": DONE, **told_all})
-        return DONE
+        print_json({"ok": code == DONE, "exit_code": code, **told_all})
+        return code
     _print(judged)
-    return DONE
+    if code != DONE:
+        tell(f"interrupted: this is of the first {len(next(iter(found.values())))} of {options.episodes} episodes")
+    return code
 
 
 def _actors(options: EvaluateOptions) -> list[Acting]:
