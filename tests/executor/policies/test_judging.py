@@ -183,7 +183,7 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
     asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
     assert run(["evaluate", *policies, *asked]) == 130
     kept = last_json(capsys)
-    assert [len(row["episodes"]) for row in kept["policies"]] == [1, 1]  # type: ignore[attr-defined]
+    assert [len(row["episodes"]) for row in kept["policies"].values()] == [1, 1]  # type: ignore[attr-defined]
     assert json.loads((tmp_path / "ended" / "evaluation.json").read_text())["policies"] == kept["policies"]
 
 
