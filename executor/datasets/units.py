@@ -78,7 +78,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Takeover:
-    """Who acts before the planner does: a policy, from the episode's start up to a moment that the unit's seed draws.
+    """Who acts before the planner does: a policy, from the episode's start up to where it begins anew or stalls.
 
     Attributes:
         policy: Key of its weights and of all that it is.
