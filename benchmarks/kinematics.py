@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import subprocess
 import sys
 import time
@@ -106,8 +105,7 @@ def pytorch_kinematics(urdf: Path) -> Solver:
     import torch
 
     torch.manual_seed(0)
-    text = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf.read_text(), flags=re.S)
-    chain = pk.build_serial_chain_from_urdf(text.encode(), TCP_LINK, root_link_name=BASE_LINK)
+    chain = pk.build_serial_chain_from_urdf(urdf.read_bytes(), TCP_LINK, root_link_name=BASE_LINK)
     limits = torch.tensor(chain.get_joint_limits()).T
     solver = pk.PseudoInverseIK(
         chain,

@@ -6,19 +6,25 @@ less what they are (rad), and how far each finger is from the middle (m). A chun
 Where the hand is foretold too, 6 more numbers say where it is to be, and the joints are put right by it. Seven joints
 that are foretold one by one put a hand centimetres off where each posture is new, as in rooms that are drawn; how a
 hand moves as seen from itself hardly depends on the posture. So the joints say where the elbow is, and the hand's
-motion says where the hand is.
+motion says where the hand is. From joints to the hand and back it goes by pytorch-kinematics, many postures at once.
 """
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array
+from executor.machine.extras import require
 from executor.policies.seen.features import Numbers
 from executor.policies.settings import Acts
-from executor.robot.actions import HAND_NUMBERS, arm_chain, joint_limits
+from executor.robot.actions import HAND_NUMBERS, joint_limits
+from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.tracking import pose_error
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
@@ -80,7 +86,7 @@ def hand_poses(joints: NDArray, scale: float) -> NDArray[np.float32]:
         joints: (N, 12) joint positions or targets.
         scale: The robot's, of a Panda's full size.
     """
-    return np.asarray(arm_chain(scale).forward(np.asarray(joints[:, _ARM], float)), np.float32)
+    return _reached(np.asarray(joints[:, _ARM], float), scale).astype(np.float32)
 
 
 def hands_from_here(now: NDArray, later: NDArray) -> NDArray[np.float32]:
@@ -105,15 +111,28 @@ def arms_put_right(qpos: NDArray, arms: NDArray, hands: NDArray, scale: float) -
         hands: (H, POSE_NUMBERS) as `hands_from_here` has them.
         scale: The robot's, of a Panda's full size.
     """
-    chain, found = arm_chain(scale), np.array(arms, float)
-    now = chain.forward(np.asarray(qpos, float)[None, _ARM])[0]
+    found, now = np.array(arms, float), _reached(np.asarray(qpos, float)[None, _ARM], scale)[0]
     wanted = np.tile(np.eye(4), (len(found), 1, 1))
     wanted[:, :3, :3] = now[:3, :3] @ Rotation.from_rotvec(hands[:, 3:]).as_matrix()
     wanted[:, :3, 3] = now[:3, 3] + hands[:, :3] @ now[:3, :3].T
     for _ in range(_ITERATIONS):
-        reached, jacobians = chain.forward_and_jacobian(found)
+        moves, poses = _arm(scale).jacobian(torch.from_numpy(found), ret_eef_pose=True)
+        jacobians, reached = moves.numpy(), poses.numpy()
         turned = jacobians.swapaxes(-1, -2)
         error = pose_error(wanted, reached)[..., None]
         step = turned @ np.linalg.solve(jacobians @ turned + _DAMPING * np.eye(6), error)
         found += np.clip(step[..., 0], -_MOST_RAD, _MOST_RAD)
     return found
+
+
+def _reached(arms: Array, scale: float) -> Array:
+    """Returns (N, 4, 4) the hand from the base at postures (N, 7)."""
+    return np.asarray(_arm(scale).forward_kinematics(torch.from_numpy(arms)).get_matrix())
+
+
+@cache
+def _arm(scale: float) -> Any:
+    """Returns pytorch-kinematics' chain from the base to the point between the fingertips, in double precision."""
+    build = require("pytorch_kinematics", "learn").build_serial_chain_from_urdf
+    robot = robot_urdf(scale, visual=False).read_bytes()
+    return build(robot, TCP_LINK, root_link_name=BASE_LINK).to(dtype=torch.float64)

@@ -128,7 +128,7 @@ class Corrector:
             pushes = tuple(push.to_json() for push in pusher.applied)
             return _Moment(env.checkpoint(), subtask, phase, env.world.time_s, because, pushes)
 
-        for _ in range(most_steps(env.family, rate_hz)):
+        for _ in range(most_steps(env.family, env.episode.task, rate_hz)):
             phase = actor.phase
             action = actor.act(observation)
             if actor.anew:

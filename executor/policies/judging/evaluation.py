@@ -25,7 +25,7 @@ PUSHED_BETWEEN_S = (2.0, 10.0)
 """When pushes come: planned demonstrations of one deed take 8 to 15 s, the first of it driving."""
 
 MOST_S = 40.0
-"""Simulated time of an episode of a sentence of one's own: over twice what planned demonstrations of one deed take."""
+"""Simulated time of each subtask of a sentence of one's own: over twice what planned demonstrations of it take."""
 
 UNDONE_S = 2.0
 """For how long a policy may go on from a subtask that the detectors say is not done: what is let go of has to come to
@@ -120,9 +120,9 @@ def environment_for(actor: Acting, kind: EpisodeKind) -> SceneEnvironment:
     )
 
 
-def most_steps(family: Family | None, rate_hz: float) -> int:
+def most_steps(family: Family | None, task: Task, rate_hz: float) -> int:
     """Returns after how many actions an episode is over."""
-    return round(MOST_S * rate_hz) if family is None else round(MOST_STEPS[family] * rate_hz / 10.0)
+    return round((MOST_S * len(task.subtasks) if family is None else MOST_STEPS[family] / 10.0) * rate_hz)
 
 
 def run_episode(
@@ -139,7 +139,8 @@ def run_episode(
     watch, monitors = OutcomeWatch(episode, env.world), MonitorWatch(env.world, episode.task)
     pusher = pusher_of(env, seed, conditions.pushes)
     states: list[bytes] = []
-    rate_hz, left = actor.record.rate_hz, most_steps(env.family, actor.record.rate_hz)
+    rate_hz = actor.record.rate_hz
+    left = most_steps(env.family, episode.task, rate_hz)
     outcome: EpisodeOutcome | None = None
     helped: list[PlannerHelp] = []
     undone = 0
