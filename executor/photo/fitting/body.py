@@ -20,7 +20,7 @@ from executor.assets.library import LIBRARY, asset_for
 from executor.assets.model import Shape
 from executor.assets.parameters import AssetError, ModelEntry
 from executor.assets.surface import surface_of
-from executor.geometry import Array, transform_from_quaternion
+from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.machine.extras import require
 from executor.photo.space.observation import Observation
 from executor.pictures.solids import joints_at_start, link_frames
@@ -219,3 +219,8 @@ def is_round(entry: ModelEntry) -> bool:
 def has_ear(entry: ModelEntry) -> bool:
     """Decides whether a model has no sides, and yet looks otherwise from turn to turn, as a mug does."""
     return entry.length.of_width and not is_round(entry)
+
+
+def body_middle_m(yaw_rad: float, length_m: float, width_m: float) -> Array:
+    """Returns (2,) how far the round body of what has an ear is from the middle of its box, ear and all."""
+    return np.asarray(rotation_z(yaw_rad)[:2, 0] * (width_m - length_m) / 2)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
 
 from executor.assets.parameters import ModelEntry
-from executor.geometry import Array, wrap_angle
-from executor.photo.fitting.body import Guess, body_of, is_round
+from executor.geometry import Array, rotation_z, wrap_angle
+from executor.photo.fitting.body import Guess, body_middle_m, body_of, has_ear, is_round
 from executor.photo.fitting.likelihood import Likelihood
 from oag import Kind, kind_of
 
@@ -20,9 +21,10 @@ _HIGHEST = 1e6  # Stands for what cannot be, since the search compares numbers.
 
 
 def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours: bool, reach: float = 1.0) -> Guess:
-    """Returns what a search by Nelder and Mead's method makes of a guess. Its corner nearest to the camera is moved.
+    """Returns what a search by Nelder and Mead's method makes of a guess. What is nearest to the camera is moved.
 
     What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
+    Of what is round but for an ear it is the near point of its body: so the body stays where it is as the ear turns.
 
     Args:
         likelihood: What guesses are judged by.
@@ -39,12 +41,8 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     scale = (_ITEM_STEP if is_item else _FURNITURE_STEP) / 2
     turns = not body.symmetric and not is_round(entry)
     active = np.flatnonzero([True, True, turns, not _fixed(entry, 0), True, not _fixed(entry, 2)])
-    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
-    towards = -np.array([c * guess.x_m + s * guess.y_m, -s * guess.x_m + c * guess.y_m])
-    sign = np.where(towards > 0, 0.5, -0.5)
-    off = sign * guess.size_m[:2]
-    corner = guess.x_m + c * off[0] - s * off[1], guess.y_m + s * off[0] + c * off[1]
-    start = np.array([*corner, guess.yaw_rad, *guess.size_m])
+    held = _near_point_of_body(guess) if has_ear(entry) else _near_corner(guess)
+    start = np.array([*(held(guess.yaw_rad, *guess.size_m[:2]) + [guess.x_m, guess.y_m]), guess.yaw_rad, *guess.size_m])
 
     def at(values: Array) -> Guess:
         full = start.copy()
@@ -52,9 +50,7 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
         width = full[4]
         length = width * entry.length.low if _fixed(entry, 0) else full[3]
         height = width * entry.height.low if _fixed(entry, 2) else full[5]
-        c, s = math.cos(full[2]), math.sin(full[2])
-        off = sign * [length, width]
-        x, y = full[0] - c * off[0] + s * off[1], full[1] - s * off[0] - c * off[1]
+        x, y = full[:2] - held(full[2], length, width)
         size = float(length), float(width), float(height)
         return replace(guess, x_m=float(x), y_m=float(y), yaw_rad=float(wrap_angle(full[2])), size_m=size)
 
@@ -67,6 +63,20 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     best = replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
     # What is stretched while it is searched for may be too flat to be built.
     return best if body_of(best) is not None else guess
+
+
+_Held = Callable[[float, float, float], Array]
+"""Heading, length and width -> (2,) how far what is held is from the middle of the box."""
+
+
+def _near_corner(guess: Guess) -> _Held:
+    sign = np.where(rotation_z(-guess.yaw_rad)[:2, :2] @ [guess.x_m, guess.y_m] < 0.0, 0.5, -0.5)
+    return lambda yaw_rad, length, width: rotation_z(yaw_rad)[:2, :2] @ (sign * [length, width])
+
+
+def _near_point_of_body(guess: Guess) -> _Held:
+    towards = -np.array([guess.x_m, guess.y_m]) / math.hypot(guess.x_m, guess.y_m)
+    return lambda yaw_rad, length, width: body_middle_m(yaw_rad, length, width) + towards * width / 2
 
 
 def _fixed(entry: ModelEntry, axis: int) -> bool:

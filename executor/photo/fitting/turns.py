@@ -2,8 +2,6 @@
 
 What a search learns of a thing's sides holds for whatever it is and whichever side is its front, but for what stands
 out in front: handles belong to the box, so that the panels of a front are behind the box's face.
-
-What has no sides, such as a mug, is turned as its ear is; where that is hidden, between all turns that hide it.
 """
 
 from __future__ import annotations
@@ -15,11 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.library import asset_for
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess, body_of, has_ear, is_round
-from executor.photo.fitting.descent import descended
-from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
@@ -27,9 +22,6 @@ _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a fro
 _SIDES_M = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)  # By which sides are moved that may have been misjudged.
 _LEAST_M = 0.2  # Of a side that is.
 
-_EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
-_ALIKE = 8.0  # So much more in cost makes a turn e times less likely.
-_FOLLOWED, _RENDERINGS = 8, 60
 _SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # About what the noise of depths does to sides and turns.
 
 
@@ -81,27 +73,6 @@ def is_same_box(first: Guess, second: Guess) -> bool:
     return not askew and bool(np.abs(sizes_m).max() < _SAME_M and np.abs(apart_m).max() < _SAME_M)
 
 
-def turned_by_ear(fine: Likelihood, found: RatedGuess) -> RatedGuess:
-    """Returns a thing turned as its ear is seen; as far between all turns that hide it as they are alike.
-
-    Its body stays where it is.
-
-    Args:
-        fine: What guesses are judged by, with all pixels.
-        found: The thing, turned somehow.
-    """
-    begun = sorted([found, *_all_around(fine, found.guess)], key=lambda one: one.cost)[:_FOLLOWED]
-    ended = (fine.rated(descended(fine, one.guess, _RENDERINGS, colours=True, reach=0.5)) for one in begun)
-    best = min([found, *ended], key=lambda one: one.cost)
-    turns = [best, *_all_around(fine, best.guess)]
-    likely = np.array([math.exp(min(0.0, (best.cost - one.cost) / _ALIKE)) for one in turns])
-    yaws = np.array([one.guess.yaw_rad for one in turns])
-    # Of what is seen clearly, hardly any other turn counts, and the mean is where it was.
-    mean_rad = math.atan2(float(likely @ np.sin(yaws)), float(likely @ np.cos(yaws)))
-    middle = fine.rated(_turned(best.guess, mean_rad))
-    return middle if middle.cost < best.cost + _ALIKE else best
-
-
 def _pushed(guess: Guess, by_m: float) -> Guess:
     """With its front moved backwards, its back where it is."""
     length, width, height = guess.size_m
@@ -127,17 +98,3 @@ def _inset_m(guess: Guess) -> float:
     hit_x = eye[0] + rays[:, 0] * share
     hits = hit_x[np.isfinite(hit_x)]
     return float(np.clip(np.median(hits) + length / 2, 0.0, length / 4)) if len(hits) else 0.0
-
-
-def _all_around(fine: Likelihood, guess: Guess) -> list[RatedGuess]:
-    steps = np.arange(1, _EAR_TURNS) * 2.0 * math.pi / _EAR_TURNS
-    return [fine.rated(_turned(guess, guess.yaw_rad + float(step))) for step in steps]
-
-
-def _turned(guess: Guess, yaw_rad: float) -> Guess:
-    """Turned about the axis of its body, which an ear keeps from the middle of the box."""
-    x, y, _ = asset_for(guess.as_object()).grasp_point_m
-    before, after = guess.yaw_rad, math.remainder(yaw_rad, 2.0 * math.pi)
-    at_x = guess.x_m + x * (math.cos(before) - math.cos(after)) - y * (math.sin(before) - math.sin(after))
-    at_y = guess.y_m + x * (math.sin(before) - math.sin(after)) + y * (math.cos(before) - math.cos(after))
-    return replace(guess, x_m=at_x, y_m=at_y, yaw_rad=after)
