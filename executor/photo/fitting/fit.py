@@ -73,8 +73,7 @@ def fit_thing(
     likelihoods = coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
         return None
-    boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods)
-    ranked = _ranked(boxes, entries, likelihoods, roughly=roughly)
+    ranked = _ranked(_boxes(around, box_px, entries, bottoms_m, points, likelihoods), entries, likelihoods, roughly)
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
@@ -270,7 +269,6 @@ def _ranked(
     boxes: list[RatedGuess],
     entries: Sequence[ModelEntry],
     likelihoods: tuple[Likelihood, Likelihood, Likelihood],
-    *,
     roughly: bool,
 ) -> list[RatedGuess]:
     """The best of every model and turn of some boxes, with their options and colours, the best first."""
