@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor import load_scene
 from executor.cli.main import run
 from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore
@@ -20,7 +21,7 @@ from executor.envs.pushes import DrawnPush, Pusher, drawn_pushes
 from executor.policies.acting import Actor
 from executor.policies.judging.axes import by_axis
 from executor.policies.judging.comparison import PolicyScore, by_training
-from executor.policies.judging.evaluation import TrialConditions, environment_for, run_episode
+from executor.policies.judging.evaluation import MOST_S, TrialConditions, environment_for, most_steps, run_episode
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.monitors import MonitorWatch
 from executor.policies.judging.outcomes import EpisodeOutcome
@@ -29,7 +30,8 @@ from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
 from executor.rollouts.stances import seed_nearest_home
-from tests.executor.policies.conftest import PLAN, small
+from llm import propose
+from tests.executor.policies.conftest import KITCHEN, PLAN, small
 from tests.executor.policies.test_commands import TINY, last_json
 
 pytestmark = pytest.mark.physics
@@ -42,6 +44,12 @@ def env(picked: EpisodeStore) -> Iterator[SceneEnvironment]:
     with closing(SceneEnvironment(scene=episode.scene, task=episode.task)) as found:
         found.reset(seed=0)
         yield found
+
+
+def test_a_whole_task_has_time_for_each_of_its_subtasks() -> None:
+    task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
+    assert len(task.subtasks) > 1
+    assert most_steps(None, task, 5.0) == 5 * MOST_S * len(task.subtasks)
 
 
 def test_pushes_move_the_base_and_the_item_by_a_force(env: SceneEnvironment) -> None:
