@@ -75,7 +75,7 @@ def _near_corner(guess: Guess) -> _Held:
 
 
 def _near_point_of_body(guess: Guess) -> _Held:
-    towards = -np.array([guess.x_m, guess.y_m]) / math.hypot(guess.x_m, guess.y_m)
+    towards = -np.array([guess.x_m, guess.y_m]) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
     return lambda yaw_rad, length, width: body_middle_m(yaw_rad, length, width) + towards * width / 2
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess
+from executor.photo.fitting.body import Guess, Size
 from executor.photo.fitting.ears import turned_by_ear
 from executor.photo.fitting.likelihood import Likelihood
 from executor.photo.fitting.patch import Patch
@@ -19,25 +19,32 @@ SIZE_M = (0.115, 0.08, 0.09)
 EAR_M = (SIZE_M[0] - SIZE_M[1]) / 2  # From the axis of its body to the middle of its box.
 
 
-def turned(yaw_rad: float) -> Guess:
+def turned(yaw_rad: float, size_m: Size = SIZE_M) -> Guess:
     """Returns a mug whose body stands in one place."""
     x, y = 0.9 + EAR_M * math.cos(yaw_rad), EAR_M * math.sin(yaw_rad)
-    return Guess(LIBRARY["mug"], x, y, yaw_rad, 1.0, SIZE_M)
+    return Guess(LIBRARY["mug"], x, y, yaw_rad, 1.0, size_m)
 
 
-def found_from(true_rad: float, start_rad: float) -> float:
-    """Returns the turn that is found of a mug that is turned one way, by who begins with another one."""
+def found_from(true_rad: float, start_rad: float, size_m: Size = SIZE_M) -> Guess:
+    """Returns what is found of a mug that is turned one way, by who begins with another turn and size."""
     seen, boxes = seen_from_above(turned(true_rad))
     nobody = np.zeros(seen.z_m.shape, dtype=np.int32)
     fine = Likelihood(Patch.around(seen, boxes[0].box_px, seen.floor_z_m, nobody, 5000), Neighbourhood(()))
-    return turned_by_ear(fine, fine.rated(turned(start_rad))).guess.yaw_rad
+    return turned_by_ear(fine, fine.rated(turned(start_rad, size_m))).guess
 
 
 @pytest.mark.parametrize("start_rad", [0.0, 3.0])
 def test_an_ear_that_is_seen_tells_the_turn(start_rad: float) -> None:
-    assert math.remainder(found_from(math.pi / 2, start_rad) - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
+    found = found_from(math.pi / 2, start_rad)
+    assert math.remainder(found.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_body_that_is_too_large_hides_no_ear() -> None:
+    found = found_from(math.pi / 2, -1.0, (0.123, 0.086, 0.096))
+    assert math.remainder(found.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
+    assert found.size_m == pytest.approx(SIZE_M, abs=0.002)
 
 
 def test_a_hidden_ear_is_in_the_middle_of_what_hides_it() -> None:
     # The camera is at the origin: an ear that points away from it is behind the body.
-    assert abs(found_from(0.3, 0.3)) < 0.2
+    assert abs(found_from(0.3, 0.3).yaw_rad) < 0.2
