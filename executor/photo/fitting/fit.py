@@ -12,14 +12,13 @@ from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
-from executor.photo.fitting.ears import turned_by_ear
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, redressed, shape_of, shapes, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import opened_starts, outline_starts, points_of, starts
-from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of, reshaped
+from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of, reshaped, turned_by_ear
 from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000

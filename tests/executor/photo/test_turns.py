@@ -9,10 +9,10 @@ import pytest
 
 from executor.assets.library import LIBRARY
 from executor.photo.fitting.body import Guess, Size
-from executor.photo.fitting.ears import turned_by_ear
 from executor.photo.fitting.likelihood import Likelihood
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood
+from executor.photo.fitting.turns import turned_by_ear
 from tests.executor.photo.test_fit import seen_from_above
 
 SIZE_M = (0.115, 0.08, 0.09)
