@@ -105,8 +105,8 @@ class DemoUnit:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         keep_sizes: Whether what is taken keeps its size.
         full_size: Whether the robot is of full size, whatever the scene has.
-        stances: How many stances are planned for the first subtask; the one whose arm is nearest to home is taken, so
-            that it follows from what is seen. 1 takes the one that the unit's seed gives.
+        stances: How many are planned wherever one is chosen (`Session.stances`), so that the choice follows from what
+            is seen. 1 takes the one that the unit's seed gives.
         takeover: Who brought the world to where the planner begins; None for an episode from its start.
     """
 

@@ -27,7 +27,6 @@ from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import drives
 from executor.rollouts.running import rollout
-from executor.rollouts.stances import seed_nearest_home
 from executor.scenes.drawn import of_seed
 from executor.scenes.pair import Changes
 from executor.scenes.reading import scene_for
@@ -133,13 +132,17 @@ def make(unit: DemoUnit) -> Made:
     """
     todo = prepared(unit)
     graph = todo.graph
-    physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
-    seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, graph.scene, unit.stances, physics)
+    how: dict[str, Any] = {
+        "vary": False,
+        "record_hz": unit.recording.rate_hz,
+        "physics": physics_of(unit),
+        "noise": noise_of(unit),
+        "stances": unit.stances,
+    }
     if unit.evolve:
-        story = evolve(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
+        story = evolve(graph, graph.scene, unit.seed, **how)
         return Made(todo, graph, story.rollout, story)
-    done = rollout(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
-    return Made(todo, graph, done)
+    return Made(todo, graph, rollout(graph, graph.scene, unit.seed, **how))
 
 
 def physics_of(unit: DemoUnit) -> Physics:

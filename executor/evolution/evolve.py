@@ -43,6 +43,7 @@ def evolve(
     frames: AttemptFrames | None = None,
     physics: Physics = STANDARD,
     noise: CommandNoise = QUIET,
+    stances: int = 1,
 ) -> Evolution:
     """Executes a task, revises the flows that fail, and returns how it evolved.
 
@@ -63,6 +64,7 @@ def evolve(
         frames: Draws failed attempts, for an inspector or supervisor that looks at pictures.
         physics: Settings that an experiment changes.
         noise: Noise in what the drives are told.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
         TaskError: `graph` is no graph.
@@ -80,7 +82,7 @@ def evolve(
     if vary:
         concrete = vary_scene(concrete, seed)
     concrete = true_scene(concrete, faults)
-    run = Run(graph, concrete, seed, listen, record_hz, faults, physics, noise)
+    run = Run(graph, concrete, seed, listen, record_hz, faults, physics, noise, stances)
     try:
         return EvolutionLoop(
             run, nominal, inspector or MeasuredInspector(), supervisor or SearchSupervisor(), limit, frames

@@ -46,6 +46,7 @@ from executor.primitives.driving import (
     misfit,
     moves_after,
     moves_before,
+    nearest_home,
     next_of,
     planned_moves,
     regions_for,
@@ -53,6 +54,7 @@ from executor.primitives.driving import (
 )
 from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
+from executor.robot.kinematics import ARM
 from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive, TargetDrive, Unplanned
 
@@ -67,8 +69,17 @@ def navigate_to_target(session: Session, action: Action) -> StepResult:
     left = leave(session)
     if left.failure is not None:
         return replace(left, action=action)
-    planned = with_stance(left.session)
+    planned = nearest_home(left.session, lambda: with_stance(left.session), _arm_at_target)
     return left.session.done(action, failure=planned) if isinstance(planned, Failure) else _drive(planned, action)
+
+
+def _arm_at_target(planned: Session | Failure) -> Array | None:
+    stance = planned.plan.stance if isinstance(planned, Session) else None
+    return None if stance is None else np.asarray(stance.q[ARM])
+
+
+def _arm_at_place(chosen: tuple[PlacePlan, Drive] | None) -> Array | None:
+    return None if chosen is None else np.asarray(chosen[0].entry[ARM])
 
 
 def with_stance(session: Session) -> Session | Failure:
@@ -220,7 +231,7 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
         leaning = leaning_rad(session.believed.assets[carried.object_id], carried)
         measured = replace(measured, leaning_deg=round(float(np.rad2deg(leaning)), 1))
     search = _search(session, support)
-    chosen = _placement(session, search, moves) if holds else None
+    chosen = nearest_home(session, lambda: _placement(session, search, moves), _arm_at_place) if holds else None
     if chosen is not None:
         placing, journey = chosen
         session = replace(session, plan=session.plan.with_numbers((step for step, _ in steps), placing.moves))

@@ -119,6 +119,8 @@ class Session:
         hand: What is in the gripper.
         plan: What was decided ahead.
         handled: Ids of the things that the hand has held: where they are is known.
+        stances: How many are planned wherever a stance or a placement is chosen, each by a seed of its own from 0 on,
+            of which the one with the arm nearest to home is taken; 1 takes the one that the episode's seed gives.
     """
 
     world: World
@@ -132,6 +134,7 @@ class Session:
     hand: Hand = Hand()
     plan: Plan = field(default_factory=Plan)
     handled: frozenset[str] = frozenset()
+    stances: int = 1
 
     @property
     def q(self) -> Array:

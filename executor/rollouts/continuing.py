@@ -30,7 +30,6 @@ from executor.records.rollout import Rollout, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.handling import picked_up
 from executor.rollouts.running import Run
-from executor.rollouts.stances import seed_nearest_home
 from executor.world.detectors import GRIPPER, UnknownObject, fingers_touching, read, touching_bodies
 from executor.world.engine import GROUND, ROBOT
 from executor.world.physics import STANDARD, Physics
@@ -240,11 +239,6 @@ def _literal(atom: Atom, world: World) -> Formula | None:
     return None if value is None else atom if value else Not(atom)
 
 
-def _primitives(how: Continuation) -> list[Primitive]:
-    """Returns the primitives that come next in the first subtask."""
-    return [action.primitive for action in (how.graph.task.subtasks[0].flow or ())[how.first_step :]]
-
-
 @dataclass(frozen=True, slots=True)
 class Continued:
     """What came of going on with a plan.
@@ -281,8 +275,7 @@ def continue_plan(
         seed: Seeds planning.
         record_hz: Samples a second.
         only_one: Whether to end after that subtask, with the rest for somebody else; all of it is proved nevertheless.
-        stances: How many stances are planned where it drives to its target, of which the one with the arm nearest to
-            home is taken (`stances.py`); 1 takes the one that the seed gives.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
         physics, noise: Of the episode.
 
     Raises:
@@ -292,9 +285,7 @@ def continue_plan(
     with world:
         control.settle(world.timestep_s)  # Contacts are found by stepping.
         how = continuation(graph, subtask, world)
-    if stances > 1 and Primitive.NAVIGATE_TO_TARGET in _primitives(how):
-        seed = seed_nearest_home(how.graph, graph.scene, stances, physics, start)
-    run = Run(how.graph, graph.scene, seed, ignore, record_hz, physics=physics, noise=noise)
+    run = Run(how.graph, graph.scene, seed, ignore, record_hz, (), physics, noise, stances)
     last = 1 if only_one else None
     rollout = run.from_checkpoint(start, 0, first_step=how.first_step, last=last)
     return Continued(rollout, how, run.after)

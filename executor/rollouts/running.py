@@ -59,6 +59,7 @@ class Run:
         faults: What is wrong on purpose, in experiments.
         physics: Settings that an experiment changes.
         noise: Noise in what the drives are told.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Attributes:
         task: The task as it is run; `change` replaces it.
@@ -84,8 +85,9 @@ class Run:
         faults: tuple[Fault, ...] = (),
         physics: Physics = STANDARD,
         noise: CommandNoise = QUIET,
+        stances: int = 1,
     ) -> None:
-        self.faults, self.physics, self.noise = faults, physics, noise
+        self.faults, self.physics, self.noise, self.stances = faults, physics, noise, stances
         self.scene, self.seed, self.listen = scene, seed, listen
         self._graph: ObjectActionGraph
         self.task: Task
@@ -255,6 +257,7 @@ class Run:
             faults=self.faults,
             hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
             handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
+            stances=self.stances,
         )
 
     def _step(
@@ -336,6 +339,7 @@ def rollout(
     vary: bool = True,
     physics: Physics = STANDARD,
     noise: CommandNoise = QUIET,
+    stances: int = 1,
 ) -> Rollout:
     """Returns what happened when a task's flows were executed by physics.
 
@@ -350,6 +354,7 @@ def rollout(
         vary: Whether the scene is varied by the seed.
         physics: Settings that an experiment changes.
         noise: Noise in what the drives are told.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
         TaskError: `graph` is no graph.
@@ -361,7 +366,7 @@ def rollout(
     concrete = (scene or graph.scene).with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
-    return Run(graph, concrete, seed, listen, record_hz, physics=physics, noise=noise).from_start()
+    return Run(graph, concrete, seed, listen, record_hz, (), physics, noise, stances).from_start()
 
 
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:

@@ -62,9 +62,14 @@ class Planner:
     def start_subtask(self, world: World, seed: int, index: int) -> None:
         """Synchronises with the world and restarts all randomness for a subtask."""
         self.oracle.synchronize(world)
+        self._index = index
+        self.reseed(seed)
+
+    def reseed(self, seed: int) -> None:
+        """Restarts all randomness of the subtask, with another seed."""
         self.seed = seed
-        self.kinematics.reseed([seed, index, 1])
-        self.rng = np.random.default_rng([seed, index, 2])
+        self.kinematics.reseed([seed, self._index, 1])
+        self.rng = np.random.default_rng([seed, self._index, 2])
 
     def line(self, q: Array, T_world_eef: Array) -> LinePlan:
         """Plans a straight hand motion to a pose with the arm alone, not checked for collisions.

@@ -29,7 +29,7 @@ from executor.policies.judging.page import Curve, diagram, loss_curve
 from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
-from executor.rollouts.stances import seed_nearest_home
+from executor.rollouts.running import rollout
 from llm import propose
 from tests.executor.policies.conftest import KITCHEN, PLAN, small
 from tests.executor.policies.test_commands import TINY, last_json
@@ -150,14 +150,13 @@ def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
     assert loss_curve("p", ["nonsense"]) is None
 
 
-@pytest.mark.slow
-def test_the_seed_nearest_home_depends_on_the_room_alone(picked: EpisodeStore) -> None:
-    unit = next(series_of({**PLAN, "stances": 3, "episodes": 1})[0].units())
-    assert unit.stances == 3 and unit.to_json()["stances"] == 3
-    graph = prepared(unit).graph
-    seed = seed_nearest_home(graph, graph.scene, 3)
-    assert seed == seed_nearest_home(graph, graph.scene, 3) and seed in range(3)
+def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alone() -> None:
+    unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
+    assert unit.stances == 2 and unit.to_json()["stances"] == 2
     assert "stances" not in replace(unit, stances=1).to_json()
+    graph = prepared(unit).graph
+    hashes = [rollout(graph, seed=seed, vary=False, stances=2).state_hash for seed in (0, 7)]
+    assert hashes[0] == hashes[1] != rollout(graph, seed=7, vary=False).state_hash
 
 
 def test_evaluate_tells_of_pushes_steps_and_seeds(

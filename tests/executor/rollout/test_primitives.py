@@ -12,7 +12,7 @@ from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.primitives.articulate import articulate
 from executor.primitives.control import Controller
-from executor.primitives.driving import retreat
+from executor.primitives.driving import nearest_home, retreat
 from executor.primitives.grasp import converge, grasp, ungrasp
 from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
@@ -167,3 +167,20 @@ def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
     left = np.array([-np.sin(session.q[2]), np.cos(session.q[2]), 0.0])
     assert hands[1] - hands[0] == pytest.approx(0.02 * left, abs=1e-4)
     assert hands[2] == pytest.approx(hands[1], abs=2e-3)
+
+
+def test_of_several_stances_the_one_nearest_to_home_is_taken_and_those_not_found_are_passed_over(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home, planner = np.array(ARM_HOME), session.planner
+    away_rad = {0: None, 1: 0.5, 2: -0.2, 3: 0.2}
+    monkeypatch.setattr(planner, "seed", 9)
+
+    def posture(seed: int) -> np.ndarray | None:
+        by = away_rad[seed]
+        return None if by is None else home + by
+
+    assert nearest_home(replace(session, stances=4), lambda: planner.seed, posture) == 2, "the first of equal ones"
+    assert planner.seed == 2, "what is planned later goes on with it"
+    assert nearest_home(replace(session, stances=1), lambda: "as it comes", lambda _: None) == "as it comes"
+    assert nearest_home(replace(session, stances=1), lambda: planner.seed, posture) == 2, "one is not compared"
