@@ -76,8 +76,8 @@ class GenerateOptions(CommonOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     stances: int = 1
-    """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it follows from
-    what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
+    """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it
+    follows from what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
     limit_h: Maybe[float] = None
     """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
     limit_gb: Maybe[float] = None
