@@ -120,11 +120,11 @@ def _surface(world: World, name: str, link: str) -> Any | None:
 def _robot_surface(world: World, link: str) -> Any:
     """Returns what collides of a link of the robot, in the link's frame."""
     trimesh = require("trimesh", "sim")
-    meshes = [
-        trimesh.Trimesh(np.asarray(shape.vertices) * np.asarray(shape.scale), shape.triangles).apply_transform(
-            pose_matrix(shape.local_pose)
-        )
-        for shape in world.robot.find_link_by_name(link).collision_shapes
-        if hasattr(shape, "vertices")
-    ]
+    meshes = []
+    for shape in world.robot.find_link_by_name(link).collision_shapes:
+        if hasattr(shape, "half_size"):  # The fingers are boxes, the hand is a hull.
+            mesh = trimesh.creation.box(2.0 * np.asarray(shape.half_size))
+        else:
+            mesh = trimesh.Trimesh(np.asarray(shape.vertices) * np.asarray(shape.scale), shape.triangles)
+        meshes.append(mesh.apply_transform(pose_matrix(shape.local_pose)))
     return trimesh.util.concatenate(meshes)

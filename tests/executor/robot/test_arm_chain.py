@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
+from executor.datasets.formats.clouds import HAND_POINTS, CloudReader
+from executor.robot.description import BASE_LINK, FINGER_LINKS, HAND_LINK, TCP_LINK, robot_urdf
 from executor.robot.kinematics import Kinematics
 from executor.robot.tracking import ArmChain
 from tests.executor.helpers import MakeWorld
@@ -38,6 +39,35 @@ def test_poses_and_jacobians_agree_with_pytorch_kinematics(chain: ArmChain) -> N
     poses, jacobians = chain.forward_and_jacobian(arms)
     np.testing.assert_allclose(poses, theirs.forward_kinematics(torch.as_tensor(arms)).get_matrix().numpy(), atol=1e-6)
     np.testing.assert_allclose(jacobians, theirs.jacobian(torch.as_tensor(arms)).numpy(), atol=1e-6)
+
+
+def test_a_clouds_points_on_the_hand_are_where_pytorch_kinematics_has_them(make_world: MakeWorld) -> None:
+    pk = pytest.importorskip("pytorch_kinematics")
+    torch = pytest.importorskip("torch")
+    world = make_world("kitchen_t1")
+    chain = pk.build_chain_from_urdf(robot_urdf(world.scene.robot.scale, visual=False).read_bytes())
+    chain = chain.to(dtype=torch.float64)
+    names = [joint.name for joint in world.robot.active_joints]
+    random, cloud = np.random.default_rng(0), CloudReader(world, ("glass_0",), 0)
+    told, seen = [], []
+    for _ in range(5):
+        base, arm, fingers = random.uniform(-1.0, 1.0, 3), random.uniform(-1.5, 1.5, 7), random.uniform(0.0, 0.02, 2)
+        world.robot.set_qpos(np.concatenate([base, arm, fingers]))
+        points = cloud.read()
+        seen.append(points[points[:, 3] == 1.0][:, :3])
+        told.append(dict(zip(names, world.robot.get_qpos(), strict=True)))
+    columns = {name: torch.tensor([row[name] for row in told]) for name in chain.get_joint_parameter_names()}
+    links = {link: T.get_matrix().numpy() for link, T in chain.forward_kinematics(columns).items()}
+    # Which of the three links a point is on, the cloud does not say: it moves as one of them does, and as that alone.
+    moves = [np.linalg.inv(links[BASE_LINK]) @ links[link] for link in (HAND_LINK, *FINGER_LINKS)]
+    first = np.concatenate([seen[0], np.ones((len(seen[0]), 1))], axis=1)
+    away_m = [
+        [np.linalg.norm((first @ (T[k] @ np.linalg.inv(T[0])).T)[:, :3] - seen[k], axis=1) for k in range(1, 5)]
+        for T in moves
+    ]
+    worst_m = np.array(away_m).max(axis=1)
+    assert len(first) == HAND_POINTS and worst_m.min(axis=0).max() < 1e-5
+    assert {int(link) for link in worst_m.argmin(axis=0)} == {0, 1, 2}, "hand and both fingers have points"
 
 
 def test_jacobians_are_the_slopes_of_the_poses(chain: ArmChain) -> None:
