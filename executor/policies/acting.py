@@ -38,6 +38,10 @@ class Acting(Protocol):
     def subtask(self) -> int:
         """Index of the subtask that it takes to be going on; 0 where it is told nothing of that."""
 
+    @property
+    def anew(self) -> int:
+        """How often it has begun a grasp or its plan anew since it began."""
+
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Returns the next action."""
 
@@ -104,7 +108,7 @@ class Actor:
 
     @property
     def anew(self) -> int:
-        """How often it has begun a grasp or its plan anew in this episode."""
+        """How often it has begun a grasp or its plan anew since it began."""
         return self._follower.anew
 
     @property

@@ -25,7 +25,7 @@ from executor.envs.environment import SceneEnvironment
 from executor.machine.workers.process import serve
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
-from executor.policies.judging.evaluation import environment_for, most_steps, pusher_of
+from executor.policies.judging.evaluation import PlanGuide, environment_for, most_steps, pusher_of
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.outcomes import OutcomeWatch
 from executor.policies.steps import plan_of
@@ -120,6 +120,7 @@ class Corrector:
         observation, info = env.reset(seed=unit.seed, options=None if unit.index is None else {"index": unit.index})
         actor.begin(plan_of(env.episode.task), unit.seed)
         watch, stall = OutcomeWatch(env.episode, env.world), StallWatch(rate_hz)
+        guide = PlanGuide(actor, env.episode.task, unit.seed)
         pusher = pusher_of(env, unit.seed, unit.takeover.pushes if unit.takeover is not None else ())
         env.disturb(pusher)
 
@@ -136,6 +137,7 @@ class Corrector:
             observation, _, _, _, info = env.step(action)
             watch.look(info)
             stall.look(observation["agent_pos"])
+            guide.look(info)
             if watch.succeeded_s is not None:
                 raise NotNeeded(f"the policy did it by itself, in {watch.succeeded_s:.1f} s")
             if stall.stalled:

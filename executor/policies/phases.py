@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.policies.seen.features import Numbers
-from executor.policies.steps import primitive_of, subtask_of
+from executor.policies.steps import DRIVES, primitive_of, subtask_of
 from executor.policies.trained import PolicyRecord
 from oag.model.primitives import Primitive
 
@@ -85,8 +85,12 @@ class PlanFollower:
         if self._takeovers:
             # What the planner begins with where it takes over from a robot that has closed its hand on something else,
             # or leans on something: no plan begins so.
-            kinds = zip(known, self._kinds, strict=True)
-            before = [step for step, kind in kinds if kind is Primitive.UNGRASP or step not in plan]
+            own = [
+                (step, kind)
+                for step, kind in zip(known, self._kinds, strict=True)
+                if subtask_of(step) == subtask_of(known[self._plan[0]])
+            ]
+            before = [step for step, kind in own if kind is Primitive.UNGRASP or step not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
         self._stage, self._foretold, self._held_back, self._at_end, self._anew = self._first, None, 0, 0, 0
@@ -117,7 +121,7 @@ class PlanFollower:
             self._stage += 1
         self._held_back = self._held_back + 1 if self._stage < foreseen else 0
         if self._held_back > PATIENCE_S * self._looks_a_second:
-            if self._kinds[self._plan[self._stage]] in _MOVES_DOORS:
+            if self._kinds[self._plan[self._stage]] in (*_MOVES_DOORS, *DRIVES):
                 self._stage, self._held_back = self._stage + 1, 0
             else:
                 self._begin_anew(self._approach_before(self._stage))
@@ -133,7 +137,7 @@ class PlanFollower:
     def _may_leave(self, stage: int, shown: Numbers) -> bool:
         """Decides whether a step of the plan, that another one follows, is done as far as it shows."""
         now, following = self._plan[stage], self._plan[stage + 1]
-        if Primitive.GRASP in (self._kinds[now], self._kinds[following]):
+        if self._kinds[now] in DRIVES or Primitive.GRASP in (self._kinds[now], self._kinds[following]):
             part = self._of_grasps
         elif self._kinds[now] in _MOVES_DOORS:
             part = self._of_doors

@@ -129,6 +129,7 @@ class TrainingForm(Form):
         noise: Deviation of noise in normalised numbers of the state.
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
         mirror: Whether it learns from the mirror image of each demonstration too (`mirror.py`).
+        beside_m: Deviation of how far beside where it drove the base is taken to be (`beside.py`).
         clouds: From how many samples of a batch a policy that locates learns to do so in a step.
         usual: Share of the steps, the last ones, in which only the usual way is learned from (`sees.way`).
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
@@ -145,6 +146,7 @@ class TrainingForm(Form):
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
     mirror: StrictBool = False
+    beside_m: Amount = 0.0
     clouds: Annotated[StrictInt, Field(ge=1, le=65_536)] = 24
     usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
@@ -209,6 +211,9 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)
+    if found.training.beside_m and (found.sees.kind != "state" or found.acts.kind != "joint_target"):
+        problem = "expected 0 where it sees a cloud, or does the hand's actions: these would be others"
+        raise document.fail(("training", "beside_m"), problem)
     if found.acts.hand and found.acts.kind != "joint_target":
         raise document.fail(("acts", "hand"), "expected false where actions are the hand's already")
     if found.network.kind == "transformer" and found.network.width % found.network.heads:

@@ -18,6 +18,9 @@ Count = TypeVar("Count", int, NDArray[np.int64])
 
 _EACH = 100  # More than there are primitives.
 
+DRIVES = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+"""What ends with the base standing where the arm can do what comes next."""
+
 
 def step_number(subtask: Count, primitive: Count) -> Count:
     """Returns the number of a primitive of a subtask; of arrays one of each."""

@@ -95,6 +95,11 @@ class StockActor:
         """It is told nothing of subtasks."""
         return 0
 
+    @property
+    def anew(self) -> int:
+        """It has no plan that could be begun anew."""
+        return 0
+
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Returns the next action: (12,) joint targets or (10,) a hand action."""
         seen = {

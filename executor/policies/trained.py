@@ -30,7 +30,7 @@ from executor.policies.chunks import numbers_each
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.seen.features import Numbers, shown_numbers
 from executor.policies.settings import PolicySettings, settings_of
-from executor.policies.steps import primitive_of, subtask_of
+from executor.policies.steps import DRIVES, primitive_of, subtask_of
 from executor.policies.windows import Demonstrations, EpisodeKind, scale_of
 from oag.model.primitives import Primitive
 
@@ -240,8 +240,14 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
     if not sees.phase:
         return least, most
     rows, left = data.after_leaving(settings.acts.execute)
+    arrived, driven = data.after_leaving(1)
+    if not sees.chooses:
+        usual = data.ways[arrived] == 0
+        arrived, driven = arrived[usual], driven[usual]
     for phase in np.unique(left):
-        seen = shown[rows[left == phase]]
+        # Where a drive ends, the way that is done stands still; all other steps are left while one looks elsewhere.
+        drives = primitive_of(data.steps[phase]) in DRIVES
+        seen = shown[arrived[driven == phase]] if drives and (driven == phase).any() else shown[rows[left == phase]]
         least[phase], most[phase] = np.quantile(seen, ODD_SHARE, axis=0), np.quantile(seen, 1.0 - ODD_SHARE, axis=0)
     sites = sees.things + sees.handles if sees.places else 0
     subtasks = np.array([subtask_of(step) for step in data.steps])

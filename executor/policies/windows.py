@@ -20,11 +20,13 @@ from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
 from executor.policies.chunks import hand_poses, hands_from_here, targets_from_here
+from executor.policies.seen.beside import beside
 from executor.policies.seen.features import Numbers, own_numbers, state_numbers
 from executor.policies.seen.mirror import mirrored
 from executor.policies.settings import PolicySettings, Sees
-from executor.policies.steps import step_number, subtask_of
+from executor.policies.steps import DRIVES, primitive_of, step_number, subtask_of
 from executor.policies.ways import ways_of
+from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
 
@@ -236,6 +238,8 @@ def _as_seen(episode: FoldedEpisode, settings: PolicySettings) -> list[_Seen]:
     """Returns an episode as a policy sees it, and behind it its mirror image where that is learned from."""
     found: list[_Seen] = []
     for seen in _images(episode) if settings.training.mirror else (episode,):
+        if settings.training.beside_m:
+            seen = _from_beside(seen, settings.training.beside_m, len(found))
         clouds = seen_clouds(seen, settings.sees.points) if settings.sees.kind == "cloud" else None
         # Whole clouds of all episodes at once would be too much.
         kept = {name: column for name, column in seen.columns.items() if name != CLOUD}
@@ -247,6 +251,14 @@ def _images(episode: FoldedEpisode) -> tuple[FoldedEpisode, ...]:
     """Returns an episode and, where the robot could do that, its mirror image."""
     columns = mirrored(episode.columns)
     return (episode,) if columns is None else (episode, replace(episode, columns=columns))
+
+
+def _from_beside(episode: FoldedEpisode, off_m: float, image: int) -> FoldedEpisode:
+    """Returns an episode with its drives seen from beside, drawn by its seed and by which of its images it is."""
+    kinds = np.array([primitive_of(step) for step in _going_on(episode).tolist()])
+    carries = kinds == Primitive.NAVIGATE_TO_SUPPORT
+    rng = np.random.default_rng((DemoUnit.from_json(episode.about["unit"]).seed, image))
+    return replace(episode, columns=beside(episode.columns, np.isin(kinds, DRIVES), carries, off_m, rng))
 
 
 def _seeds(episodes: Iterable[FoldedEpisode]) -> tuple[int, ...]:

@@ -104,7 +104,8 @@ class TrainingScore:
         names: Theirs.
         seeds: Of their training, in the order of the names.
         shares: Share of successes, at some time, of each.
-        once: All their episodes together; they are of the same rooms, so that its interval is of these rooms alone.
+        once: All their episodes together; they are of the same rooms, so that no more of them count as independent than
+            there are rooms.
         spread: Standard deviation of the shares; None of a single one.
     """
 
@@ -138,6 +139,7 @@ def by_training(
         counts = [len(found[name]) for name in names]
         shares = tuple(round(one / max(of, 1), 4) for one, of in zip(good, counts, strict=True))
         seeds = tuple(trained[name][1] for name in names)
+        clusters = counts[0] if len(names) > 1 else None
         spread = round(stdev(shares), 4) if len(shares) > 1 else None
-        scores.append(TrainingScore(tuple(names), seeds, shares, Rate(sum(good), sum(counts)), spread))
+        scores.append(TrainingScore(tuple(names), seeds, shares, Rate(sum(good), sum(counts), clusters), spread))
     return tuple(scores)

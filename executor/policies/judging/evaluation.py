@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,10 +19,10 @@ from executor.policies.judging.monitors import MonitorWatch
 from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
 from executor.policies.steps import plan_of
 from executor.policies.windows import EpisodeKind
-from oag import Scene, Task
+from oag import Scene, Task, TaskError
 
-PUSHED_BETWEEN_S = (2.0, 10.0)
-"""When pushes come: planned demonstrations of one deed take 8 to 15 s, the first of it driving."""
+PUSHED_BETWEEN_S = (1.0, 6.0)
+"""When pushes come: of what is done in 7 to 10 s, driving first, while there is something left to be disturbed."""
 
 MOST_S = 40.0
 """Simulated time of each subtask of a sentence of one's own: over twice what planned demonstrations of it take."""
@@ -82,6 +82,7 @@ def evaluate(
 
     Raises:
         NotDrawn: No room could be made of a seed.
+        TaskError: There is no item to push.
         KeyboardInterrupt: Before there was anything to return.
     """
     found: dict[str, list[EpisodeOutcome]] = {actor.name: [] for actor in actors}
@@ -132,6 +133,7 @@ def run_episode(
 
     Raises:
         NotDrawn: No room could be made of the seed.
+        TaskError: There is no item to push.
     """
     observation, info = env.reset(seed=seed)
     episode = env.episode
@@ -143,24 +145,23 @@ def run_episode(
     left = most_steps(env.family, episode.task, rate_hz)
     outcome: EpisodeOutcome | None = None
     helped: list[PlannerHelp] = []
-    undone = 0
+    guide = PlanGuide(actor, episode.task, seed)
     while True:
         env.disturb(pusher)
         stall = StallWatch(rate_hz)
-        while left and not (watch.over or (conditions.fallback and stall.stalled and watch.succeeded_s is None)):
+        # Who succeeds as the time runs out is looked at for as long afterwards as anybody else.
+        while (left or watch.succeeded_s is not None) and not (
+            watch.over or (conditions.fallback and stall.stalled and watch.succeeded_s is None)
+        ):
             if conditions.keep_states and outcome is None:
                 states.append(env.world.pack())
             observation, _, _, _, info = env.step(actor.act(observation))
-            left -= 1
+            left = max(left - 1, 0)
             watch.look(info)
             stall.look(observation["agent_pos"])
             if outcome is None:
                 monitors.look(env.target)
-            # The graph checks, by the detectors, that what a policy goes on from is done.
-            undone = undone + 1 if actor.subtask > int(info["stage"]) else 0
-            if undone > UNDONE_S * rate_hz:
-                actor.begin(plan_of(episode.task, int(info["stage"])), seed)
-                undone = 0
+            guide.look(info)
         # What the policy came to by itself is settled before anybody helps it.
         outcome = outcome or watch.outcome(seed)
         count = len(episode.task.subtasks)
@@ -188,7 +189,43 @@ def run_episode(
     )
 
 
+class PlanGuide:
+    """What the graph says to a policy that acts: by the detectors, from which subtask it has to go on.
+
+    One that goes on from what is not done is sent back, and one that begins a grasp anew of which nothing is needed any
+    more, as that subtask's goal holds already, is sent on.
+
+    Args:
+        actor: The policy.
+        task: What it does.
+        seed: Of the episode.
+    """
+
+    def __init__(self, actor: Acting, task: Task, seed: int) -> None:
+        self._actor, self._task, self._seed = actor, task, seed
+        self._undone, self._anew = 0, actor.anew
+
+    def look(self, info: Mapping[str, Any]) -> None:
+        """Looks at what the environment says once an action."""
+        stage, anew = int(info["stage"]), self._actor.anew
+        began_anew, self._anew = anew > self._anew, anew
+        self._undone = self._undone + 1 if self._actor.subtask > stage else 0
+        needless = began_anew and self._actor.subtask < stage < len(self._task.subtasks)
+        if needless or self._undone > UNDONE_S * self._actor.record.rate_hz:
+            self._actor.begin(plan_of(self._task, stage), self._seed)
+            self._undone, self._anew = 0, self._actor.anew
+
+
 def pusher_of(env: SceneEnvironment, seed: int, kinds: tuple[Pushed, ...]) -> Pusher:
-    """Returns what pushes in an episode: at times and in directions that its seed draws."""
-    target = env.episode.task.subtasks[0].target
-    return Pusher(drawn_pushes(kinds, seed, PUSHED_BETWEEN_S), target if target in env.world.dynamic_ids else None)
+    """Returns what pushes in an episode, at times and in directions that its seed draws: the base, and the first item
+    that the task handles.
+
+    Raises:
+        TaskError: An item is to be pushed, and the task handles none.
+    """
+    targets = [subtask.target for subtask in env.episode.task.subtasks]
+    item = next((target for target in targets if target in env.world.dynamic_ids), None)
+    if item is None and "item" in kinds:
+        told = f"no item can be pushed: the task is about {' and '.join(dict.fromkeys(targets))}"
+        raise TaskError(told, source="--push item", hint="--push base pushes the robot")
+    return Pusher(drawn_pushes(kinds, seed, PUSHED_BETWEEN_S), item)

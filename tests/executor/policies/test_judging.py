@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from executor import load_scene
+from executor.bench.summary import Rate
 from executor.cli.main import run
 from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore
 from executor.datasets.work import prepared
 from executor.envs.environment import SceneEnvironment
 from executor.envs.pushes import DrawnPush, Pusher, drawn_pushes
-from executor.policies.acting import Actor
+from executor.policies.acting import Acting, Actor
 from executor.policies.judging.axes import by_axis
 from executor.policies.judging.comparison import PolicyScore, by_training
-from executor.policies.judging.evaluation import MOST_S, TrialConditions, environment_for, most_steps, run_episode
+from executor.policies.judging.evaluation import (
+    MOST_S,
+    PUSHED_BETWEEN_S,
+    UNDONE_S,
+    PlanGuide,
+    TrialConditions,
+    environment_for,
+    most_steps,
+    pusher_of,
+    run_episode,
+)
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.monitors import MonitorWatch
 from executor.policies.judging.outcomes import EpisodeOutcome
 from executor.policies.judging.page import Curve, diagram, loss_curve
+from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
 from executor.rollouts.running import rollout
 from llm import propose
+from oag import TaskError
 from tests.executor.policies.conftest import KITCHEN, PLAN, small
 from tests.executor.policies.test_commands import TINY, last_json
 
@@ -139,6 +154,65 @@ def test_seeds_of_a_training_are_one_row() -> None:
     assert (first.names, first.seeds, first.shares) == (("a", "b"), (0, 1), (0.8, 0.6))
     assert (first.once.successes, first.once.trials) == (14, 20) and first.spread == pytest.approx(0.1414, abs=1e-4)
     assert second.names == ("c",) and second.spread is None
+    # Ten rooms, each met twice: no narrower than what seven of ten say.
+    assert first.once.interval_percent == Rate(7, 10).interval_percent
+    assert second.once.interval_percent == Rate(3, 10).interval_percent
+
+
+class Pretender:
+    """Takes some subtask to be going on, whatever it sees."""
+
+    name = folder = "pretender"
+    execute, step = 6, 0
+    record = SimpleNamespace(rate_hz=10.0)
+
+    def __init__(self) -> None:
+        self.subtask = self.anew = 0
+        self.begun: list[list[int]] = []
+
+    def begin(self, plan: Sequence[int], seed: int) -> None:
+        self.begun.append(sorted({subtask_of(step) for step in plan}))
+
+
+def test_the_graph_sends_back_who_goes_on_from_what_is_not_done_and_on_who_does_what_is() -> None:
+    task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
+    actor = Pretender()
+    guide = PlanGuide(cast(Acting, actor), task, 0)
+    for _ in range(100):
+        guide.look({"stage": 0})
+        guide.look({"stage": 1})  # A door counts as open long before it was opened as far as it has to be.
+    assert actor.begun == []
+    actor.anew = 1
+    guide.look({"stage": 0})
+    assert actor.begun == [], "what is not done may be begun anew"
+    actor.anew = 2
+    guide.look({"stage": 1})
+    assert actor.begun == [[1, 2, 3]]
+    actor.anew, actor.subtask = 2, 2
+    for _ in range(int(UNDONE_S * 10.0)):
+        guide.look({"stage": 1})
+    assert len(actor.begun) == 1
+    guide.look({"stage": 1})
+    assert actor.begun[1:] == [[1, 2, 3]]
+    actor.anew, actor.subtask = 3, 3
+    guide.look({"stage": 4})
+    assert len(actor.begun) == 2, "behind the last subtask there is nothing to go on with"
+
+
+def test_of_a_whole_task_the_first_item_is_pushed_and_where_there_is_none_that_is_said(env: SceneEnvironment) -> None:
+    pushed = pusher_of(env, 0, ("base", "item"))
+    env.disturb(pushed)
+    for _ in range(round(PUSHED_BETWEEN_S[1] * 10) + 20):
+        env.wait()
+    assert {push.what for push in pushed.applied} == {"base", "item"}
+    for query, item in (("open the refrigerator", ""), ("put the glass into the refrigerator", "glass_0")):
+        with closing(SceneEnvironment(query=query, scene=str(KITCHEN))) as other:
+            other.reset(seed=0)
+            if item:
+                pusher_of(other, 0, ("item",))
+                continue
+            with pytest.raises(TaskError, match="no item can be pushed: the task is about refrigerator_0"):
+                pusher_of(other, 0, ("item",))
 
 
 def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:

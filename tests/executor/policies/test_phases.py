@@ -179,6 +179,42 @@ def test_who_has_learned_from_corrections_begins_anew_as_the_planner_does(record
     assert follower.anew == 0
 
 
+def test_who_goes_on_with_a_later_subtask_does_not_begin_anew_in_one_that_is_done(record: PolicyRecord) -> None:
+    later = [100 + step for step in PLAN]
+    twice = replace(
+        record,
+        takeovers=1,
+        steps=(*record.steps, *(100 + step for step in record.steps)),
+        left=(np.tile(record.left[0], (2, 1)), np.tile(record.left[1], (2, 1))),
+    )
+    follower = PlanFollower(twice, EXECUTE)
+    follower.begin(later)
+    assert twice.steps[follower.phase] == 117
+    empty = typical(record, 3)
+    empty[0] = 0.0
+    for place in (1, 2, 3):
+        foretold(twice, follower, later[place])
+        follower.go_on(np.zeros(len(twice.steps)), typical(twice, later[place - 1]))
+    foretold(twice, follower, 107)
+    follower.go_on(np.zeros(len(twice.steps)), empty)
+    assert follower.anew == 1 and twice.steps[follower.phase] == 117
+
+
+@pytest.mark.parametrize("off_m, looks_s", [(0.0, 0.0), (0.1, PATIENCE_S)])
+def test_a_drive_is_left_where_demonstrations_left_it_or_after_a_while(
+    record: PolicyRecord, off_m: float, looks_s: float
+) -> None:
+    follower, looks = at(record, 0), 0
+    standing = typical(record, 17)
+    standing[1] += off_m
+    while record.steps[follower.phase] == 17:
+        foretold(record, follower, 1)
+        follower.go_on(STAYS, standing)
+        looks += 1
+    assert looks == int(looks_s * record.rate_hz / EXECUTE) + 1
+    assert follower.anew == 0, "who has tried for long enough goes on"
+
+
 def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
     rng = np.random.default_rng(0)
     one, other = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 1.0])
