@@ -146,7 +146,7 @@ def _stock(path: Path, options: EvaluateOptions) -> StockActor:
 
 
 def _kind(options: EvaluateOptions, actors: Sequence[Acting]) -> EpisodeKind:
-    """Returns what episodes are drawn from.
+    """Returns what episodes are drawn from, which policies of LeRobot are told.
 
     Raises:
         BadOption: It is not said, and the policies' demonstrations are of several kinds; or a seed is one of those
@@ -159,6 +159,9 @@ def _kind(options: EvaluateOptions, actors: Sequence[Acting]) -> EpisodeKind:
     both = seen & set(range(options.seed, options.seed + options.episodes))
     unseen = f"others than a policy was trained on, which are from {min(seen, default=0)} to {max(seen, default=0)}"
     check(not both, "--seed", options.seed, f"{unseen}: whatever the task, the same seed may draw the same room")
+    for actor in actors:
+        if isinstance(actor, StockActor):
+            actor.expect(kind)
     return kind
 
 
