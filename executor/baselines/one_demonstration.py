@@ -33,11 +33,10 @@ from executor.world.world import World
 from oag import Primitive, Scene, SimpleTask, compose
 
 ENTRY = "executor.envs:scene2demo/"
-SOURCE_SEED = 62_800
-"""First seed of demonstrations, of those that programs are tried by and never measured by; a few follow, where the
-executor fails or does more than the plan has."""
+SOURCE_SEEDS = range(62_800, 62_805)
+"""Seeds of demonstrations, of those that programs are tried by and never measured by: the first, or one of the others
+where the executor fails or does more than the plan has."""
 
-SOURCES_TRIED = 5
 DRIVE_M_S, TURN_RAD_S, HAND_M_S = 0.5, 0.8, 0.25  # Slower than planned motions: nobody looks where they lead.
 WAITS_S = 5.0
 _ARM = slice(3, 10)
@@ -76,6 +75,11 @@ class NoDemonstration(RuntimeError):
     """The executor did none of the tasks that a demonstration could be taken of."""
 
 
+def told_sources() -> str:
+    """Returns the seeds of demonstrations in words."""
+    return f"{SOURCE_SEEDS[0]} to {SOURCE_SEEDS[-1]}"
+
+
 def about(subtask: SimpleTask) -> str:
     """Returns the thing that a subtask's segment moves with: where something is put, else what is taken or moved."""
     return subtask.support_goal or subtask.target
@@ -88,7 +92,7 @@ def demonstration(family: str, index: int | None) -> tuple[Segment, ...]:
     Raises:
         NoDemonstration: None of the first seeds gave one.
     """
-    for seed in range(SOURCE_SEED, SOURCE_SEED + SOURCES_TRIED):
+    for seed in SOURCE_SEEDS:
         pair = pair_of(family, seed, index)
         done = rollout(compose(pair.task, scene=pair.scene), pair.scene, seed, vary=False)
         if not done.succeeded or len(done.task.subtasks) != len(pair.task.subtasks):
@@ -105,7 +109,7 @@ def demonstration(family: str, index: int | None) -> tuple[Segment, ...]:
             T = _placed(pair.scene, thing) if pose is None else transform_from_quaternion(pose[:3], pose[3:])
             segments.append(Segment(T, tuple(_moments(pair.scene.robot.scale, targets[rows]))))
         return tuple(segments)
-    raise NoDemonstration(f"the executor did {family} {index} with none of the seeds from {SOURCE_SEED} on")
+    raise NoDemonstration(f"the executor did {family} {index} with none of the seeds {told_sources()}")
 
 
 def replayed(unit: Unit) -> dict[str, Any]:

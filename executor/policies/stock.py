@@ -10,7 +10,7 @@ Source: lerobot 0.6, `rollout` of its `scripts/lerobot_eval.py`.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,13 +18,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from executor.machine.files import content_key, read_json
+from executor.envs.episodes import of_family
+from executor.machine.files import content_key, json_text, read_json
 from executor.policies.settings import Acts, PolicySettings, Sees
 from executor.policies.trained import ABOUT, NotAPolicy, PolicyRecord
-from executor.policies.windows import LearnedFrom
+from executor.policies.windows import EpisodeKind, LearnedFrom
 from executor.robot.actions import HAND_NUMBERS, TARGETS
 
-CONFIG, WEIGHTS = "config.json", "model.safetensors"
+CONFIG, TRAINING = "config.json", "train_config.json"
+STEP = "training_state/training_step.json"
+"""Beside the policy's folder, where its trainer keeps what training goes on from."""
+
+_WITHOUT_A_SAY = ("seed", "output_dir", "job_name", "resume", "checkpoint_path", "wandb")
+"""Of a training: its seed, and what says only where it is kept and how it is told of."""
+
 _MOST = 64  # Actions of a chunk that settings of ours can say.
 _KINDS: Mapping[int, Literal["joint_target", "paper"]] = {HAND_NUMBERS: "paper", TARGETS: "joint_target"}
 
@@ -45,7 +52,7 @@ class StockActor:
         name, folder: Where it is.
         record: What is known of it, in the form of our own policies: what it sees and does, and what it learned from.
         execute: How many actions it does before it looks again.
-        step: 0, as it does not say.
+        step: After how many steps of training it is as it is, as its trainer wrote that down; 0 where it did not.
 
     Raises:
         NotAPolicy: LeRobot is not installed, or does not read it; or its actions are none of the environment's.
@@ -53,7 +60,7 @@ class StockActor:
 
     def __init__(self, folder: Path, data: LearnedFrom) -> None:
         self.name = self.folder = str(folder)
-        self.step = 0
+        self.step = _step(folder) or 0
         self._policy, self._before, self._after = _loaded(folder)
         config = self._policy.config
         if pictures := sorted(getattr(config, "image_features", None) or ()):
@@ -81,12 +88,18 @@ class StockActor:
             demonstrations=data.demonstrations,
             takeovers=data.takeovers,
             ways=0,
-            data_key=content_key(data.key, str(config.type), str(self.execute)),
+            data_key=content_key(data.key, str(self.execute), _training_key(folder)),
         )
-        self._sentence = data.kinds[0].origin.query if data.kinds else ""
+        self._sentence = ""
+        self.expect(data.kinds[0])
+
+    def expect(self, kind: EpisodeKind) -> None:
+        """Says what its episodes are drawn from, by default what it was trained on: it is told each one's sentence."""
+        self._sentence_of = _sentences(kind)
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begins an episode; of its plan it is told nothing, and what it draws follows from the seed."""
+        self._sentence = self._sentence_of(seed)
         torch.manual_seed(seed)
         self._policy.reset()
 
@@ -139,9 +152,44 @@ def _loaded(folder: Path) -> tuple[Any, Any, Any]:
     return policy.eval(), before, after
 
 
+def _sentences(kind: EpisodeKind) -> Callable[[int], str]:
+    """Returns what says the sentence of a seed's episode."""
+    if kind.origin.family is None:
+        return lambda seed: kind.origin.query
+    # As the environment draws it, and remembers it: nothing is drawn twice.
+    draw = of_family(kind.origin.family, kind.variation, full_size=kind.full_size)
+    return lambda seed: draw(seed, None).query
+
+
 def _seed(folder: Path) -> int:
     """Returns the seed of its training, as its trainer wrote it down; 0 where it did not."""
     try:
-        return int(read_json(folder / "train_config.json")["seed"])
+        return int(read_json(folder / TRAINING)["seed"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0
+
+
+def _step(folder: Path) -> int | None:
+    """Returns after how many steps of training it is as it is; None where its trainer's word is not beside it."""
+    try:
+        return int(read_json(folder.resolve().parent / STEP)["step"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _training_key(folder: Path) -> str:
+    """Returns a key that is equal when two policies differ in nothing but the seed of their training.
+
+    That is, when what they are, and how and for how long they were trained, is the same as it was written down. What
+    was not written down may differ: such a policy is like no other.
+    """
+    step, alone = _step(folder), str(folder.resolve())
+    try:
+        config, training = read_json(folder / CONFIG), read_json(folder / TRAINING)
+        if step is None or training.get("seed") is None:
+            return alone
+        for told in (config, training.get("policy") or {}):
+            told.pop("repo_id", None)
+        return json_text([step, config, {name: told for name, told in training.items() if name not in _WITHOUT_A_SAY}])
+    except (OSError, ValueError, AttributeError, TypeError):
+        return alone

@@ -20,6 +20,7 @@ from rich.table import Table
 
 from bddl.visible import counted
 from executor.baselines.methods import baseline_version
+from executor.baselines.one_demonstration import SOURCE_SEEDS, told_sources
 from executor.bench.page import bench_page
 from executor.bench.presence import at_work
 from executor.bench.run import WORKER, Shard, Told, pending, run_units
@@ -28,7 +29,7 @@ from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
 from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, Unit, outcome_version
 from executor.bench.work import replay
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed, check_workers, command_line, studio_for
 from executor.cli.output import ERR, OUT, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
@@ -63,6 +64,8 @@ def _measure(options: BenchOptions) -> int:
         for family in FAMILIES
         if family in options.families
     ]
+    if options.baseline == "one-demonstration":
+        _check_rooms(options.seed, asked)
     folder.add_series(asked)
     units = list(pending(folder, asked, shard, again=options.again))
     worker = WORKER if options.baseline is None else BASELINE_WORKER
@@ -151,6 +154,16 @@ def _checked(options: BenchOptions) -> Shard:
     if options.baseline is not None and (options.flows == "paper" or options.evolve or options.views):
         raise BadOption("--baseline", options.baseline, "no --flows paper, --evolve or --views beside it")
     return shard
+
+
+def _check_rooms(seed: int, asked: Sequence[Series]) -> None:
+    """Refuses to measure a demonstration in the room that it was made in.
+
+    Raises:
+        BadOption: A unit is of one of their seeds.
+    """
+    own = any(unit.seed in SOURCE_SEEDS for series in asked for unit in series.units())
+    check(not own, "--seed", seed, f"no episode of the seeds {told_sources()}, which the demonstrations are of")
 
 
 @contextmanager

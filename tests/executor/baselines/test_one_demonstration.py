@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from executor.baselines.methods import run_baseline
 from executor.baselines.one_demonstration import RECORD_HZ, HandPose, Segment, action_between, bridged, moved
 from executor.bench.units import BenchSetting, Unit
+from executor.cli.main import run
 from executor.geometry import inverse, rotation_z, transform
 
 HAND = transform(rotation_z(0.3), [0.4, 0.1, 0.7])
@@ -56,6 +58,19 @@ def test_the_way_between_segments_is_straight_and_slow() -> None:
     heading = (far.base - START.base)[:2] / np.linalg.norm((far.base - START.base)[:2])
     beside = [abs((moment.base - START.base)[:2] @ [-heading[1], heading[0]]) for moment in way]
     assert max(beside) < 1e-9 and {moment.opening for moment in way[:-1]} == {1.0}
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "episodes"), [("T1", 62800, 1), ("T4", 62795, 6), ("T2", 62804, 2), ("T5", 62799, 37)]
+)
+def test_it_is_not_measured_where_the_demonstration_was_made(
+    family: str, seed: int, episodes: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["bench", family, "--seed", str(seed), "--episodes", str(episodes), "--out", str(tmp_path / "b")]
+    assert run([*asked, "--baseline", "one-demonstration", "--shard", "200/200"]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert f"--seed {seed}: expected no episode of the seeds 62800 to 62804, which the demonstrations are of" in told
+    assert not (tmp_path / "b").exists()
 
 
 @pytest.mark.slow

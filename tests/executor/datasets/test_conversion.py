@@ -97,10 +97,25 @@ def test_the_command_converts(sets: Path, tmp_path: Path, capsys: pytest.Capture
     told = json.loads(capsys.readouterr().out)
     assert told["episodes"]["train"] + told["episodes"]["validation"] == 2 and told["format"] == "robomimic"
     assert files(tmp_path / "out") == files(sets / "robomimic")
-    assert run(["dataset", "convert", source, "--out", source, "--force"]) == 2
-    assert "another folder than SOURCE" in capsys.readouterr().err
     assert run(["replay", source]) == 2
     assert "it has actions, and no commands" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("where", [".", "sub", "..", "../link", "../link/sub"])
+@pytest.mark.parametrize("command", ["export", "convert"])
+def test_what_is_read_is_never_written_over(
+    command: str, where: str, filmed_store: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "around" / "s"
+    shutil.copytree(filmed_store.path, source)
+    (tmp_path / "around" / "link").symlink_to(source)
+    before = files(source)
+    asked = ["dataset", command, str(source), "--format", "zarr", "--out", str(source / where), "--force"]
+    assert run(asked) == 2
+    name = "STORE" if command == "export" else "SOURCE"
+    told = " ".join(capsys.readouterr().err.split())
+    assert f"expected another folder than {name}, neither around it nor within it" in told
+    assert files(source) == before
 
 
 def cut(path: Path) -> None:

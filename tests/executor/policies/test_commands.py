@@ -69,10 +69,42 @@ def test_train_goes_on_and_evaluate_counts(
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
     assert run(["evaluate", str(out), "--episodes", "3", "--seed", "62979", "--json"]) == 2
     assert "which are from 62980 to 62981" in str(last_json(capsys)["error"])
+    asked = ["evaluate", str(out), "--task", "T1", "--episodes", "1", "--seed", "62981", "--json"]
+    assert run(asked) == 2
+    assert "whatever the task, the same seed may draw the same room" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--execute", "5"]) == 2
     assert "--execute 5: expected 1 to 4" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--videos"]) == 2
     assert "--out beside it" in str(last_json(capsys)["error"])
+
+
+def test_results_are_seen_even_if_they_cannot_be_written(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, out, results = tmp_path / "tiny.toml", tmp_path / "p", tmp_path / "r"
+    settings.write_text(TINY)
+    assert run(["train", str(settings), "--data", str(picked.path), "--out", str(out), "--threads", "1"]) == 0
+    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.5)
+    evaluate = ["evaluate", str(out), "--episodes", "1", "--seed", "62985"]
+
+    def full(path: Path, _: object) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("executor.cli.commands.policies.evaluate.write_json", full)
+        capsys.readouterr()
+        assert run([*evaluate, "--out", str(results)]) == 3
+    told = capsys.readouterr()
+    assert "0 of 1" in told.out and "No space left on device" in told.err
+
+    def never(*_: object) -> None:
+        raise AssertionError("an episode began")
+
+    monkeypatch.setattr("executor.cli.commands.policies.evaluate.evaluate", never)
+    assert run([*evaluate, "--out", str(settings), "--json"]) == 2
+    assert f"the output folder {settings} cannot be used: File exists" in str(last_json(capsys)["error"])
+    assert run([*evaluate, "--out", str(settings / "r"), "--json"]) == 2
+    assert "cannot be used: Not a directory" in str(last_json(capsys)["error"])
 
 
 def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,8 @@ import torch
 
 from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
+from executor.envs import MOST_STEPS
+from executor.envs.episodes import of_family
 from executor.policies.stock import StockActor, is_stock
 from executor.policies.trained import NotAPolicy
 from executor.policies.windows import learned_from
@@ -108,6 +110,57 @@ def test_what_it_does_is_what_the_environment_takes(
     installed(monkeypatch, seeing)
     with pytest.raises(NotAPolicy, match=r"sees observation\.images\.head"):
         StockActor(folder, found)
+
+
+def checkpoint(run: Path, step: int | None, **training: object) -> Path:
+    """Returns a policy's folder in a run's, as LeRobot's trainer leaves both; `step` None is one copied by itself."""
+    out = run / "checkpoints" / f"{step or 0:06d}" / "pretrained_model"
+    out.mkdir(parents=True)
+    told = {"steps": 2000, "seed": 0, "output_dir": str(run), "job_name": run.name, "policy": {"repo_id": run.name}}
+    (out / "config.json").write_text(json.dumps({"type": "act", "repo_id": run.name}))
+    (out / "train_config.json").write_text(json.dumps({**told, **training}))
+    if step is not None:
+        (out.parent / "training_state").mkdir()
+        (out.parent / "training_state/training_step.json").write_text(json.dumps({"step": step}))
+    return out
+
+
+def test_policies_are_one_row_where_nothing_but_the_seed_differs(
+    picked: EpisodeStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed(monkeypatch, Still(10))
+    found = learned_from(picked.path)
+
+    def row(folder: Path) -> tuple[str, int]:
+        actor = StockActor(folder, found)
+        return actor.record.but_for_its_seed, actor.step
+
+    first = row(checkpoint(tmp_path / "a", 2000))
+    assert first[1] == 2000 and row(checkpoint(tmp_path / "b", 2000, seed=1)) == first
+    assert row(checkpoint(tmp_path / "a", 1000)) != first
+    assert row(checkpoint(tmp_path / "c", 100_000, seed=1, steps=100_000)) != first
+    assert row(checkpoint(tmp_path / "d", 2000, seed=1, batch_size=8)) != first
+    other = checkpoint(tmp_path / "e", 2000, seed=1)
+    (other / "config.json").write_text('{"type": "act", "dim_model": 256}')
+    assert row(other) != first
+    # Nobody knows after how many steps these were copied, nor by what seed that was trained.
+    alone = [row(checkpoint(tmp_path / name, None, seed=seed)) for seed, name in enumerate("fg")]
+    unsaid = [row(checkpoint(tmp_path / name, 2000, seed=None)) for name in "hi"]
+    assert len({first, *alone, *unsaid}) == 5
+
+
+def test_a_policy_is_told_the_sentence_of_each_episode(
+    picked: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    policy = Still(10)
+    installed(monkeypatch, policy)
+    monkeypatch.setitem(MOST_STEPS, "T5", 4)
+    asked = ["evaluate", str(folder), "--data", str(picked.path), "--task", "T5", "--seed", "62985", "--json"]
+    assert run([*asked, "--episodes", "2"]) == 0
+    capsys.readouterr()
+    sentences = [of_family("T5")(seed, None).query for seed in (62985, 62986)]
+    assert [looked["task"] for looked in policy.looks] == [[sentence] for sentence in sentences]
+    assert len({"", "pick up the glass", *sentences}) == 4
 
 
 def test_without_lerobot_it_says_so(picked: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, BadOption, check
 from executor.cli.output import counting, print_json, print_text, say, tell
@@ -36,9 +38,10 @@ def execute(options: Options) -> int:
     """
     match options:
         case ExportOptions():
+            _check_apart(options.out, options.store, "STORE")
             return _write(stream_of(EpisodeStore.open(options.store), options.include), options)
         case ConvertOptions():
-            check(options.out.resolve() != options.source.resolve(), "--out", options.out, "another folder than SOURCE")
+            _check_apart(options.out, options.source, "SOURCE")
             return _write(open_set(options.source), options)
         case InfoOptions():
             return _info(options)
@@ -48,6 +51,13 @@ def execute(options: Options) -> int:
             return _merge(options)
         case CardOptions():
             return _card(options)
+
+
+def _check_apart(out: Path, source: Path, name: str) -> None:
+    """Refuses to write where --force would delete what is read, or where it would become part of it."""
+    where, read = out.resolve(), source.resolve()
+    apart = not (where.is_relative_to(read) or read.is_relative_to(where))
+    check(apart, "--out", out, f"another folder than {name}, neither around it nor within it ({source})")
 
 
 def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import torch
@@ -37,6 +38,7 @@ from executor.policies.judging.videos import draw_video
 from executor.policies.stock import StockActor, is_stock
 from executor.policies.trained import LOSSES, PolicyRecord
 from executor.policies.windows import EpisodeKind, learned_from
+from executor.results.run_folder import FolderUnusable
 from executor.scenes.reading import scene_for
 
 RESULTS, PAGE = "evaluation.json", "evaluation.html"
@@ -49,6 +51,7 @@ def execute(options: EvaluateOptions) -> int:
 
     Raises:
         NotAPolicy, BadOption: Something that was named cannot be used.
+        FolderUnusable: Results could not be written where they are to go.
         NotDrawn: No room could be made of a seed.
         RendererNotFound, VideoFailed: Videos are wanted, and cannot be drawn.
     """
@@ -56,6 +59,8 @@ def execute(options: EvaluateOptions) -> int:
     kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
     if options.videos:
         check_drawable()
+    if options.out is not None:
+        _make(options.out)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     drawn: list[str] = []
     with ExitStack() as stack:
@@ -81,16 +86,31 @@ def execute(options: EvaluateOptions) -> int:
     judged = _judged(kind, conditions, actors, found)
     told_all = _told(kind, conditions, actors, judged, found) | {"videos": drawn}
     code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
+    # What took hours is seen even where the disk is full by now.
+    if options.json:
+        print_json({"ok": code == DONE, "exit_code": code, **told_all})
+    else:
+        _print(judged)
+        if code != DONE:
+            tell(f"interrupted: this is of the first {len(next(iter(found.values())))} of {options.episodes} episodes")
     if options.out is not None:
         write_json(options.out / RESULTS, told_all)
         write_text(options.out / PAGE, evaluation_page(judged))
-    if options.json:
-        print_json({"ok": code == DONE, "exit_code": code, **told_all})
-        return code
-    _print(judged)
-    if code != DONE:
-        tell(f"interrupted: this is of the first {len(next(iter(found.values())))} of {options.episodes} episodes")
     return code
+
+
+def _make(out: Path) -> None:
+    """Makes the folder for results, before there are any.
+
+    Raises:
+        FolderUnusable: Nothing can be written there.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            pass
+    except OSError as problem:
+        raise FolderUnusable(out, problem.strerror or str(problem)) from problem
 
 
 def _actors(options: EvaluateOptions) -> list[Acting]:
@@ -126,24 +146,22 @@ def _stock(path: Path, options: EvaluateOptions) -> StockActor:
 
 
 def _kind(options: EvaluateOptions, actors: Sequence[Acting]) -> EpisodeKind:
-    """Returns what episodes are drawn from.
+    """Returns what episodes are drawn from, which policies of LeRobot are told.
 
     Raises:
-        BadOption: It is not said, and the policies' demonstrations are of several kinds; or it is of what a policy was
-            trained on.
+        BadOption: It is not said, and the policies' demonstrations are of several kinds; or a seed is one of those
+            that a policy was trained on.
         SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
     """
     kind = kind_of(options.task, [actor.record for actor in actors])
-    seen = {
-        seed
-        for actor in actors
-        for known in actor.record.kinds
-        if known.origin == kind.origin
-        for seed in actor.record.seeds
-    }
+    # Whatever they were of: the scene t1 of a seed is the kitchen that T1 draws of it.
+    seen = {seed for actor in actors for seed in actor.record.seeds}
     both = seen & set(range(options.seed, options.seed + options.episodes))
     unseen = f"others than a policy was trained on, which are from {min(seen, default=0)} to {max(seen, default=0)}"
-    check(not both, "--seed", options.seed, unseen)
+    check(not both, "--seed", options.seed, f"{unseen}: whatever the task, the same seed may draw the same room")
+    for actor in actors:
+        if isinstance(actor, StockActor):
+            actor.expect(kind)
     return kind
 
 
