@@ -62,6 +62,12 @@ class PlanFollower:
         least_slack[:1], least_slack[self._of_doors] = OPENING_SLACK_M, OPEN_SLACK
         slack = np.maximum(least_slack, _SLACK_SHARE * (most - least))
         self._least, self._most = least - slack, most + slack
+        # A door that was opened farther than demonstrations open it, between two looks, is open.
+        for phase, kind in enumerate(self._kinds):
+            if kind is Primitive.ARTICULATE_OPEN:
+                self._most[phase, self._of_doors] = np.inf
+            elif kind is Primitive.ARTICULATE_CLOSE:
+                self._least[phase, self._of_doors] = -np.inf
         self._plan: list[int] = []
         self._foretold: NDArray | None = None
         self._looks_a_second = record.rate_hz / execute

@@ -110,13 +110,13 @@ def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None
     assert PATIENCE_S < looks * EXECUTE / record.rate_hz <= PATIENCE_S + EXECUTE / record.rate_hz
 
 
-@pytest.mark.parametrize("least", [0.6, 0.9])
-def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
-    record: PolicyRecord, least: float
+@pytest.mark.parametrize("least, most", [(0.6, 1.0), (0.9, 1.0), (0.4, 0.5)])
+def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_farther_or_after_a_while(
+    record: PolicyRecord, least: float, most: float
 ) -> None:
     primitives = (3, 4, 5)
     left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
-    left[0][1, 7], left[1][1, 7] = least, 1.0
+    left[0][1, 7], left[1][1, 7] = least, most
     follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1])), EXECUTE)
     follower.begin((4, 5))
     shown, looks = np.full(8, 0.7), 0
