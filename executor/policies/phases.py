@@ -71,7 +71,7 @@ class PlanFollower:
         self._plan: list[int] = []
         self._foretold: NDArray | None = None
         self._looks_a_second = record.rate_hz / execute
-        self._stage = self._first = self._held_back = self._at_end = self._anew = 0
+        self._stage = self._first = self._held_back = self._looks = self._anew = 0
 
     @property
     def phase(self) -> int:
@@ -99,7 +99,7 @@ class PlanFollower:
             before = [step for step, kind in own if kind is Primitive.UNGRASP or step not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
-        self._stage, self._foretold, self._held_back, self._at_end, self._anew = self._first, None, 0, 0, 0
+        self._stage, self._foretold, self._held_back, self._looks, self._anew = self._first, None, 0, 0, 0
 
     def foretell(self, logits: NDArray) -> None:
         """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
@@ -115,8 +115,9 @@ class PlanFollower:
             now: (P,) how likely each is to go on with the next action, the likeliest the largest.
             shown: (G,) what now shows how far it has come.
         """
-        self._at_end = self._at_end + 1 if self._stage == len(self._plan) - 1 else 0
-        if self._at_end > BACK_S * self._looks_a_second and not self._doors_are_open(shown):
+        began, self._looks = self._stage, self._looks + 1
+        is_last = self._stage == len(self._plan) - 1
+        if is_last and self._looks > BACK_S * self._looks_a_second and not self._doors_are_open(shown):
             self._begin_anew(self._first)
             return
         foreseen = max(self._ahead(logits) for logits in (now, self._foretold) if logits is not None)
@@ -131,13 +132,16 @@ class PlanFollower:
                 self._stage, self._held_back = self._stage + 1, 0
             else:
                 self._begin_anew(self._approach_before(self._stage))
+        elif not is_last and self._looks > PATIENCE_S * self._looks_a_second and self._has_let_go(shown):
+            self._stage += 1
+        self._looks = self._looks if self._stage == began else 0
 
     def _begin_anew(self, stage: int) -> None:
         """Begins anew at a step of the plan; one that has learned from corrections, where its subtask begins."""
         if self._takeovers:
             subtasks = [subtask_of(self._known[phase]) for phase in self._plan]
             stage = 0 if subtasks[stage] == subtasks[self._first] else subtasks.index(subtasks[stage], self._first)
-        self._stage, self._held_back, self._at_end = stage, 0, 0
+        self._stage, self._held_back, self._looks = stage, 0, 0
         self._anew += 1
 
     def _may_leave(self, stage: int, shown: Numbers) -> bool:
@@ -150,6 +154,11 @@ class PlanFollower:
         else:
             return True
         return self._as_left(now, shown, part)
+
+    def _has_let_go(self, shown: Numbers) -> bool:
+        """Decides whether a hand that is to be opened is: for how long it has been, nothing that is seen tells."""
+        phase = self._plan[self._stage]
+        return self._kinds[phase] is Primitive.UNGRASP and self._as_left(phase, shown, slice(0, 1))
 
     def _doors_are_open(self, shown: Numbers) -> bool:
         """Decides whether doors are as open, or as shut, as the plan's last step at one had been seen to leave them."""

@@ -215,6 +215,20 @@ def test_a_drive_is_left_where_demonstrations_left_it_or_after_a_while(
     assert follower.anew == 0, "who has tried for long enough goes on"
 
 
+@pytest.mark.parametrize("opening_m, opened", [(0.055, True), (0.03, False)])
+def test_a_hand_that_has_let_go_for_a_while_is_taken_back(record: PolicyRecord, opening_m: float, opened: bool) -> None:
+    left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
+    left[0][1, 0] = left[1][1, 0] = 0.055
+    follower = PlanFollower(replace(record, steps=(4, 5, 7), left=(left[0], left[1])), EXECUTE)
+    follower.begin((5, 7))
+    shown, looks = np.full(8, opening_m), 0
+    while follower.phase == 1 and looks < 50:
+        follower.foretell(STAYS[:3])
+        follower.go_on(STAYS[:3], shown)
+        looks += 1
+    assert looks == (int(PATIENCE_S * record.rate_hz / EXECUTE) + 1 if opened else 50)
+
+
 def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
     rng = np.random.default_rng(0)
     one, other = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 1.0])
