@@ -3,21 +3,84 @@
     python -m benchmarks.baselines FOLDER
 
 Each cell is successes of units and the exact interval, 95 %; the executor's own row, where the folder has one, is last.
+Below stands what was measured with code or tasks of others. No folder has it, and it is not measured anew: `ELSEWHERE`
+says by which command of docs/baselines.md it was. None of it is of T1 to T6, which the paper's row beside it is of.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from executor.bench.paper import main_table
 from executor.bench.store import BenchFolder, NotABench
-from executor.bench.summary import Cell
+from executor.bench.summary import Cell, Rate
 from executor.bench.table import number, rate_text
 from executor.bench.units import FAMILIES, BenchSetting
 
 OF_THE_PAPER = {"constraint-pose": "M3 GenSim2 (Primitive)", "sampled-grasp": "M4 RoboGen (Primitive)"}
+
+
+@dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """Something that was measured outside the benchmark.
+
+    Attributes:
+        task: Whose task, and which.
+        row: What was measured.
+        code: Whose code did it.
+        seeds: Of the episodes.
+        rate: How often it succeeded, by the criterion of its own.
+        source: The command, as docs/baselines.md prints it.
+        method: The paper's row of the same system at work; none for all else.
+    """
+
+    task: str
+    row: str
+    code: str
+    seeds: str
+    rate: Rate
+    source: str
+    method: str = ""
+
+
+GENSIM2 = {
+    "OpenRefrigeratorDoor": 13,
+    "CloseRefrigeratorDoor": 15,
+    "OpenBox": 20,
+    "OpenDrawer": 17,
+    "PushDrawerClose": 20,
+    "OpenSafe": 11,
+    "RotateMicrowaveDoor": 10,
+    "CloseMicrowave": 5,
+    "StoreLemonInRefrigerator": 3,
+    "PlaceCrackerBoxIntoRefrigerator": 1,
+}
+"""Task of its own -> successes of 20."""
+
+ELSEWHERE = (
+    *(
+        Elsewhere(
+            *(f"GenSim2's {task}", "GenSim2, its own criteria", "GenSim2's", "0 to 19", Rate(good, 20)),
+            *("benchmarks/gensim2_tasks.py GenSim2 --episodes 20", OF_THE_PAPER["constraint-pose"]),
+        )
+        for task, good in GENSIM2.items()
+    ),
+    Elsewhere(
+        *("opening and shutting 10 of GenSim2's models", "planned flows", "own", "from 69500", Rate(394, 398)),
+        "python -m benchmarks.gensim2_models GenSim2 --episodes 20 --seed 69500",
+    ),
+    Elsewhere(
+        *("RoboGen's recorded decompositions", "proved as written, of those that can be said", "own"),
+        *("-", Rate(11, 20), "python -m benchmarks.robogen_plans RoboGen"),
+    ),
+    Elsewhere(
+        *("RoboGen's recorded decompositions", "proved as its code does them, of those that can be said", "own"),
+        *("-", Rate(19, 20), "python -m benchmarks.robogen_plans RoboGen"),
+    ),
+)
 HEAD = (
     "family",
     "row",
@@ -51,6 +114,16 @@ def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
             )
 
 
+def elsewhere() -> Iterator[tuple[str, ...]]:
+    """Yields the rows of what was measured outside the benchmark, in the table's columns."""
+    printed = {row.method: row.cells for row in main_table()}
+    for one in ELSEWHERE:
+        cells = ", ".join(number(success) for success, _ in printed.get(one.method, {}).values())
+        paper = f"{one.method}, T1 to T6: {cells}" if cells else "-"
+        row = f"{one.row}; not measured anew, by `{one.source}`"
+        yield one.task, row, one.code, one.seeds, rate_text(one.rate), "-", "-", paper
+
+
 def _last_is_ours(cell: Cell) -> tuple[bool, str]:
     setting: BenchSetting = cell.series.setting
     return setting.baseline is None, setting.name
@@ -65,7 +138,7 @@ def main(words: list[str]) -> int:
         print(f"usage: python -m benchmarks.baselines FOLDER of `scene2demo bench` ({problem})", file=sys.stderr)
         return 2
     cells = [Cell(one, BenchFolder(folder).results(one)) for one in series]
-    for row in (HEAD, ("---",) * len(HEAD), *rows(cells)):
+    for row in (HEAD, ("---",) * len(HEAD), *rows(cells), *elsewhere()):
         print(f"| {' | '.join(row)} |")
     return 0
 
