@@ -21,13 +21,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from executor.bench.units import Unit, pair_of
 from executor.bench.work import Stopwatch
 from executor.geometry import Array, heading_of, interpolate_poses, rotation_z, transform_from_quaternion, wrap_angle
 from executor.machine.extras import require
-from executor.robot.actions import arm_chain, joint_limits
+from executor.robot.actions import actions_between, arm_chain, joint_limits
 from executor.rollouts.running import RECORD_HZ, rollout
 from executor.world.world import World
 from oag import Primitive, Scene, SimpleTask, compose
@@ -169,10 +168,10 @@ def moved(segment: Segment, T_world_thing: Array) -> list[HandPose]:
 
 def action_between(before: HandPose, after: HandPose) -> Array:
     """Returns the (10,) hand action that leads from one moment to the next."""
-    turn = Rotation.from_matrix(after.T_base_eef[:3, :3] @ before.T_base_eef[:3, :3].T).as_rotvec()
-    driven = rotation_z(-float(before.base[2]))[:2, :2] @ (after.base[:2] - before.base[:2])
-    shift = after.T_base_eef[:3, 3] - before.T_base_eef[:3, 3]
-    return np.concatenate([shift, turn, [after.opening], driven, [wrap_angle(float(after.base[2] - before.base[2]))]])
+    # Headings are moved and interpolated on the circle: the shorter way round is meant.
+    yaw = before.base[2] + wrap_angle(float(after.base[2] - before.base[2]))
+    base, opening = np.array([[*after.base[:2], yaw]]), np.array([after.opening])
+    return actions_between(before.base[None], base, before.T_base_eef[None], after.T_base_eef[None], opening)[0]
 
 
 def bridged(start: HandPose, end: HandPose) -> list[HandPose]:

@@ -67,11 +67,22 @@ def hand_actions(scale: float, before: Array, after: Array) -> Array:
     """
     before, after = np.atleast_2d(np.asarray(before, float)), np.atleast_2d(np.asarray(after, float))
     chain = arm_chain(scale)
+    opening = after[:, 10:].mean(axis=1) / joint_limits(scale)[-1, 1]
     T_before, T_after = chain.forward(before[:, _ARM]), chain.forward(after[:, _ARM])
+    return actions_between(before[:, :3], after[:, :3], T_before, T_after, opening)
+
+
+def actions_between(before: Array, after: Array, T_before: Array, T_after: Array, opening: Array) -> Array:
+    """Returns (N, 10) hand actions from one pose of base and hand to another.
+
+    Args:
+        before, after: (N, 3) the base, x, y [m] and yaw [rad].
+        T_before, T_after: (N, 4, 4) the hand, from the base.
+        opening: (N,) how far the fingers shall be open, as hand actions say it.
+    """
     turns = Rotation.from_matrix(T_after[:, :3, :3]) * Rotation.from_matrix(T_before[:, :3, :3]).inv()
-    driven = after[:, :3] - before[:, :3]
+    driven = after - before
     turned_back = Rotation.from_euler("z", -before[:, [2]])
     ahead = turned_back.apply(np.concatenate([driven[:, :2], np.zeros((len(driven), 1))], axis=1))
-    opening = after[:, 10:].mean(axis=1, keepdims=True) / joint_limits(scale)[-1, 1]
     moved = T_after[:, :3, 3] - T_before[:, :3, 3]
-    return np.concatenate([moved, turns.as_rotvec(), opening, ahead[:, :2], driven[:, 2:]], axis=1)
+    return np.concatenate([moved, turns.as_rotvec(), opening[:, None], ahead[:, :2], driven[:, 2:]], axis=1)
