@@ -123,6 +123,8 @@ class TrainingForm(Form):
 
     Attributes:
         steps, batch: Optimiser steps, and samples in each.
+        at_once: How many samples of a batch go through the network at once; by default all. Gradients are added up, so
+            that it bounds memory and changes a step by rounding alone (and by which activations `dropout` leaves out).
         learning_rate, decay, warm_up: The highest rate; how it goes to 0; steps in which it rises first.
         weight_decay: AdamW's.
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
@@ -137,6 +139,7 @@ class TrainingForm(Form):
 
     steps: Annotated[StrictInt, Field(ge=1, le=10_000_000)] = 12_000
     batch: Annotated[StrictInt, Field(ge=1, le=65_536)] = 256
+    at_once: Annotated[StrictInt, Field(ge=1, le=65_536)] | None = None
     learning_rate: Amount = 1e-3
     decay: Literal["cosine", "linear"] = "cosine"
     warm_up: Annotated[StrictInt, Field(ge=0)] = 100
@@ -219,4 +222,21 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.network.kind == "transformer" and found.network.width % found.network.heads:
         problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
         raise document.fail(("network", "heads"), problem)
+    _check_training(found, document)
     return found
+
+
+def _check_training(found: PolicySettings, document: Document) -> None:
+    """Refuses what training would pass over in silence."""
+    form, members = found.training, found.network.members
+    if form.shift_m and (found.sees.kind != "cloud" or found.sees.locates):
+        problem = f"expected 0 where it sees no cloud, or locates by it, got {form.shift_m:g}"
+        raise document.fail(("training", "shift_m"), problem)
+    if form.jitter_m and found.sees.kind != "cloud":
+        raise document.fail(("training", "jitter_m"), f"expected 0 where it sees no cloud, got {form.jitter_m:g}")
+    if form.usual and not found.sees.way:
+        raise document.fail(("training", "usual"), f"expected 0 where no way is told, got {form.usual:g}")
+    for name, count in (("batch", form.batch), ("at_once", form.at_once)):
+        if count is not None and count < members:
+            problem = f"expected at least 1 for each of the {members} members, got {count}"
+            raise document.fail(("training", name), problem)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.export import open_set
 from executor.datasets.formats.fold import NothingToExport
-from executor.datasets.formats.stream import CLOUD, DEMONSTRATION, Extra, FoldedEpisode
+from executor.datasets.formats.stream import CLOUD, Extra, FoldedEpisode
 from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
@@ -25,6 +25,7 @@ from executor.policies.seen.features import Numbers, own_numbers, state_numbers
 from executor.policies.seen.mirror import mirrored
 from executor.policies.settings import PolicySettings, Sees
 from executor.policies.steps import DRIVES, primitive_of, step_number, subtask_of
+from executor.policies.told import Told, demonstrations, robot_scale
 from executor.policies.ways import ways_of
 from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
@@ -37,7 +38,7 @@ class EpisodeKind:
     Attributes:
         origin: A family, or a sentence in a scene.
         variation: What else varies, without noise, which is in how a demonstration was made and not in what it is of.
-        full_size: Whether the robot is of full size, whatever the scene has.
+        full_size: Whether the robot is of full size, as generation was told or as the scene itself has it.
     """
 
     origin: Origin
@@ -142,7 +143,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         most: How many to take of each, in the order of an export; by default all.
 
     Raises:
-        NothingToExport: One has none, or they are of different rates.
+        NothingToExport: One has none, they are of different rates or robots, or an episode is in them twice.
         NotADataset: One of them cannot be read, or lacks the clouds that the policy sees.
     """
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
@@ -151,16 +152,29 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         pairs = zip(paths, streams, strict=True)
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
         raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
-    originals: list[FoldedEpisode] = []
+    sizes = [robot_scale(path, stream) for path, stream in zip(paths, streams, strict=True)]
+    if len(set(sizes)) > 1:
+        told = ", ".join(f"{path}: {size:g}" for path, size in zip(paths, sizes, strict=True))
+        raise NothingToExport(
+            f"the data sets are of robots of different scales ({told}); a policy has one robot, so train one on each"
+        )
+    scale = sizes[0]
+    found: list[Told] = []
+    holders: dict[str, Path] = {}
     rows: list[_Seen] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
     for path, stream in zip(paths, streams, strict=True):
-        shown = (episode for episode in stream.episodes() if episode.about["kind"] == DEMONSTRATION)
-        for episode in islice(shown, most):
+        for told_of, episode in islice(demonstrations(path, stream), most):
+            if told_of.id in holders:
+                raise NothingToExport(
+                    f"{path} has the episode {told_of.name}, which {holders[told_of.id]} has already: it would count "
+                    "twice; name each store once, or what was exported of it"
+                )
+            holders[told_of.id] = path
+            found.append(told_of)
             if include and CLOUD not in episode.columns:
                 raise NotADataset(f"{path} has no point clouds; train on the store, or export it with them")
             seen = _as_seen(episode, settings)
-            originals.append(seen[0][0])
             rows += seen
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
@@ -169,25 +183,24 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     steps = tuple(int(number) for number in np.unique(phases))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
-    kinds = _kinds(originals)
     lasts = _stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends
     return Demonstrations(
-        names=tuple(str(episode.about["name"]) for episode in originals),
-        key=_key(originals),
+        names=tuple(one.name for one in found),
+        key=_key(found),
         rate_hz=streams[0].found.rate_hz,
-        kinds=kinds,
-        seeds=_seeds(originals),
+        kinds=_kinds(found, scale),
+        seeds=_seeds(found),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
         lasts=lasts,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
-        hands=_hands(episodes, lasts, settings.acts.chunk, scale_of(kinds)) if settings.acts.hand else None,
+        hands=_hands(episodes, lasts, settings.acts.chunk, scale) if settings.acts.hand else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         phases=np.searchsorted(steps, phases),
         steps=steps,
-        takeovers=_takeovers(originals),
+        takeovers=_takeovers(found),
         ways=ways_of(episodes, going_on),
         begins=np.concatenate([_begins(rows) for rows in going_on]),
     )
@@ -212,17 +225,17 @@ class LearnedFrom:
 
 
 def learned_from(path: Path) -> LearnedFrom:
-    """Returns what a store, or what was exported of one, is of, without its motions.
+    """Returns what a store, or what was exported of one, is of; its motions are read one at a time, and none is kept.
 
     Raises:
         NothingToExport: It has no demonstrations.
         NotADataset: It cannot be read.
     """
     stream = open_set(path, ())
-    shown = [episode for episode in stream.episodes() if episode.about["kind"] == DEMONSTRATION]
+    shown = [told for told, _ in demonstrations(path, stream)]
     return LearnedFrom(
         rate_hz=stream.found.rate_hz,
-        kinds=_kinds(shown),
+        kinds=_kinds(shown, robot_scale(path, stream)),
         seeds=_seeds(shown),
         key=_key(shown),
         demonstrations=len(shown),
@@ -261,16 +274,16 @@ def _from_beside(episode: FoldedEpisode, off_m: float, image: int) -> FoldedEpis
     return replace(episode, columns=beside(episode.columns, np.isin(kinds, DRIVES), carries, off_m, rng))
 
 
-def _seeds(episodes: Iterable[FoldedEpisode]) -> tuple[int, ...]:
-    return tuple(sorted({DemoUnit.from_json(episode.about["unit"]).seed for episode in episodes}))
+def _seeds(found: Iterable[Told]) -> tuple[int, ...]:
+    return tuple(sorted({one.unit.seed for one in found}))
 
 
-def _key(episodes: Iterable[FoldedEpisode]) -> str:
-    return content_key(*(str(episode.about["id"]) for episode in episodes))
+def _key(found: Iterable[Told]) -> str:
+    return content_key(*(one.id for one in found))
 
 
-def _takeovers(episodes: Iterable[FoldedEpisode]) -> int:
-    return sum(bool(episode.about.get("takeover")) for episode in episodes)
+def _takeovers(found: Iterable[Told]) -> int:
+    return sum(one.takeover for one in found)
 
 
 def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:
@@ -346,8 +359,9 @@ def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray
     return borders[np.searchsorted(borders, np.arange(len(phases)), side="right")]
 
 
-def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
-    units = (DemoUnit.from_json(episode.about["unit"]) for episode in episodes)
+def _kinds(found: Iterable[Told], scale: float) -> tuple[EpisodeKind, ...]:
+    full_size = scale == FULL_SCALE
+    units = (one.unit for one in found)
     return tuple(
-        dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size) for unit in units)
+        dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), full_size) for unit in units)
     )

@@ -354,6 +354,15 @@ def test_scores_and_pairs() -> None:
         ({"sees": {"locates": True}}, "sees.locates: expected false where it sees no cloud"),
         ({"sees": {"kind": "cloud", "way": True, "chooses": True}}, "sees.chooses: expected false where no way"),
         ({"sees": {"kind": "cloud", "room": 8}}, "sees.room: expected 0 where it sees a cloud, got 8"),
+        ({"training": {"shift_m": 0.1}}, "training.shift_m: expected 0 where it sees no cloud, or locates by it"),
+        ({"sees": {"kind": "cloud", "locates": True}, "training": {"shift_m": 0.1}}, "training.shift_m: expected 0"),
+        ({"training": {"jitter_m": 0.1}}, "training.jitter_m: expected 0 where it sees no cloud, got 0.1"),
+        ({"training": {"usual": 0.4}}, "training.usual: expected 0 where no way is told, got 0.4"),
+        (
+            {"network": {"members": 4}, "training": {"batch": 3}},
+            "training.batch: expected at least 1 for each of the 4",
+        ),
+        ({"network": {"members": 4}, "training": {"at_once": 3}}, "training.at_once: expected at least 1 for each"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(content: dict[str, object], words: str) -> None:
