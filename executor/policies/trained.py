@@ -181,19 +181,27 @@ class PolicyRecord:
                 raise ValueError("arrays of other shapes than the settings say")
             if [part.shape for part in done] != [each, each]:
                 raise ValueError("arrays of other shapes than the settings say")
+            sees = settings.sees
+            shown = 1 + (3 * (sees.things + sees.handles) + sees.handles if sees.places else 0)
+            steps = tuple(int(number) for number in told["steps"])
+            if left[0].shape[1] != shown or list(steps) != sorted({*steps}) or not all(map(primitive_of, steps)):
+                raise ValueError("bounds or steps that are not those of such a policy")
+            rate_hz, kinds = float(told["rate_hz"]), _KINDS.validate_python(told["kinds"])
+            if not 0.0 < rate_hz < np.inf or not kinds:
+                raise ValueError("no rate above 0, or nothing that its demonstrations are of")
             parts = (*seen, *done, *left)
             if not all(np.isfinite(part).all() for part in parts) or min(seen[1].min(), done[1].min()) <= 0:
                 raise ValueError("numbers that are not finite, or deviations that are not above 0")
             return cls(
                 settings=settings,
                 seed=int(told["seed"]),
-                rate_hz=float(told["rate_hz"]),
-                steps=tuple(int(number) for number in told["steps"]),
+                rate_hz=rate_hz,
+                steps=steps,
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
                 left=(left[0], left[1]),
                 seeds=tuple(int(seed) for seed in told["seeds"]),
-                kinds=_KINDS.validate_python(told["kinds"]),
+                kinds=kinds,
                 demonstrations=int(told["demonstrations"]),
                 takeovers=int(told["takeovers"]),
                 ways=int(told["ways"]),

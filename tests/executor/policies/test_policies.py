@@ -392,7 +392,12 @@ def test_what_is_no_policy_is_refused(data: Demonstrations, out: Path) -> None:
     with pytest.raises(NotAPolicy, match="another network"):
         load_network(out.with_name("other"), wider)
     told = json.loads((out / ABOUT).read_text())
-    for broken in ({**told, "schema": "x"}, {**told, "numbers": [[1.0], [0.0]]}, {**told, "kinds": [{"origin": 3}]}):
-        (out / ABOUT).write_text(json.dumps(broken))
+    broken = (
+        *({"schema": "x"}, {"numbers": [[1.0], [0.0]]}, {"kinds": [{"origin": 3}]}, {"kinds": []}),
+        *({"rate_hz": 0.0}, {"rate_hz": float("nan")}, {"steps": told["steps"][::-1]}),
+        *({"steps": [*told["steps"][:-1], 99]}, {"left": [[row[:-1] for row in bound] for bound in told["left"]]}),
+    )
+    for otherwise in broken:
+        (out / ABOUT).write_text(json.dumps({**told, **otherwise}))
         with pytest.raises(NotAPolicy):
             read_record(out)

@@ -174,14 +174,16 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
     """
     kinds = list(dict.fromkeys(kind for record in records for kind in record.kinds))
     if task is not None:
-        kinds = [EpisodeKind(Origin(family=task))]
+        full_size = any(kind.full_size for kind in kinds)
+        kinds = [EpisodeKind(Origin(family=task), full_size=full_size)]
     if len(kinds) > 1:
         names = list(dict.fromkeys(kind.origin.label for kind in kinds))
         told = f"several things: {', '.join(names)}" if len(names) > 1 else f"{names[0]}, varied in several ways"
         raise BadOption("--task", "is missing", f"a family, since the demonstrations are of {told}")
     origin = kinds[0].origin
     if origin.scene_key:
-        key = content_key(json_text(scene_for(origin.query, origin.scene).to_json()))
+        scene = scene_for(origin.query, origin.scene, full_size=kinds[0].full_size)
+        key = content_key(json_text(scene.to_json()))
         check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
     return kinds[0]
 
