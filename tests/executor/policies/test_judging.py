@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ from executor.policies.judging.evaluation import (
 )
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.monitors import MonitorWatch
-from executor.policies.judging.outcomes import EpisodeOutcome
+from executor.policies.judging.outcomes import AFTER_S, EpisodeOutcome, OutcomeWatch
 from executor.policies.judging.page import Curve, diagram, loss_curve
 from executor.policies.steps import subtask_of
 from executor.policies.trained import PolicyRecord
@@ -197,6 +197,24 @@ def test_the_graph_sends_back_who_goes_on_from_what_is_not_done_and_on_who_does_
     actor.anew, actor.subtask = 3, 3
     guide.look({"stage": 4})
     assert len(actor.begun) == 2, "behind the last subtask there is nothing to go on with"
+
+
+def test_who_succeeds_as_the_time_runs_out_is_looked_at_for_as_long_as_anybody(
+    env: SceneEnvironment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Late(OutcomeWatch):
+        def look(self, info: Mapping[str, Any]) -> None:
+            super().look(info)
+            if self.succeeded_s is None and self.elapsed_s > 0.85:
+                self.succeeded_s = self.elapsed_s
+
+    actor = Pretender()
+    actor.act = lambda observation: env.target  # type: ignore[attr-defined]
+    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
+    monkeypatch.setattr("executor.policies.judging.evaluation.OutcomeWatch", Late)
+    outcome, _ = run_episode(env, cast(Acting, actor), 0)
+    assert outcome.success_once and not outcome.success_at_end, "it did not hold"
+    assert outcome.simulated_s == pytest.approx(0.9, abs=0.05) and env.world.time_s >= 0.9 + AFTER_S
 
 
 def test_of_a_whole_task_the_first_item_is_pushed_and_where_there_is_none_that_is_said(env: SceneEnvironment) -> None:
