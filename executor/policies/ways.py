@@ -41,7 +41,7 @@ def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
     others are near to first. From `MOST_WAYS` on, all that are left are one.
 
     Args:
-        postures: Of each demonstration, (G, 7) the arm at each of its grasps, rad. The last ones are compared with the
+        postures: Of each demonstration, (G, 7) the arm at each of its grasps, or where it lets go, rad. The last ones are compared with the
             last ones, since some demonstrations begin in the middle.
     """
     near = np.array([[_apart_rad(one, other) <= SAME_WAY_RAD for other in postures] for one in postures])
@@ -62,7 +62,11 @@ def _apart_rad(one: NDArray, other: NDArray) -> float:
 
 
 def _postures_at_grasps(episode: FoldedEpisode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Returns (G, 7) the arm where each of an episode's grasps begins, of those in some of its rows."""
-    grasping = (episode.columns["primitive_index"] == Primitive.GRASP) & rows
+    """Returns (G, 7) the arm where each of an episode's grasps begins, of those in some of its rows; where there are
+    none, as of what is only put somewhere, where it lets go."""
+    primitives = episode.columns["primitive_index"]
+    grasping = (primitives == Primitive.GRASP) & rows
+    if not grasping.any():
+        grasping = (primitives == Primitive.UNGRASP) & rows
     begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
     return episode.columns["observation.state"][begun, 3:10]
