@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from executor.datasets.formats.stream import FoldedEpisode
 from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
 from executor.policies.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
 from executor.policies.trained import PolicyRecord
-from executor.policies.ways import MOST_WAYS, ways
+from executor.policies.ways import MOST_WAYS, ways, ways_of
 from executor.policies.windows import read_demonstrations
 from tests.executor.policies.conftest import small
 
@@ -241,3 +242,18 @@ def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
     assert ways([]).tolist() == [] and ways([np.zeros((0, 7))]).tolist() == [0]
     scattered = [np.full((1, 7), float(place)) for place in range(2 * MOST_WAYS)]
     assert max(ways(scattered)) == MOST_WAYS - 1
+
+
+def test_where_nothing_is_grasped_ways_are_those_of_letting_go() -> None:
+    def episode(placed: float) -> FoldedEpisode:
+        """Grasps alike, and then puts down in one of two postures."""
+        primitives = np.array([17, 3, 18, 5, 13])
+        state = np.zeros((5, 20), np.float32)
+        state[3:, 3:10] = placed
+        columns = {"primitive_index": primitives, "observation.state": state}
+        return FoldedEpisode(0, columns, {}, {})
+
+    placings = (0.0, 0.0, 2.0, 0.0)
+    going_on = np.array([17, 3, 118, 105, 113])
+    found = ways_of([episode(placed) for placed in placings], [going_on] * 4).reshape(4, 5)
+    assert (found[:, :2] == 0).all() and found[:, 2:].tolist() == [[0] * 3, [0] * 3, [1] * 3, [0] * 3]
