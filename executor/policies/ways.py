@@ -41,8 +41,8 @@ def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
     others are near to first. From `MOST_WAYS` on, all that are left are one.
 
     Args:
-        postures: Of each demonstration, (G, 7) the arm at each of its grasps, or where it lets go, rad. The last ones are compared with the
-            last ones, since some demonstrations begin in the middle.
+        postures: Of each demonstration, (G, 7) the arm at each of its grasps, or where it lets go, rad. The last ones
+            are compared with the last ones, since some demonstrations begin in the middle.
     """
     near = np.array([[_apart_rad(one, other) <= SAME_WAY_RAD for other in postures] for one in postures])
     found = np.full(len(postures), MOST_WAYS - 1)

@@ -23,9 +23,9 @@ from executor.policies.chunks import hand_poses, hands_from_here, targets_from_h
 from executor.policies.seen.beside import beside
 from executor.policies.seen.features import Numbers, own_numbers, state_numbers
 from executor.policies.seen.mirror import mirrored
+from executor.policies.seen.told import Told, demonstrations, robot_scale
 from executor.policies.settings import PolicySettings, Sees
 from executor.policies.steps import DRIVES, primitive_of, step_number, subtask_of
-from executor.policies.told import Told, demonstrations, robot_scale
 from executor.policies.ways import ways_of
 from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
