@@ -163,8 +163,10 @@ def test_what_is_broken_is_one_clear_message(
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    assert run(["dataset", "convert", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "notes.txt").write_text("mine")
+    assert run(["dataset", "convert", str(mine), "--out", str(tmp_path / "out")]) == 2
     assert "is no store of episodes, nor exported of one" in capsys.readouterr().err
 
 
