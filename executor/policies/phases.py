@@ -1,12 +1,13 @@
 """Which step of an episode's plan goes on: as the policy foretells it, and as what it sees allows it.
 
 A plan says that GRASP begins with the hand at its place, and ends with something between the fingers; and that a door
-is open when it was opened. So GRASP, what goes before it, and what opens and shuts count as done only where what shows
-of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on nothing
-begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked; a
-door that comes no farther is left, and where the whole plan has left it less open than it should be, the plan begins
-anew. Who has learned from corrections always begins anew as the planner does that made them: with an empty hand, from
-wherever it is. No contact and no detector is asked: it is what the policy sees anyway.
+is open when it was opened. So drives, GRASP, what goes before it, and what opens and shuts count as done only where
+what shows of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on
+nothing begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked.
+Drives that are held back for as long, doors that come no farther, and hands that are open already are left; and where
+the whole plan has left a door less open than it should be, it begins anew. Who has learned from corrections always
+begins anew as the planner does that made them: with an empty hand, from wherever it is. No contact and no detector is
+asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations

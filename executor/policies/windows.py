@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.export import open_set
 from executor.datasets.formats.fold import NothingToExport
-from executor.datasets.formats.stream import CLOUD, Extra, FoldedEpisode
+from executor.datasets.formats.stream import CLOUD, EpisodeStream, Extra, FoldedEpisode
 from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
@@ -147,18 +147,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         NotADataset: One of them cannot be read, or lacks the clouds that the policy sees.
     """
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
-    streams = [open_set(path, include) for path in paths]
-    if len({stream.found.rate_hz for stream in streams}) > 1:
-        pairs = zip(paths, streams, strict=True)
-        rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
-        raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
-    sizes = [robot_scale(path, stream) for path, stream in zip(paths, streams, strict=True)]
-    if len(set(sizes)) > 1:
-        told = ", ".join(f"{path}: {size:g}" for path, size in zip(paths, sizes, strict=True))
-        raise NothingToExport(
-            f"the data sets are of robots of different scales ({told}); a policy has one robot, so train one on each"
-        )
-    scale = sizes[0]
+    streams, scale = _of_one_robot(paths, include)
     found: list[Told] = []
     holders: dict[str, Path] = {}
     rows: list[_Seen] = []
@@ -204,6 +193,27 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         ways=ways_of(episodes, going_on),
         begins=np.concatenate([_begins(rows) for rows in going_on]),
     )
+
+
+def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[list[EpisodeStream], float]:
+    """Returns what data sets hold, and the scale of their robot.
+
+    Raises:
+        NothingToExport: They are of different rates or robots.
+        NotADataset: One of them cannot be read.
+    """
+    streams = [open_set(path, include) for path in paths]
+    if len({stream.found.rate_hz for stream in streams}) > 1:
+        pairs = zip(paths, streams, strict=True)
+        rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
+        raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
+    sizes = [robot_scale(path, stream) for path, stream in zip(paths, streams, strict=True)]
+    if len(set(sizes)) > 1:
+        told = ", ".join(f"{path}: {size:g}" for path, size in zip(paths, sizes, strict=True))
+        raise NothingToExport(
+            f"the data sets are of robots of different scales ({told}); a policy has one robot, so train one on each"
+        )
+    return streams, sizes[0]
 
 
 @dataclass(frozen=True, slots=True)

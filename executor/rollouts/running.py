@@ -376,7 +376,7 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
 
     Args:
         graph: The task that was executed.
-        earlier: What was recorded.
+        earlier: What was recorded, with the settings that `rollout` has by default.
         subtask: Index of the subtask to start with.
         listen: As for `rollout`.
 
