@@ -4,8 +4,9 @@ A plan says that GRASP begins with the hand at its place, and ends with somethin
 is open when it was opened. So drives, GRASP, what goes before it, and what opens and shuts count as done only where
 what shows of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on
 nothing begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked.
-Drives that are held back for as long, doors that come no farther, and hands that are open already are left; and where
-the whole plan has left a door less open than it should be, it begins anew. Who has learned from corrections always
+Drives that are held back for as long, doors that come no farther, and hands that open no wider are left; what takes far
+longer than demonstrations took for it counts as held back; and where the whole plan has left a door less open than it
+should be, it begins anew. Who has learned from corrections always
 begins anew as the planner does that made them: with an empty hand, from wherever it is. No contact and no detector is
 asked: it is what the policy sees anyway.
 """
@@ -31,6 +32,10 @@ range less open is a door as open."""
 PATIENCE_S = 2.0
 """For how long it is not let go on where it would: fingers close in half a second."""
 
+OVERDUE = 2.0
+"""So many times as long as nearly all demonstrations took for a step, at least `PATIENCE_S`, and the network has lost
+its way in it: it stands beside where they drove to, or presses fingers apart that are jammed."""
+
 BACK_S = 3.0
 """After so long in the last step the hand is back where plans begin."""
 
@@ -41,6 +46,7 @@ and a door that swings presses them together by a fifth."""
 _SLACK_SHARE = 0.25  # The same of what demonstrations differ by: where they differ much, it does not matter.
 
 _MOVES_DOORS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+_LEFT_AS_IT_IS = (*_MOVES_DOORS, *DRIVES, Primitive.UNGRASP)  # What held back is not begun anew.
 
 
 class PlanFollower:
@@ -72,6 +78,7 @@ class PlanFollower:
         self._plan: list[int] = []
         self._foretold: NDArray | None = None
         self._looks_a_second = record.rate_hz / execute
+        self._most_looks = np.maximum(OVERDUE * record.longest_s, PATIENCE_S) * self._looks_a_second
         self._stage = self._first = self._held_back = self._looks = self._anew = 0
 
     @property
@@ -125,16 +132,17 @@ class PlanFollower:
         if (missed := self._missed(foreseen, shown)) is not None:
             self._begin_anew(missed)
             return
+        is_overdue = not is_last and self._looks > self._most_looks[self.phase]
+        if is_overdue:
+            foreseen = max(foreseen, self._stage + 1)
         while self._stage < foreseen and self._may_leave(self._stage, shown):
             self._stage += 1
         self._held_back = self._held_back + 1 if self._stage < foreseen else 0
-        if self._held_back > PATIENCE_S * self._looks_a_second:
-            if self._kinds[self._plan[self._stage]] in (*_MOVES_DOORS, *DRIVES):
+        if self._held_back and (is_overdue or self._held_back > PATIENCE_S * self._looks_a_second):
+            if self._kinds[self.phase] in _LEFT_AS_IT_IS:
                 self._stage, self._held_back = self._stage + 1, 0
             else:
                 self._begin_anew(self._approach_before(self._stage))
-        elif not is_last and self._looks > PATIENCE_S * self._looks_a_second and self._has_let_go(shown):
-            self._stage += 1
         self._looks = self._looks if self._stage == began else 0
 
     def _begin_anew(self, stage: int) -> None:
@@ -155,11 +163,6 @@ class PlanFollower:
         else:
             return True
         return self._as_left(now, shown, part)
-
-    def _has_let_go(self, shown: Numbers) -> bool:
-        """Decides whether a hand that is to be opened is: for how long it has been, nothing that is seen tells."""
-        phase = self._plan[self._stage]
-        return self._kinds[phase] is Primitive.UNGRASP and self._as_left(phase, shown, slice(0, 1))
 
     def _doors_are_open(self, shown: Numbers) -> bool:
         """Decides whether doors are as open, or as shut, as the plan's last step at one had been seen to leave them."""

@@ -83,6 +83,7 @@ class StockActor:
             numbers=(none, none),
             actions=(none, none),
             left=(none, none),
+            longest_s=none,
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=data.demonstrations,

@@ -34,7 +34,7 @@ from executor.policies.steps import DRIVES, primitive_of, subtask_of
 from executor.policies.windows import Demonstrations, EpisodeKind, scale_of
 from oag.model.primitives import Primitive
 
-SCHEMA = "scene2demo-policy/3"
+SCHEMA = "scene2demo-policy/4"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
     *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
 )
@@ -72,6 +72,7 @@ class PolicyRecord:
         numbers: Mean and deviation (P, F) of what is seen, for each step where policies are told it, else P = 1.
         actions: The same (P, H, A) of chunks.
         left: Least and most (P, G) of what shows how far a plan has come, where each step had been left.
+        longest_s: (P,) for how long nearly all demonstrations were in each step at most.
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
@@ -87,6 +88,7 @@ class PolicyRecord:
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
     left: tuple[Numbers, Numbers]
+    longest_s: Numbers
     kinds: tuple[EpisodeKind, ...]
     seeds: tuple[int, ...]
     demonstrations: int
@@ -108,6 +110,7 @@ class PolicyRecord:
             numbers=_spread(data.numbers, phases, count, _SEEN_SHARE),
             actions=_spread(chunks, phases, count, _DONE_SHARE),
             left=_left(settings, data),
+            longest_s=_longest_s(data, phases, count),
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=len(data.names),
@@ -152,6 +155,7 @@ class PolicyRecord:
             "numbers": self.numbers,
             "actions": self.actions,
             "left": self.left,
+            "longest_s": self.longest_s,
             "seeds": self.seeds,
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
@@ -183,13 +187,16 @@ class PolicyRecord:
                 raise ValueError("arrays of other shapes than the settings say")
             sees = settings.sees
             shown = 1 + (3 * (sees.things + sees.handles) + sees.handles if sees.places else 0)
+            longest_s = np.asarray(told["longest_s"], np.float32)
             steps = tuple(int(number) for number in told["steps"])
             if left[0].shape[1] != shown or list(steps) != sorted({*steps}) or not all(map(primitive_of, steps)):
                 raise ValueError("bounds or steps that are not those of such a policy")
+            if longest_s.shape != (count,) or not (longest_s > 0.0).all():
+                raise ValueError("longest steps that are not one for each")
             rate_hz, kinds = float(told["rate_hz"]), _KINDS.validate_python(told["kinds"])
             if not 0.0 < rate_hz < np.inf or not kinds:
                 raise ValueError("no rate above 0, or nothing that its demonstrations are of")
-            parts = (*seen, *done, *left)
+            parts = (*seen, *done, *left, longest_s)
             if not all(np.isfinite(part).all() for part in parts) or min(seen[1].min(), done[1].min()) <= 0:
                 raise ValueError("numbers that are not finite, or deviations that are not above 0")
             return cls(
@@ -200,6 +207,7 @@ class PolicyRecord:
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
                 left=(left[0], left[1]),
+                longest_s=longest_s,
                 seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=kinds,
                 demonstrations=int(told["demonstrations"]),
@@ -267,6 +275,14 @@ def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numb
             if not len(behind_grasps) or np.quantile(off_m, 1.0 - ODD_SHARE) > TAKEN_M:
                 least[subtasks == subtask, site], most[subtasks == subtask, site] = -LARGEST, LARGEST
     return least, most
+
+
+def _longest_s(data: Demonstrations, phases: NDArray[np.int64], count: int) -> Numbers:
+    """Returns (count,) for how long all but the longest `ODD_SHARE` of the stretches of each phase go on."""
+    begun = np.flatnonzero(np.append(True, data.lasts[1:] != data.lasts[:-1]))
+    lengths, of = data.lasts[begun] - begun, phases[begun]
+    moments = [np.quantile(lengths[of == phase], 1.0 - ODD_SHARE) for phase in range(count)]
+    return (np.array(moments) / data.rate_hz).astype(np.float32)
 
 
 _KINDS = TypeAdapter(tuple[EpisodeKind, ...])

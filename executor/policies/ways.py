@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executor.datasets.formats.stream import FoldedEpisode
 from executor.policies.steps import subtask_of
-from oag.model.primitives import Primitive
+from oag.model.primitives import ARTICULATIONS, Primitive
 
 SAME_WAY_RAD = 1.0
 """Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand
@@ -63,10 +63,11 @@ def _apart_rad(one: NDArray, other: NDArray) -> float:
 
 def _postures_at_grasps(episode: FoldedEpisode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Returns (G, 7) the arm where each of an episode's grasps begins, of those in some of its rows; where there are
-    none, as of what is only put somewhere, where it lets go."""
+    none, as of what is only put somewhere, where it lets go. Who goes on with a door whose handle is in the hand
+    already shows none."""
     primitives = episode.columns["primitive_index"]
     grasping = (primitives == Primitive.GRASP) & rows
-    if not grasping.any():
+    if not grasping.any() and not (np.isin(primitives, list(ARTICULATIONS)) & rows).any():
         grasping = (primitives == Primitive.UNGRASP) & rows
     begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
     return episode.columns["observation.state"][begun, 3:10]

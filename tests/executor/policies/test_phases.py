@@ -10,7 +10,7 @@ import pytest
 from executor.datasets.formats.stream import FoldedEpisode
 from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
-from executor.policies.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
+from executor.policies.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, OVERDUE, PATIENCE_S, PlanFollower
 from executor.policies.trained import PolicyRecord
 from executor.policies.ways import MOST_WAYS, ways, ways_of
 from executor.policies.windows import read_demonstrations
@@ -22,6 +22,7 @@ PLAN = [17, 1, 2, 3, 7]
 APPROACH, CONVERGE, GRASP, LIFT = 1, 2, 3, 4
 EXECUTE = 4
 STAYS = np.zeros(64)  # No step looks likelier than another now.
+LONG = np.full(3, 60.0, np.float32)  # For how long demonstrations were in each of three steps.
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +119,7 @@ def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_farther_or_afte
     primitives = (3, 4, 5)
     left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
     left[0][1, 7], left[1][1, 7] = least, most
-    follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1])), EXECUTE)
+    follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1]), longest_s=LONG), EXECUTE)
     follower.begin((4, 5))
     shown, looks = np.full(8, 0.7), 0
     while follower.phase == 1:
@@ -133,7 +134,7 @@ def test_a_plan_that_left_a_door_shut_begins_anew(record: PolicyRecord) -> None:
     left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
     left[0][1, 7], left[1][1, 7] = 0.6, 1.0
     for share, begins in ((0.7, False), (0.3, True)):
-        follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1])), EXECUTE)
+        follower = PlanFollower(replace(record, steps=primitives, left=(left[0], left[1]), longest_s=LONG), EXECUTE)
         follower.begin((3, 4, 5))
         shown = np.full(8, share)
         seen = []
@@ -165,6 +166,7 @@ def test_who_has_learned_from_corrections_begins_anew_as_the_planner_does(record
             np.concatenate([record.left[0], record.left[0][:1]]),
             np.concatenate([record.left[1], record.left[1][:1]]),
         ),
+        longest_s=np.append(record.longest_s, record.longest_s[:1]),
     )
     for seen, expected in ((record, [1]), (replace(record, takeovers=1), [17]), (opening, [5, 17])):
         follower = at(seen, GRASP)
@@ -187,6 +189,7 @@ def test_who_goes_on_with_a_later_subtask_does_not_begin_anew_in_one_that_is_don
         takeovers=1,
         steps=(*record.steps, *(100 + step for step in record.steps)),
         left=(np.tile(record.left[0], (2, 1)), np.tile(record.left[1], (2, 1))),
+        longest_s=np.tile(record.longest_s, 2),
     )
     follower = PlanFollower(twice, EXECUTE)
     follower.begin(later)
@@ -216,18 +219,29 @@ def test_a_drive_is_left_where_demonstrations_left_it_or_after_a_while(
     assert follower.anew == 0, "who has tried for long enough goes on"
 
 
-@pytest.mark.parametrize("opening_m, opened", [(0.055, True), (0.03, False)])
-def test_a_hand_that_has_let_go_for_a_while_is_taken_back(record: PolicyRecord, opening_m: float, opened: bool) -> None:
+@pytest.mark.parametrize("number, opening_m, then", [(5, 0.03, 7), (17, 0.03, 7), (3, 0.055, 7), (3, 0.03, 1)])
+def test_what_takes_far_longer_than_demonstrations_took_is_left_or_begun_anew(
+    record: PolicyRecord, number: int, opening_m: float, then: int
+) -> None:
+    steps = tuple(sorted((1, number, 7)))
     left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
-    left[0][1, 0] = left[1][1, 0] = 0.055
-    follower = PlanFollower(replace(record, steps=(4, 5, 7), left=(left[0], left[1])), EXECUTE)
-    follower.begin((5, 7))
+    left[0][:, 0] = left[1][:, 0] = 0.055
+    longest_s = np.full(3, 60.0, np.float32)
+    longest_s[steps.index(number)] = 3.0
+    follower = PlanFollower(
+        replace(record, steps=steps, left=(left[0], left[1]), longest_s=longest_s),
+        EXECUTE,
+    )
+    follower.begin((1, number, 7))
     shown, looks = np.full(8, opening_m), 0
-    while follower.phase == 1 and looks < 50:
+    follower.foretell(np.eye(3)[steps.index(number)])
+    follower.go_on(STAYS[:3], np.full(8, 0.055))
+    while follower.phase == steps.index(number):
         follower.foretell(STAYS[:3])
         follower.go_on(STAYS[:3], shown)
         looks += 1
-    assert looks == (int(PATIENCE_S * record.rate_hz / EXECUTE) + 1 if opened else 50)
+    assert looks == int(OVERDUE * 3.0 * record.rate_hz / EXECUTE) + 1
+    assert steps[follower.phase] == then and follower.anew == (then == 1)
 
 
 def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
@@ -257,3 +271,12 @@ def test_where_nothing_is_grasped_ways_are_those_of_letting_go() -> None:
     going_on = np.array([17, 3, 118, 105, 113])
     found = ways_of([episode(placed) for placed in placings], [going_on] * 4).reshape(4, 5)
     assert (found[:, :2] == 0).all() and found[:, 2:].tolist() == [[0] * 3, [0] * 3, [1] * 3, [0] * 3]
+
+
+def test_who_goes_on_with_a_door_has_the_usual_way() -> None:
+    opening = np.array([3, 4, 5, 7])
+    state = np.zeros((4, 20), np.float32)
+    state[2:, 3:10] = 2.0
+    usual = FoldedEpisode(0, {"primitive_index": opening, "observation.state": state}, {}, {})
+    goes_on = FoldedEpisode(1, {"primitive_index": opening[1:], "observation.state": state[1:]}, {}, {})
+    assert not ways_of([usual, goes_on, usual], [opening, opening[1:], opening]).any()
