@@ -16,8 +16,8 @@ from executor.policies.chunks import targets_in_the_room
 from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
 from executor.policies.seen.features import Numbers, own_numbers, robot_numbers, shown_numbers, state_numbers
-from executor.policies.steps import subtask_of
-from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
+from executor.policies.steps import primitive_of, subtask_of
+from executor.policies.trained import NotAPolicy, PolicyRecord, load_network, normalised, read_record
 from executor.policies.ways import MOST_WAYS
 from executor.policies.windows import chosen_points
 
@@ -32,7 +32,10 @@ class Acting(Protocol):
     step: int
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
-        """Begins an episode, or a part of it, with the numbers of its plan's steps and its seed."""
+        """Begins an episode with the numbers of its plan's steps and its seed."""
+
+    def go_on(self, plan: Sequence[int]) -> None:
+        """Goes on in the middle of an episode with what is left of its plan."""
 
     @property
     def subtask(self) -> int:
@@ -123,14 +126,27 @@ class Actor:
             plan: Numbers of the steps of the episode's plan (`steps.py`), in order; which of them goes on is told the
                 policy, if it was trained so (`phases.py`).
             seed: Of the episode; it chooses among points as it did for demonstrations.
+
+        Raises:
+            NotAPolicy: It has learned nothing of a step of the plan, as of a task of another kind.
         """
+        if self._settings.sees.phase and (foreign := [step for step in plan if step not in self.record.steps]):
+            learned = ", ".join(dict.fromkeys(kind.origin.label for kind in self.record.kinds))
+            step = f"{primitive_of(foreign[0]).name} in subtask {subtask_of(foreign[0])}"
+            raise NotAPolicy(
+                f"{self.name} has learned nothing of {step}, which this task's plan has; it was trained on {learned}"
+            )
+        self._began = None
+        if self._settings.sees.kind == "cloud":
+            self._points = chosen_points(self._settings.sees.points, seed)
+        self.go_on(plan)
+
+    def go_on(self, plan: Sequence[int]) -> None:
+        """Goes on in the middle of an episode, as at its beginning but for what it saw then."""
         self._follower.begin(plan)
         self._frames.clear()
         self._waiting.clear()
         self._ways.clear()
-        self._began = None
-        if self._settings.sees.kind == "cloud":
-            self._points = chosen_points(self._settings.sees.points, seed)
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Returns the next action: (12,) joint targets or (10,) a hand action."""

@@ -120,7 +120,7 @@ class Corrector:
         observation, info = env.reset(seed=unit.seed, options=None if unit.index is None else {"index": unit.index})
         actor.begin(plan_of(env.episode.task), unit.seed)
         watch, stall = OutcomeWatch(env.episode, env.world), StallWatch(rate_hz)
-        guide = PlanGuide(actor, env.episode.task, unit.seed)
+        guide = PlanGuide(actor, env.episode.task)
         pusher = pusher_of(env, unit.seed, unit.takeover.pushes if unit.takeover is not None else ())
         env.disturb(pusher)
 

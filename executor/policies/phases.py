@@ -70,7 +70,7 @@ class PlanFollower:
         slack = np.maximum(least_slack, _SLACK_SHARE * (most - least))
         self._least, self._most = least - slack, most + slack
         # A door that was opened farther than demonstrations open it, between two looks, is open.
-        for phase, kind in enumerate(self._kinds):
+        for phase, kind in enumerate(self._kinds if sees.phase else ()):
             if kind is Primitive.ARTICULATE_OPEN:
                 self._most[phase, self._of_doors] = np.inf
             elif kind is Primitive.ARTICULATE_CLOSE:
@@ -92,7 +92,7 @@ class PlanFollower:
         return self._anew
 
     def begin(self, plan: Sequence[int]) -> None:
-        """Begins an episode with the numbers of its plan's steps, in order."""
+        """Begins with the numbers of a plan's steps, in order."""
         known = self._known
         self._plan = [known.index(number) for number in plan if number in known] or [0]
         self._first = 0

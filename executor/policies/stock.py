@@ -102,6 +102,10 @@ class StockActor:
         """Begins an episode; of its plan it is told nothing, and what it draws follows from the seed."""
         self._sentence = self._sentence_of(seed)
         torch.manual_seed(seed)
+        self.go_on(plan)
+
+    def go_on(self, plan: Sequence[int]) -> None:
+        """Forgets what it was about to do."""
         self._policy.reset()
 
     @property

@@ -248,6 +248,8 @@ class TrainOptions(CommonOptions):
     """How many demonstrations of each store, from the first on; by default all."""
     steps: Maybe[int] = None
     """How many steps to train, instead of what the settings say."""
+    keep_every: Maybe[int] = None
+    """Keep the weights after every so many steps too, for `evaluate --steps` to judge and choose by rollouts."""
     seed: int = 0
     """Of the first weights, of batches and noise."""
     device: Literal["cpu", "cuda"] = "cpu"

@@ -1,4 +1,4 @@
-"""Success by what varied: each number that was drawn for an episode, in thirds of the episodes."""
+"""Success by what varied: by each number that was drawn, in thirds of the episodes, or by its few values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ class AxisScore:
 
     Attributes:
         axis: Its name, with its unit.
-        parts: Least and largest number, and success once, of each third of the episodes by that number.
+        parts: Least and largest number, and success once, of each third of the episodes by that number, or of each of
+            its values where these are three at most.
         p: How likely ranks of this number as different between successes and failures are where it makes no
             difference (Mann and Whitney's test); of many axes some are unlikely by chance. None where all came to
             the same.
@@ -42,16 +43,28 @@ class AxisScore:
 
 
 def drawn_numbers(episode: DrawnEpisode) -> dict[str, float]:
-    """Returns name -> number of all that was drawn for an episode: of its variation, and where the robot starts.
+    """Returns name -> number of what was drawn for an episode: of its variation, of its first target, and how many
+    things there are.
 
-    Where it starts is told as how far the first target is, and in what direction as seen from the robot.
+    Of the target: how far it is, in what direction and how turned as seen from the robot, its size, the numbers of its
+    model, and 1 where its door turns about the right edge.
     """
-    found: dict[str, float] = {}
+    found: dict[str, float] = {"things": float(len(episode.scene.objects))}
     target, robot = episode.scene[episode.task.subtasks[0].target], episode.scene.robot
     ahead = np.array(target.position[:2]) - robot.position[:2]
     bearing_rad = wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - robot.yaw_rad)
     found["target_distance_m"] = round(float(np.hypot(*ahead)), 4)
     found["target_bearing_deg"] = round(float(np.degrees(bearing_rad)), 2)
+    w, x, y, z = target.orientation
+    yaw_rad = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    found["target_turned_deg"] = round(float(np.degrees(wrap_angle(yaw_rad - robot.yaw_rad))), 2)
+    for side, size_m in zip(("depth", "width", "height"), target.extent_m, strict=True):
+        found[f"target_{side}_m"] = round(size_m, 4)
+    for name, value in target.parameters.items():
+        if isinstance(value, int | float):
+            found[f"target {name}"] = float(value)
+    if "hinge" in target.parameters:
+        found["target hinge_right"] = float(target.parameters["hinge"] == "right")
     if episode.unit is None:
         return found
     for axis, drawn in drawn_values(episode.unit, episode.scene, episode.strays).items():
@@ -77,10 +90,12 @@ def by_axis(outcomes: Sequence[EpisodeOutcome]) -> tuple[AxisScore, ...]:
         values = np.array([outcome.drawn[axis] for outcome in outcomes])
         if len(np.unique(values)) < 2:
             continue
-        order = np.argsort(values, kind="stable")
+        few = np.unique(values)
+        alike = [np.flatnonzero(values == value) for value in few]
+        thirds = np.array_split(np.argsort(values, kind="stable"), PARTS)
         parts = tuple(
             (float(values[part].min()), float(values[part].max()), Rate(int(good[part].sum()), len(part)))
-            for part in np.array_split(order, PARTS)
+            for part in (alike if len(few) <= PARTS else thirds)
             if len(part)
         )
         p = float(mannwhitneyu(values[good], values[~good]).pvalue) if good.any() and not good.all() else None

@@ -134,6 +134,7 @@ def run_episode(
     Raises:
         NotDrawn: No room could be made of the seed.
         TaskError: There is no item to push.
+        NotAPolicy: The policy has learned nothing of the task.
     """
     observation, info = env.reset(seed=seed)
     episode = env.episode
@@ -145,7 +146,7 @@ def run_episode(
     left = most_steps(env.family, episode.task, rate_hz)
     outcome: EpisodeOutcome | None = None
     helped: list[PlannerHelp] = []
-    guide = PlanGuide(actor, episode.task, seed)
+    guide = PlanGuide(actor, episode.task)
     while True:
         env.disturb(pusher)
         stall = StallWatch(rate_hz)
@@ -173,7 +174,7 @@ def run_episode(
         if not one.succeeded or one.subtask + 1 == count or not left:
             break
         # The graph says what comes next, by the detectors; the policy goes on with that.
-        actor.begin(plan_of(episode.task, min(int(info["stage"]), count - 1)), seed)
+        actor.go_on(plan_of(episode.task, min(int(info["stage"]), count - 1)))
     if helped and helped[-1].succeeded:
         hold_and_see(env, watch, rate_hz)
     return (
@@ -198,11 +199,10 @@ class PlanGuide:
     Args:
         actor: The policy.
         task: What it does.
-        seed: Of the episode.
     """
 
-    def __init__(self, actor: Acting, task: Task, seed: int) -> None:
-        self._actor, self._task, self._seed = actor, task, seed
+    def __init__(self, actor: Acting, task: Task) -> None:
+        self._actor, self._task = actor, task
         self._undone, self._anew = 0, actor.anew
 
     def look(self, info: Mapping[str, Any]) -> None:
@@ -212,7 +212,7 @@ class PlanGuide:
         self._undone = self._undone + 1 if self._actor.subtask > stage else 0
         needless = began_anew and self._actor.subtask < stage < len(self._task.subtasks)
         if needless or self._undone > UNDONE_S * self._actor.record.rate_hz:
-            self._actor.begin(plan_of(self._task, stage), self._seed)
+            self._actor.go_on(plan_of(self._task, stage))
             self._undone, self._anew = 0, self._actor.anew
 
 

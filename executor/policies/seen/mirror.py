@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from executor.datasets.formats.observations import HANDLES, THINGS
 from executor.datasets.formats.stream import CLOUD
 from executor.robot.actions import joint_limits
+from oag.model.primitives import OPPOSITE, Primitive
 from oag.model.scenefile import FULL_SCALE
 
 Columns = Mapping[str, NDArray]
@@ -32,6 +33,10 @@ _THING = np.concatenate([[1], _POSE, [1, 1, 1], _PLACE]).astype(np.float32)
 _HANDLE = np.concatenate([[1, 1, 1], _PLACE]).astype(np.float32)
 _ENVIRONMENT = np.concatenate([*[_THING] * THINGS, *[_HANDLE] * HANDLES])
 _HAND_ACTION = np.concatenate([_PLACE, _TURN, [1, 1, -1, -1]]).astype(np.float32)
+_SIDEWAYS = (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_BASE_LEFT, Primitive.TURN_BASE_LEFT)
+_PRIMITIVES = np.arange(max(Primitive) + 1)
+for _left in _SIDEWAYS:
+    _PRIMITIVES[[_left, OPPOSITE[_left]]] = OPPOSITE[_left], _left
 _POINT = np.append(_PLACE, 1).astype(np.float32)
 
 
@@ -54,6 +59,7 @@ def mirrored(columns: Columns) -> dict[str, NDArray] | None:
             return None
     found["observation.environment_state"] = columns["observation.environment_state"] * _ENVIRONMENT
     found["action"] = columns["action"] * _HAND_ACTION
+    found["primitive_index"] = _PRIMITIVES[columns["primitive_index"]]
     if CLOUD in columns:
         found[CLOUD] = columns[CLOUD] * _POINT
     return found

@@ -1,10 +1,11 @@
 """What room there is: where the target's corners and its door's hinge are, and how far it is to the nearest things.
 
 A door turns about the edge that is farther from its handle; of two doors side by side, whose handles are next to each
-other, about the edge on its own side. That is read off as things stood when the policy began. What is beside a thing is
-in the way of a hand that comes from there. A thing counts as the box around it, upright and seen from above. The base
-is held up by whatever it meets, since furniture stands on the floor and what stands on furniture is within it; a hand
-by what is as high as what it takes. Of a door that is open its body alone counts.
+other, about the edge on its own side. That is read off as things stood when the episode began, and not from a door that
+stands open by more than 45 degrees, as where a correction may begin. What is beside a thing is in the way of a hand
+that comes from there. A thing counts as the box around it, upright and seen from above. The base is held up by whatever
+it meets, since furniture stands on the floor and what stands on furniture is within it; a hand by what is as high as
+what it takes. Of a door that is open its body alone counts.
 """
 
 from __future__ import annotations

@@ -46,10 +46,11 @@ def test_train_goes_on_and_evaluate_counts(
     settings, out = tmp_path / "tiny.toml", tmp_path / "p"
     settings.write_text(TINY)
     train = ["train", str(settings), "--data", str(picked.path), "--out", str(out), "--threads", "1", "--json"]
+    train += ["--keep-every", "3"]
     assert run(train) == 0
     told = last_json(capsys)
     assert told["steps"] == 5 and told["demonstrations"] == 2
-    assert sorted(path.stem for path in (out / "steps").iterdir()) == ["000002", "000004"]
+    assert sorted(path.stem for path in (out / "steps").iterdir()) == ["000003"]
     before = (out / "weights.safetensors").read_bytes()
     assert run(train) == 0  # All is done already.
     capsys.readouterr()

@@ -141,6 +141,8 @@ def test_success_by_what_varied() -> None:
         replace(episode(k, good=k < 6), drawn={"far_m": float(k), "same": 1.0, **({"odd": 1.0} if k else {})})
         for k in range(12)
     ]
+    (few,) = by_axis([replace(outcome, drawn={"right": float(k % 2)}) for k, outcome in enumerate(outcomes)])
+    assert [(low, high, rate.successes) for low, high, rate in few.parts] == [(0.0, 0.0, 3), (1.0, 1.0, 3)]
     (score,) = by_axis(outcomes)
     assert score.axis == "far_m" and [rate.successes for *_, rate in score.parts] == [4, 2, 0]
     assert [(low, high) for low, high, _ in score.parts] == [(0.0, 3.0), (4.0, 7.0), (8.0, 11.0)]
@@ -171,13 +173,16 @@ class Pretender:
         self.begun: list[list[int]] = []
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
+        self.go_on(plan)
+
+    def go_on(self, plan: Sequence[int]) -> None:
         self.begun.append(sorted({subtask_of(step) for step in plan}))
 
 
 def test_the_graph_sends_back_who_goes_on_from_what_is_not_done_and_on_who_does_what_is() -> None:
     task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
     actor = Pretender()
-    guide = PlanGuide(cast(Acting, actor), task, 0)
+    guide = PlanGuide(cast(Acting, actor), task)
     for _ in range(100):
         guide.look({"stage": 0})
         guide.look({"stage": 1})  # A door counts as open long before it was opened as far as it has to be.

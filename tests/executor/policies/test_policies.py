@@ -244,6 +244,8 @@ def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: Episode
     assert parameters(record.network()) > 12e6
     Trainer(out, record, seen).run(lambda step, loss: None)
     actor = Actor.load(out)
+    # It is told no steps, so that those of doors are nothing to it either.
+    Actor("doors", replace(record, steps=(1, 2, 3, 4, 5, 6, 17, 19)), record.network())
     env = environment_for(actor, record.kinds[0])
     observation, _ = env.reset(seed=62985)
     actor.begin([17, 1, 2, 3, 7], 62985)
@@ -318,6 +320,8 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
     plan = [17, 1, 2, 3, 7]
     assert all(np.array_equal(a, b) for a, b in zip(actions(plan), actions(plan), strict=True))
     assert not np.array_equal(actions([7])[0], actions(plan)[0])
+    with pytest.raises(NotAPolicy, match=r"learned nothing of ARTICULATE_OPEN in subtask 0.*trained on pick-up"):
+        actor.begin([17, 1, 2, 3, 4, 5, 6], 62985)
     env.close()
 
 

@@ -86,8 +86,16 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
     assert image is not None
     again = mirrored(image)
     assert again is not None
-    for name in ("observation.state", "observation.environment_state", "action", "action.joint_target"):
+    for name in (
+        "observation.state",
+        "observation.environment_state",
+        "action",
+        "action.joint_target",
+        "primitive_index",
+    ):
         assert np.allclose(again[name], columns[name], atol=1e-6)
+    sides = mirrored({**columns, "primitive_index": np.array([17, 15, 16, 20, 11, 7])})
+    assert sides is not None and sides["primitive_index"].tolist() == [17, 16, 15, 21, 12, 7]
     columns["action.joint_target"][0, 9] = -2.0
     assert mirrored(columns) is None
 

@@ -65,11 +65,12 @@ def execute(options: TrainOptions) -> int:
 
 def _settings(options: TrainOptions) -> PolicySettings:
     found = read_settings(options.settings)
-    if options.steps is None:
-        return found
-    check(options.steps > 0, "--steps", options.steps, "a number above 0")
+    said = {"steps": options.steps, "keep_every": options.keep_every}
+    told = {name: number for name, number in said.items() if number is not None}
+    for name, number in told.items():
+        check(number > 0, f"--{name.replace('_', '-')}", number, "a number above 0")
     content = found.model_dump(mode="json")
-    return settings_of({**content, "training": {**content["training"], "steps": options.steps}}, options.settings)
+    return settings_of({**content, "training": {**content["training"], **told}}, options.settings) if told else found
 
 
 def _make_room(options: TrainOptions, record: PolicyRecord) -> None:
