@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import baselines, robogen_plans
+from benchmarks import baselines, robogen_executed, robogen_plans
 from executor.bench.store import BenchFolder
 from executor.bench.units import BenchSetting, Series
+from executor.records.rollout import FailureKind
 from tests.source_tree import ROOT
 
 # Of the form of RoboGen's examples, written for this test.
@@ -99,3 +100,20 @@ def test_what_was_measured_elsewhere_is_what_the_documentation_says() -> None:
     assert f"together {baselines.ELSEWHERE[-3].rate.successes} of {baselines.ELSEWHERE[-3].rate.trials}" in told.lower()
     assert "| as written: a hand lets go only where a step says so | 11 | 9 |" in told
     assert "| as its code does: a grasp first lets go of what is held | 19 | 1 |" in told
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("lets_go", [False, True])
+def test_recorded_decompositions_are_executed_without_being_checked(lets_go: bool) -> None:
+    steps = ("grasp the drawer", "open the drawer", "grasp the object", "put the object into the drawer")
+    rest = ("grasp the drawer again", "close the drawer")
+    stored = {"facts": ["(ontop object_0 floor_0)", "(not (open storage_furniture_0))"], "objects": {}}
+    plan = robogen_plans.Recorded(
+        "Store_an_Object_in_the_Drawer", (*steps, *rest), stored, "storage_furniture_0", ("object_0",)
+    )
+    scene, task = robogen_executed.prepared(plan, grasping_lets_go=lets_go)
+    assert str(task.goal) == "(and (inside object_0 storage_furniture_0) (not (open storage_furniture_0)))"
+    rollout = robogen_executed.executed(scene, task, 62950)
+    assert rollout.succeeded is lets_go
+    # Who never lets go of the drawer comes to the object with its handle in the hand.
+    assert lets_go or (rollout.failure is not None and rollout.failure.kind is FailureKind.PRECONDITION)
