@@ -69,7 +69,8 @@ ELSEWHERE = (
         for task, good in GENSIM2.items()
     ),
     Elsewhere(
-        *("opening and shutting 10 of GenSim2's models", "planned flows", "own", "from 69500", Rate(394, 398, clusters=10)),
+        *("opening and shutting 10 of GenSim2's models", "planned flows", "own", "from 69500"),
+        Rate(394, 398, clusters=10),
         "python -m benchmarks.gensim2_models GenSim2 --episodes 20 --seed 69500",
     ),
     Elsewhere(
