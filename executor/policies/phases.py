@@ -6,9 +6,8 @@ what shows of that (`features.shown_numbers`) is as it was wherever demonstratio
 nothing begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked.
 Drives that are held back for as long, doors that come no farther, and hands that open no wider are left; what takes far
 longer than demonstrations took for it counts as held back; and where the whole plan has left a door less open than it
-should be, it begins anew. Who has learned from corrections always
-begins anew as the planner does that made them: with an empty hand, from wherever it is. No contact and no detector is
-asked: it is what the policy sees anyway.
+should be, it begins anew. Who has learned from corrections always begins anew as the planner does that made them: with
+an empty hand, from wherever it is. No contact and no detector is asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ and a door that swings presses them together by a fifth."""
 _SLACK_SHARE = 0.25  # The same of what demonstrations differ by: where they differ much, it does not matter.
 
 _MOVES_DOORS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-_LEFT_AS_IT_IS = (*_MOVES_DOORS, *DRIVES, Primitive.UNGRASP)  # What held back is not begun anew.
+_LEFT_AS_IT_IS = (*_MOVES_DOORS, *DRIVES, Primitive.UNGRASP)  # What is held back here is not begun anew.
 
 
 class PlanFollower:

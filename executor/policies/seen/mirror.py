@@ -33,10 +33,9 @@ _THING = np.concatenate([[1], _POSE, [1, 1, 1], _PLACE]).astype(np.float32)
 _HANDLE = np.concatenate([[1, 1, 1], _PLACE]).astype(np.float32)
 _ENVIRONMENT = np.concatenate([*[_THING] * THINGS, *[_HANDLE] * HANDLES])
 _HAND_ACTION = np.concatenate([_PLACE, _TURN, [1, 1, -1, -1]]).astype(np.float32)
-_SIDEWAYS = (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_BASE_LEFT, Primitive.TURN_BASE_LEFT)
-_PRIMITIVES = np.arange(max(Primitive) + 1)
-for _left in _SIDEWAYS:
-    _PRIMITIVES[[_left, OPPOSITE[_left]]] = OPPOSITE[_left], _left
+_LEFTWARDS = (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_BASE_LEFT, Primitive.TURN_BASE_LEFT)
+_OTHER_SIDE = {one: OPPOSITE[one] for left in _LEFTWARDS for one in (left, OPPOSITE[left])}
+_PRIMITIVES = np.array([_OTHER_SIDE.get(number, number) for number in (0, *Primitive)])  # 0 where none goes on.
 _POINT = np.append(_PLACE, 1).astype(np.float32)
 
 
