@@ -81,6 +81,14 @@ ELSEWHERE = (
         *("RoboGen's recorded decompositions", "proved as its code does them, of those that can be said", "own"),
         *("-", Rate(19, 20), "python -m benchmarks.robogen_plans RoboGen"),
     ),
+    Elsewhere(
+        *("8 of RoboGen's recorded decompositions", "as written, executed unchecked", "own", "69600 to 69603"),
+        *(Rate(12, 32, clusters=8), "python -m benchmarks.robogen_executed RoboGen --episodes 4 --seed 69600"),
+    ),
+    Elsewhere(
+        *("8 of RoboGen's recorded decompositions", "as its code does them, unchecked", "own", "69600 to 69603"),
+        *(Rate(25, 32, clusters=8), "python -m benchmarks.robogen_executed RoboGen --episodes 4 --seed 69600"),
+    ),
 )
 HEAD = (
     "family",

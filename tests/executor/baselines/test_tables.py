@@ -85,7 +85,7 @@ def test_the_paper_stands_in_a_column_of_its_own(tmp_path: Path, capsys: pytest.
     assert other.endswith("| M3 GenSim2 (Primitive): 5 / 78 |")
     assert "2 of 2, 100 %" in own and own.endswith("| 0 s | - |")
     # What was measured with code or tasks of others stands below, in the same columns.
-    assert len(elsewhere) == 13 and {row.count("|") for row in elsewhere} == {head.count("|")}
+    assert len(elsewhere) == 15 and {row.count("|") for row in elsewhere} == {head.count("|")}
     theirs_own = next(row for row in elsewhere if "GenSim2's OpenRefrigeratorDoor" in row)
     assert "| GenSim2's | 0 to 19 | 13 of 20, 65 % (40.8 to 84.6) |" in theirs_own and "not measured anew" in theirs_own
     assert theirs_own.endswith("| M3 GenSim2 (Primitive), T1 to T6: 0, 5, 55, 0, 100, 38.8 |")
@@ -97,7 +97,8 @@ def test_what_was_measured_elsewhere_is_what_the_documentation_says() -> None:
         assert one.source in told
     for task, good in baselines.GENSIM2.items():
         assert f"{task} {good} " in told
-    assert f"together {baselines.ELSEWHERE[-3].rate.successes} of {baselines.ELSEWHERE[-3].rate.trials}" in told.lower()
+    for one in (baselines.ELSEWHERE[-5], *baselines.ELSEWHERE[-2:]):
+        assert f"{one.rate.successes} of {one.rate.trials}" in told
     assert "| as written: a hand lets go only where a step says so | 11 | 9 |" in told
     assert "| as its code does: a grasp first lets go of what is held | 19 | 1 |" in told
 
