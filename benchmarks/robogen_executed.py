@@ -35,21 +35,20 @@ KITCHEN = Path(__file__).parents[1] / "examples" / "policies" / "kitchen.json"
 FRIDGE = ("refrigerator", "upright_one_door", (0.68, 0.6, 1.2), {"hinge": "left", "shelf_heights_m": [0.42, 0.72]})
 DRAWERS = ("bottom_cabinet", "cabinet_drawers", (0.6, 0.5, 0.8), {"drawers": 2})
 CUPBOARD = ("bottom_cabinet", "cabinet_one_door", (0.6, 0.5, 0.8), {"hinge": "left"})
+OPENED, SHUT = "(open {fixture})", "(not (open {fixture}))"
+STORED = f"(and (inside {{item}} {{fixture}}) {SHUT})"
 ROOMS: dict[str, tuple[tuple[str, str, tuple[float, float, float], dict[str, Any]], str]] = {
-    "Pull_Drawer_Out": (DRAWERS, "(open {fixture})"),
-    "Retrieve_Item_from_Fridge": (FRIDGE, "(and (not (inside {item} {fixture})) (not (open {fixture})))"),
-    "Store_an_Object_in_the_Drawer": (DRAWERS, "(and (inside {item} {fixture}) (not (open {fixture})))"),
-    "close_the_drawer_of_the_table": (DRAWERS, "(not (open {fixture}))"),
-    "close_the_oven_door": (("oven", "oven_bottom_hinge", (0.65, 0.58, 0.85), {}), "(not (open {fixture}))"),
+    "Pull_Drawer_Out": (DRAWERS, OPENED),
+    "Retrieve_Item_from_Fridge": (FRIDGE, f"(and (not (inside {{item}} {{fixture}})) {SHUT})"),
+    "Store_an_Object_in_the_Drawer": (DRAWERS, STORED),
+    "close_the_drawer_of_the_table": (DRAWERS, SHUT),
+    "close_the_oven_door": (("oven", "oven_bottom_hinge", (0.65, 0.58, 0.85), {}), SHUT),
     "load_dish_into_dishwasher": (
         ("dishwasher", "dishwasher_bottom_hinge", (0.65, 0.55, 0.85), {"racks": 1}),
-        "(and (inside {item} {fixture}) (not (open {fixture})))",
+        STORED,
     ),
-    "store_an_item_into_the_storagefurniture": (
-        CUPBOARD,
-        "(and (inside {item} {fixture}) (not (open {fixture})))",
-    ),
-    "store_food_in_refrigerator": (FRIDGE, "(and (inside {item} {fixture}) (not (open {fixture})))"),
+    "store_an_item_into_the_storagefurniture": (CUPBOARD, STORED),
+    "store_food_in_refrigerator": (FRIDGE, STORED),
 }
 """Decomposition -> category, model, size in m and options of its thing, and what its task comes to."""
 
@@ -60,29 +59,28 @@ _FITS = 0.6  # Of a glass's size: the gripper of a Panda of 0.7 opens by 5.6 cm.
 def prepared(plan: Recorded, *, grasping_lets_go: bool) -> tuple[Scene, Task]:
     """Returns a decomposition's room, and its steps as a task that ends in what it is called."""
     (category, model, extent_m, options), goal = ROOMS[plan.name]
-    told = as_task(plan, grasping_lets_go=grasping_lets_go)
+    # What stands on the floor there stands on the table here.
+    facts = [fact.replace(" floor_0)", " table_0)") for fact in plan.scene["facts"]]
+    told = as_task(replace(plan, scene={**plan.scene, "facts": facts}), grasping_lets_go=grasping_lets_go)
     kitchen = json.loads(KITCHEN.read_text(encoding="utf-8"))
     fridge, glass = kitchen["objects"].pop("refrigerator_0"), kitchen["objects"].pop("glass_0")
     stands = [_FRONT_M + extent_m[0] / 2, 0.0, extent_m[2] / 2]
-    is_open = f"(open {plan.fixture})" in plan.scene["facts"]
+    is_open = OPENED.format(fixture=plan.fixture) in facts
     parameters = {**options, **({"open_fraction": _HALF_OPEN} if is_open else {})}
     thing = {"category": category, "model": model, "position": stands, "bbox_extent": list(extent_m)}
     kitchen["objects"][plan.fixture] = {**fridge, **thing, "parameters": parameters}
-    facts = [f"(open {plan.fixture})" if is_open else f"(not (open {plan.fixture}))"]
     item, variation = "", kitchen["variation"]["objects"]
     if plan.items:
         (item,) = plan.items
-        inside = any(fact.startswith(f"(inside {item} ") for fact in plan.scene["facts"])
+        inside = any(fact.startswith(f"(inside {item} ") for fact in facts)
         half_m = _FITS * glass["bbox_extent"][2] / 2
         at = [stands[0] - 0.1, 0.0, _SHELF_M + half_m] if inside else [*glass["position"][:2], _TABLE_M + half_m]
         if not inside:
             variation[item] = variation["glass_0"]
         kitchen["objects"][item] = {**glass, "position": at, "scale": [_FITS] * 3}
-        facts.append(f"(inside {item} {plan.fixture})" if inside else f"(ontop {item} table_0)")
     del variation["glass_0"]
     scene = Scene.from_json({**kitchen, "name": plan.name, "facts": facts})
-    # What stands on the floor there stands on the table here.
-    task = Task.from_json(json.loads(json.dumps(told).replace("floor_0", "table_0")), scene=scene)
+    task = Task.from_json(told, scene=scene)
     goal = goal.format(fixture=plan.fixture, item=item)
     return scene, replace(task, goal=bddl.parse_formula(goal))
 

@@ -152,6 +152,8 @@ def test_what_cannot_be_corrected_is_refused(
     assert run(["correct", str(policy), "--noise-m", "1", *out]) == 2
     assert run(["correct", str(policy), "--push", "base", "base", *out]) == 2
     assert run(["correct", str(policy), "--stances", "0", *out]) == 2
+    assert run(["correct", str(policy), "--task", "T1", "--seed", "62951", *out]) == 2
+    assert "has learned nothing of ARTICULATE_OPEN" in capsys.readouterr().out
     assert not (tmp_path / "s").exists()
 
 

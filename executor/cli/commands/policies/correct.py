@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing, suppress
 from dataclasses import replace
 
 from executor.bench.presence import at_work
@@ -15,9 +16,13 @@ from executor.cli.words.datasets import CorrectOptions
 from executor.datasets.generate import Tally, generate
 from executor.datasets.store import EpisodeStore, pending
 from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Recording, Takeover
+from executor.policies.acting import Actor
 from executor.policies.correcting import WORKER
+from executor.policies.judging.evaluation import environment_for
+from executor.policies.steps import plan_of
 from executor.policies.trained import PolicyRecord, policy_key, read_record
 from executor.policies.windows import EpisodeKind
+from executor.scenes.pair import NotDrawn
 
 _MOST_NOISE_M = 0.05
 
@@ -30,6 +35,8 @@ def execute(options: CorrectOptions) -> int:
     """
     record = read_record(options.policy)
     series = _series(options, record)
+    if options.task is not None:
+        _check_learned(options, series.first)
     store, version = EpisodeStore(options.out), outcome_version()
     store.add_requests([series.to_json()])
     todo = list(pending(store, [series], version))
@@ -83,3 +90,16 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
         takeover=Takeover(policy_key(options.policy, options.step), count, options.push),
     )
     return DemoSeries(unit, options.episodes)
+
+
+def _check_learned(options: CorrectOptions, first: DemoUnit) -> None:
+    """Refuses a task that has steps of which the policy has learned nothing, before hundreds of its episodes fail so.
+
+    Raises:
+        NotAPolicy: It is one; or the policy's weights are missing.
+    """
+    actor = Actor.load(options.policy, options.step)
+    kind = EpisodeKind(first.origin, replace(first.variation, noise_m=0), first.full_size)
+    with closing(environment_for(actor, kind)) as env, suppress(NotDrawn):
+        env.reset(seed=first.seed, options=None if first.index is None else {"index": first.index})
+        actor.begin(plan_of(env.episode.task), first.seed)
