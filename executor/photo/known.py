@@ -14,6 +14,7 @@ from executor.geometry import Array
 from executor.photo.fitting.body import Guess, depth_picture
 from executor.photo.fitting.fit import (
     LEAST_POINTS,
+    MISNAMED,
     called,
     cheaper,
     fit_anything,
@@ -53,9 +54,10 @@ _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
-_DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+_DOUBTFUL, _LEAST_ALONE = 0.75, 0.6  # Right names explain nine tenths and more.
 RIGHT = 0.9  # What explains less may be turned otherwise.
-_LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
+_RIVALS = 6  # Models that what nobody has called so may be as well.
+_LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
 STOOD_OUT = "stands out of the depths"
@@ -193,14 +195,22 @@ class KnownRoom:
         del self.fits[index], self._depths[index]
         around, detection = self._around(index, ()), self.detections[index]
         if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
-            names = (found.guess.entry.category, detection.category)
-            named = [entry for entry in LIBRARY.values() if entry.category in names]
-            found = shaken(around, detection.box_px, found, named)
+            is_named = found.guess.entry.category == detection.category
+            likely = named_models(detection)
+            if not is_named:
+                rivals = (found.guess.entry, *(one.guess.entry for one in found.alternatives[:_RIVALS]))
+                likely = [one for one in rivals if is_large(one)]
+            found = shaken(around, detection.box_px, found, likely)
             self._shaken[index] = frozenset((found.guess, *around.near.pieces))
         return self._kept(index, found)
 
-    def fit_anything(self, index: int) -> str:
-        """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""
+    def fit_anything(self, index: int, foreign: NDArray[np.bool_] | None = None) -> str:
+        """Fits one thing by every model, and keeps that where it costs clearly less than what the box is called.
+
+        Args:
+            index: Which detection.
+            foreign: (H, W) pixels that are of other things, though nobody knows yet of which.
+        """
         unlikely = self.unlikeliness(index) > _IMPOSSIBLE
         before, detection = self.fits.pop(index, None), self.detections[index]
         self._depths.pop(index, None)
@@ -208,6 +218,8 @@ class KnownRoom:
             before = None
             self.reasons[index] = "what it is called would stand in other things"
         around = self._around(index, ())
+        if foreign is not None:
+            around = replace(around, smaller=around.smaller | foreign)
         self._views[index] = BoxView.of(self.seen, around.other_m, around.smaller)
         points = self._points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
@@ -218,13 +230,14 @@ class KnownRoom:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not self._is_there(index, found, around):
             found = None
-        least = _LEAST_ALONE
-        if before is not None and detection.category is not None and not self._claim(before.guess, around).seen_through:
-            least = before.explained + _MUCH_MORE
-        if found is None or found.explained < least:
+        if found is not None and found.explained < _LEAST_ALONE:
+            found = None
+        if found is None:
             found = before
         elif before is not None and detection.category is None:
             found = cheaper(around, detection.box_px, before, found)
+        elif before is not None and not self._claim(before.guess, around).seen_through:
+            found = cheaper(around, detection.box_px, before, found, MISNAMED)
         if found is None:
             self.reasons.setdefault(index, "no model explains it")
         return self._kept(index, found)
@@ -257,7 +270,8 @@ class KnownRoom:
                 continue
             tried.append(piece)
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
-            told(self.fit_anything(len(self.detections) - 1))
+            others = [one for one in pieces if one is not piece]
+            told(self.fit_anything(len(self.detections) - 1, np.any(others, axis=0) if others else None))
         found = [index for index in self.fits if index >= self._boxed and self.fits[index].guess.bottom_m == 0.0]
         # The first ones were fitted among nothing, and each to the piece of it that stood out.
         for index in found:
@@ -289,8 +303,12 @@ class KnownRoom:
         if not self.seen.has_depth:
             return True
         claim = self._claim(found.guess, around)
-        fills = index >= self._boxed or claim.fills(self.detections[index].box_px)
-        return fills and claim.is_borne_out(_LEAST_SEEN_PX)
+        if index < self._boxed:
+            is_it = claim.fills(self.detections[index].box_px)
+        else:
+            # What is left of a thing that was misjudged is explained by another one in it.
+            is_it = prior_cost(found.guess, around.near) < _IMPOSSIBLE
+        return is_it and claim.is_borne_out(_LEAST_SEEN_PX)
 
     def _is_as_seen(self, index: int, around: Around) -> bool:
         """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""

@@ -90,7 +90,9 @@ def reconstruct(
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
     for index in boxes:
-        told(room.rename(index))
+        # What hardly explains its box has sides that are of no use for others.
+        if not room.is_doubtful(index):
+            told(room.rename(index))
     # Where two stand in each other, the less likely one is the wrong one.
     for index in sorted(boxes, key=room.unlikeliness, reverse=True):
         if room.is_doubtful(index):
@@ -100,8 +102,8 @@ def reconstruct(
         for index in boxes:
             if index not in room.fits and not room.adopt(index):
                 told(room.fit(index, None, hidden_by=carried))
-                if room.is_doubtful(index):
-                    told(room.fit_anything(index))
+            if room.is_doubtful(index):
+                told(room.fit_anything(index))
     for index in sorted(room.fits, key=room.unlikeliness, reverse=True):
         told(room.shake(index))
     for index in standing:

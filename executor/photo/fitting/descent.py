@@ -41,7 +41,7 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     scale = (_ITEM_STEP if is_item else _FURNITURE_STEP) / 2
     turns = not body.symmetric and not is_round(entry)
     active = np.flatnonzero([True, True, turns, not _fixed(entry, 0), True, not _fixed(entry, 2)])
-    held = _near_point_of_body(guess) if has_ear(entry) else _near_corner(guess)
+    held = _near_point_of_body(guess) if has_ear(entry) else near_corner(guess)
     start = np.array([*(held(guess.yaw_rad, *guess.size_m[:2]) + [guess.x_m, guess.y_m]), guess.yaw_rad, *guess.size_m])
 
     def at(values: Array) -> Guess:
@@ -65,16 +65,17 @@ def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours:
     return best if body_of(best) is not None else guess
 
 
-_Held = Callable[[float, float, float], Array]
+Held = Callable[[float, float, float], Array]
 """Heading, length and width -> (2,) how far what is held is from the middle of the box."""
 
 
-def _near_corner(guess: Guess) -> _Held:
+def near_corner(guess: Guess) -> Held:
+    """Returns where the corner of a guess's box is that is nearest to the camera, for other turns and sides, too."""
     sign = np.where(rotation_z(-guess.yaw_rad)[:2, :2] @ [guess.x_m, guess.y_m] < 0.0, 0.5, -0.5)
     return lambda yaw_rad, length, width: rotation_z(yaw_rad)[:2, :2] @ (sign * [length, width])
 
 
-def _near_point_of_body(guess: Guess) -> _Held:
+def _near_point_of_body(guess: Guess) -> Held:
     towards = -np.array([guess.x_m, guess.y_m]) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
     return lambda yaw_rad, length, width: body_middle_m(yaw_rad, length, width) + towards * width / 2
 

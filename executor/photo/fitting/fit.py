@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -15,10 +14,9 @@ from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, redressed, shape_of, shapes, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import usual_size_m
 from executor.photo.fitting.spread import place_spread_m
-from executor.photo.fitting.starts import opened_starts, outline_starts, points_of, starts
-from executor.photo.fitting.turns import all_turns, is_same_box, quarter_of, reshaped, turned_by_ear
+from executor.photo.fitting.starts import flat_among, opened_starts, outline_starts, points_of, starts
+from executor.photo.fitting.turns import all_turns, boxes_beside, is_same_box, quarter_of, turned_by_ear
 from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
@@ -29,14 +27,13 @@ _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, 
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
-_FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
-_MISNAMED = 12.0
+MISNAMED = 12.0
 """Less, a model of another name has to cost: a name is wrong once in twenty, and then one of forty, 6.6 by itself."""
 
 _LOOK = 20.0  # Of a thing without a name, another colour by a third of its light is as unlikely as a wrong name.
@@ -66,7 +63,7 @@ def fit_thing(
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
     if points is not None and len(points) < LEAST_POINTS:
         # Of what is flat and far hardly a point stands out: its box tells more.
-        points, entries = points[:0], _flat(entries)
+        points, entries = points[:0], flat_among(entries)
     if not entries:
         return None
     likelihoods = coarse, search, fine = _likelihoods(around, box_px)
@@ -136,7 +133,7 @@ def renamed(
     dressed_up = _cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
     ranked = _best_of_models([fine.rated(found.guess), *rivals])
-    if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
+    if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)
     return _named(ranked[0], own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
@@ -153,7 +150,7 @@ def _named(found: RatedGuess, own: Sequence[ModelEntry], search: Likelihood, fin
     named = _best_of_models(_with_sides_of(found.guess, own, search, fine))
     if named and has_ear(named[0].guess.entry):
         named[0] = turned_by_ear(fine, named[0])
-    if not named or named[0].cost - found.cost > _MISNAMED:
+    if not named or named[0].cost - found.cost > MISNAMED:
         return None
     return _described(fine.patch, named[0], named[1:])
 
@@ -170,8 +167,8 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
 def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit, entries: Sequence[ModelEntry]) -> Fit:
     """Returns a fit, or what is cheaper and not on the way down from where its search began.
 
-    Tried are other sides, as neighbours may have come or gone since, all turns and models of one name with these sides,
-    and each with every hinge side and number of drawers.
+    Tried are other sides, as neighbours may have come or gone since, with all turns and models, and the likeliest of
+    these with every hinge side and number of drawers.
 
     Args:
         around: What else is known.
@@ -179,10 +176,12 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
         found: The fit.
         entries: The models.
     """
-    _, search, fine = _likelihoods(around, box_px)
+    coarse, search, fine = _likelihoods(around, box_px)
     now = fine.rated(found.guess)
-    others = itertools.chain(reshaped(found.guess), all_turns(found.guess, entries))
-    tried = _by_cost(search.rated(shape) for guess in others for shape in shapes(guess))
+    beside = (*around.near.headings_rad, *(piece.yaw_rad for piece in around.near.pieces))
+    others = (turned for box in boxes_beside(found.guess, beside) for turned in (box, *all_turns(box, entries)))
+    likely = _by_cost(coarse.rated(guess, colours=False) for guess in others)[:_LIKELY]
+    tried = _by_cost(search.rated(shape) for one in likely for shape in shapes(one.guess))
     best: dict[tuple[object, ...], RatedGuess] = {}
     for one in tried:
         if one.cost < tried[0].cost + _WORTH_A_LOOK:
@@ -197,10 +196,10 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
     return _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
-def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit) -> Fit:
-    """Returns which of two fits of a thing costs less among all that is known now, the first where they are alike."""
+def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit, by: float = 0.0) -> Fit:
+    """Returns the second of two fits of a thing where it costs so much less among all that is known now."""
     _, _, fine = _likelihoods(around, box_px)
-    return second if fine.cost(second.guess) < fine.cost(first.guess) else first
+    return second if fine.cost(second.guess) < fine.cost(first.guess) - by else first
 
 
 def _likelihoods(
@@ -230,10 +229,6 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     )
 
 
-def _flat(entries: Sequence[ModelEntry]) -> list[ModelEntry]:
-    return [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
-
-
 def _boxes(
     around: Around,
     box_px: tuple[float, float, float, float],
@@ -252,7 +247,7 @@ def _boxes(
     begun: list[Guess] = []
     for bottom in bottoms_m:
         begun += outlined(entries, bottom) if points is None else starts(points, entries, bottom, near.walls)
-    if points is not None and (flat := _flat(entries)):
+    if points is not None and (flat := flat_among(entries)):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
     boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
     named = {entry.category for entry in entries}

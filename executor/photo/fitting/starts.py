@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,9 @@ _GAP_M = 0.05
 _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
+_UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
+_FLAT_M = 0.05  # What is no higher: plates, lying books.
 _ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
 
@@ -157,14 +159,21 @@ def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
     return distinct
 
 
+def flat_among(entries: Iterable[ModelEntry]) -> list[ModelEntry]:
+    """Returns those of some models of which hardly a point stands out where they are far."""
+    return [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
+
+
 def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
     """Returns the models that may look as large as some points (N, 3) that stand on one of some heights."""
     if len(points) < _LEAST_PX:
-        return []
+        return flat_among(LIBRARY.values())
     flat = points[:, :2] - np.median(points[:, :2], axis=0)
     _, _, axes = np.linalg.svd(flat, full_matrices=False)
     low, high = np.percentile(flat @ axes.T, [2.0, 98.0], axis=0)
-    wide_m, top_m = float((high - low)[0]), float(np.percentile(points[:, 2], 98.0))
+    wide_m = float((high - low)[0])
+    # Things may stand on it, and be no part of it.
+    mostly_m, top_m = np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])
     found = []
     for entry in LIBRARY.values():
         width = entry.width.high
@@ -172,8 +181,11 @@ def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
         least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
         longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M
         for bottom in bottoms_m:
-            tall_m = top_m - bottom
-            if wide_m < longest and (1.0 - _CUT_SHARE) * least - _BEYOND_M < tall_m < height + _BEYOND_M:
+            is_low, is_high = (
+                mostly_m - bottom < height + _BEYOND_M,
+                top_m - bottom > (1.0 - _CUT_SHARE) * least - _BEYOND_M,
+            )
+            if wide_m < longest and is_low and is_high:
                 found.append(entry)
                 break
     return found

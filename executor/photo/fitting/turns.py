@@ -20,13 +20,13 @@ import numpy as np
 
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess, Size, body_middle_m, body_of, has_ear, is_round
-from executor.photo.fitting.descent import descended
+from executor.photo.fitting.descent import descended, near_corner
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
 
-_SIDES_M = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)  # By which sides are moved that may have been misjudged.
+_SIDES_M = (-0.35, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.35)  # By which sides are moved that may have been misjudged.
 _LEAST_M = 0.2  # Of a side that is.
 
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
@@ -37,6 +37,7 @@ _ROUNDS, _GAINED = 3, 1.0
 _SCALES = (0.94, 1.06)
 
 _SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # About what the noise of depths does to sides and turns.
+_MOST_ASKEW_RAD = math.radians(20.0)
 
 
 def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
@@ -61,8 +62,20 @@ def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
             yield _pushed(bare, -_inset_m(bare))
 
 
-def reshaped(found: Guess) -> Iterator[Guess]:
-    """Yields a guess with one of its upright sides farther out or farther in, the side behind it where it is."""
+def boxes_beside(found: Guess, headings_rad: Iterable[float]) -> Iterator[Guess]:
+    """Yields a guess, and other boxes that it may be of: turned as what is beside it is, with other sides, or both.
+
+    Args:
+        found: The guess.
+        headings_rad: Of what is beside it, each up to quarter turns.
+    """
+    for turned in (found, *_straightened(found, headings_rad)):
+        yield turned
+        yield from _reshaped(turned)
+
+
+def _reshaped(found: Guess) -> Iterator[Guess]:
+    """With one of its upright sides farther out or farther in, the side behind it where it is."""
     c, s = math.cos(found.yaw_rad), math.sin(found.yaw_rad)
     for axis, side, by_m in itertools.product(range(2), (-0.5, 0.5), _SIDES_M):
         length, width, height = (own + by_m * (index == axis) for index, own in enumerate(found.size_m))
@@ -70,6 +83,18 @@ def reshaped(found: Guess) -> Iterator[Guess]:
         if min(length, width) > _LEAST_M:
             at = found.x_m + c * x - s * y, found.y_m + s * x + c * y
             yield replace(found, x_m=at[0], y_m=at[1], size_m=(length, width, height))
+
+
+def _straightened(found: Guess, headings_rad: Iterable[float]) -> Iterator[Guess]:
+    """Where it is a little askew, turned as something beside it is, its near corner held."""
+    turned: list[float] = []
+    size, held = found.size_m[:2], near_corner(found)
+    for heading in headings_rad:
+        by_rad = math.remainder(heading - found.yaw_rad, math.pi / 2)
+        if _ASKEW_RAD < abs(by_rad) < _MOST_ASKEW_RAD and all(abs(by_rad - one) > _ASKEW_RAD for one in turned):
+            turned.append(by_rad)
+            x, y = held(found.yaw_rad, *size) - held(found.yaw_rad + by_rad, *size) + [found.x_m, found.y_m]
+            yield replace(found, x_m=float(x), y_m=float(y), yaw_rad=found.yaw_rad + by_rad)
 
 
 def quarter_of(guess: Guess) -> int:

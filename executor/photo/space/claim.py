@@ -26,6 +26,10 @@ _SEEN_THROUGH = 0.5  # Of what a box has a name for, which may be open, or fitte
 _LEAST_SEEN = 0.25
 """Share of a thing that is seen: of less, at the picture's border or behind something, any plane could be one."""
 
+_PLENTY, _LEVEL_M = 0.02, 0.1
+"""Share of the picture from which on it does not matter how much more there would be where what is seen is level: of a
+table before the camera little more than a corner is in the picture. Walls are not level, nor is noise."""
+
 _LEAST_FREE = 2.0  # So many of its pixels are seen for one that something unknown hides.
 _LEAST_COMMON = 0.5  # Of two boxes, as for matching detections with things (COCO's AP50).
 
@@ -40,6 +44,7 @@ class Claim:
         before_px: Hidden by something nearer that nobody knows.
         box_px: Around the pixels that are right; None where none is.
         seen_share: Of all that it would show with nothing before it and no border.
+        level_share: What is right of it, of the whole picture, where that is of one height; else 0.
     """
 
     right_px: int
@@ -47,6 +52,7 @@ class Claim:
     before_px: int
     box_px: Box | None
     seen_share: float
+    level_share: float
 
     @classmethod
     def of(cls, seen: Observation, depth_m: Array, other_m: Array, corners_m: Array) -> Claim:
@@ -65,7 +71,9 @@ class Claim:
         through = shown & (off_m >= slack_m)
         share = int(right.sum()) / max(1, int(np.isfinite(depth_m).sum())) * _share_in_picture(seen, corners_m)
         before = int(shown.sum()) - int(right.sum()) - int(through.sum())
-        return cls(int(right.sum()), int(through.sum()), before, box_of(right) if right.any() else None, share)
+        box_px = box_of(right) if right.any() else None
+        level = float(right.mean()) if _is_level(seen.points_m[right][:, 2]) else 0.0
+        return cls(int(right.sum()), int(through.sum()), before, box_px, share, level)
 
     @property
     def through_share(self) -> float:
@@ -79,8 +87,9 @@ class Claim:
 
     def is_borne_out(self, least_px: int) -> bool:
         """Decides whether enough is seen of it, more than what nobody knows hides, and hardly anything through it."""
-        enough = self.right_px >= max(least_px, self.before_px * _LEAST_FREE) and self.seen_share >= _LEAST_SEEN
-        return enough and not self.seen_through
+        enough = self.seen_share >= _LEAST_SEEN or self.level_share >= _PLENTY
+        free = self.right_px >= max(least_px, self.before_px * _LEAST_FREE)
+        return enough and free and not self.seen_through
 
     def is_refuted(self, box_px: Box) -> bool:
         """Decides whether it cannot be what a box was drawn around, whatever that is called."""
@@ -89,6 +98,11 @@ class Claim:
     def fills(self, box_px: Box) -> bool:
         """Decides whether it is what a box was drawn around: the two boxes have half of their area in common."""
         return self.box_px is not None and overlap(self.box_px, box_px) >= _LEAST_COMMON
+
+
+def _is_level(heights_m: Array) -> bool:
+    low, high = np.percentile(heights_m, [25.0, 95.0]) if len(heights_m) else (0.0, np.inf)
+    return bool(high - low < _LEVEL_M)
 
 
 def _share_in_picture(seen: Observation, corners_m: Array) -> float:

@@ -56,7 +56,7 @@ def seen_from_above(*things: Guess) -> tuple[Observation, list[Sighting]]:
     noise = Noise(0.001, 0.002)
     z = np.where(z < 8.0, z, 0.0)
     z = np.where(z > 0.0, z + np.random.default_rng(0).normal(size=z.shape) * noise.sigma_m(z), 0.0)
-    rgb = np.array(COLOURS, dtype=np.uint8)[owner]
+    rgb = np.array(COLOURS, dtype=np.uint8)[owner % len(COLOURS)]
     boxes = []
     for number, thing in enumerate(things, start=1):
         rows, columns = np.nonzero(owner == number)

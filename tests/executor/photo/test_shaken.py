@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
@@ -14,7 +15,7 @@ from executor.photo.fitting.likelihood import Fit, Likelihood
 from executor.photo.fitting.options import redressed
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.starts import starts
-from executor.photo.fitting.turns import reshaped
+from executor.photo.fitting.turns import boxes_beside
 from tests.executor.photo.test_fit import painted_around
 
 SIZE_M = (0.6, 0.5, 0.8)
@@ -54,8 +55,21 @@ def test_the_other_sides_stay_where_they_are_when_one_is_moved() -> None:
         return [x - length / 2, x + length / 2, y - width / 2, y + width / 2]
 
     before = sides(CABINET)
-    moved = [[a for a, b in zip(sides(one), before, strict=True) if abs(a - b) > 1e-9] for one in reshaped(CABINET)]
-    assert moved and {len(one) for one in moved} == {1}
+    moved = [
+        [a for a, b in zip(sides(one), before, strict=True) if abs(a - b) > 1e-9] for one in boxes_beside(CABINET, ())
+    ]
+    assert {len(one) for one in moved} == {0, 1} and sum(not one for one in moved) == 1
+
+
+def test_what_is_a_little_askew_is_turned_as_what_is_beside_it_with_its_near_corner_held() -> None:
+    def corner(guess: Guess) -> float:
+        return float(np.hypot(*guess.corners_m()[:, :2].T).min())
+
+    askew = replace(CABINET, yaw_rad=CABINET.yaw_rad + 0.15)
+    beside = CABINET.yaw_rad + math.pi / 2, CABINET.yaw_rad + 0.8
+    turned = [one for one in boxes_beside(askew, beside) if one.yaw_rad != askew.yaw_rad]
+    assert {round(one.yaw_rad, 6) for one in turned} == {round(CABINET.yaw_rad, 6)}
+    assert corner(turned[0]) == pytest.approx(corner(askew)) and turned[0].size_m == askew.size_m
 
 
 def test_a_short_handle_is_found_by_who_begins_with_a_long_one_on_the_other_side() -> None:
