@@ -25,7 +25,7 @@ from executor.photo.fitting.fit import (
 )
 from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
-from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
+from executor.photo.fitting.prior import Neighbourhood, prior_cost, stands_in, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import (
     CARRIED,
@@ -307,7 +307,7 @@ class KnownRoom:
             is_it = claim.fills(self.detections[index].box_px)
         else:
             # What is left of a thing that was misjudged is explained by another one in it.
-            is_it = prior_cost(found.guess, around.near) < _IMPOSSIBLE
+            is_it = not stands_in(found.guess, around.near.pieces)
         return is_it and claim.is_borne_out(_LEAST_SEEN_PX)
 
     def _is_as_seen(self, index: int, around: Around) -> bool:

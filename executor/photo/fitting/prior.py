@@ -105,6 +105,17 @@ def usual_size_cost(guess: Guess) -> float:
     return cost
 
 
+def stands_in(guess: Guess, pieces: Sequence[Guess]) -> bool:
+    """Decides whether the middle of what stands on the floor is in one of some pieces."""
+    return guess.bottom_m == 0.0 and any(_is_over(piece, guess.x_m, guess.y_m) for piece in pieces)
+
+
+def _is_over(piece: Guess, x_m: float, y_m: float) -> bool:
+    c, s = math.cos(piece.yaw_rad), math.sin(piece.yaw_rad)
+    x, y = x_m - piece.x_m, y_m - piece.y_m
+    return abs(c * x + s * y) < piece.size_m[0] / 2 and abs(c * y - s * x) < piece.size_m[1] / 2
+
+
 def _is_blocked(guess: Guess, around: Neighbourhood, ahead: np.ndarray) -> bool:
     """Whether what is in front of a piece keeps its doors or drawers from being used: a wall, or other furniture."""
     middle = np.array([guess.x_m, guess.y_m])
@@ -114,12 +125,8 @@ def _is_blocked(guess: Guess, around: Neighbourhood, ahead: np.ndarray) -> bool:
         reached = float(before @ wall.normal) < wall.offset_m < float(middle @ wall.normal)
         if reached and wall.span_m[0] < side < wall.span_m[1]:
             return True
-    for piece in around.pieces if guess.bottom_m == 0.0 else ():
-        c, s = math.cos(piece.yaw_rad), math.sin(piece.yaw_rad)
-        x, y = before - (piece.x_m, piece.y_m)
-        if abs(c * x + s * y) < piece.size_m[0] / 2 and abs(c * y - s * x) < piece.size_m[1] / 2:
-            return True
-    return False
+    x, y = before.tolist()
+    return guess.bottom_m == 0.0 and any(_is_over(piece, x, y) for piece in around.pieces)
 
 
 def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: np.ndarray) -> float:
