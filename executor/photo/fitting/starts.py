@@ -33,6 +33,10 @@ _GAP_M = 0.05
 _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
+_BACKED, _BACK_SHARE = (
+    ("bed", "sofa", "chair"),
+    0.6,
+)  # What is behind a pillow or a seat may be another piece in depths.
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
@@ -179,15 +183,12 @@ def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
         width = entry.width.high
         length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
         least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
+        least *= 1.0 - (_BACK_SHARE if entry.category in _BACKED else _CUT_SHARE)
         longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M
-        for bottom in bottoms_m:
-            is_low, is_high = (
-                mostly_m - bottom < height + _BEYOND_M,
-                top_m - bottom > (1.0 - _CUT_SHARE) * least - _BEYOND_M,
-            )
-            if wide_m < longest and is_low and is_high:
-                found.append(entry)
-                break
+        if wide_m < longest and any(
+            mostly_m - bottom < height + _BEYOND_M and top_m - bottom > least - _BEYOND_M for bottom in bottoms_m
+        ):
+            found.append(entry)
     return found
 
 
