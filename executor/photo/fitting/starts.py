@@ -113,7 +113,8 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
         return
     flat = points[:, :2]
     own, *_ = distinct = _likely_yaws(flat, walls)
-    top = float(np.percentile(points[:, 2], 98.0))
+    # Things may stand on it, and be no part of it.
+    tops = [float(one) for one in np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])]
     for entry in entries:
         bases = distinct[:1] if is_round(entry) else distinct
         if has_ear(entry):
@@ -121,7 +122,7 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
             bases = [own + share * math.pi / 2 for share in _ASKEW]
         for base in bases:
             for quarter in range(1 if is_round(entry) else 4):
-                yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
+                yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, tops)
 
 
 def opened_starts(
@@ -231,7 +232,9 @@ def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom
     return np.asarray((seen.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
 
 
-def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: float) -> Iterator[Guess]:
+def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m: Sequence[float]) -> Iterator[Guess]:
+    """Turned so, by the corners of some points: as high as any of some tops, and as high as it may be."""
+    lower_m, top_m = tops_m
     c, s = math.cos(yaw), math.sin(yaw)
     local = flat @ np.array([[c, -s], [s, c]])
     low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
@@ -243,7 +246,8 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
     # What is lower or higher than its model mostly is, is looked for as high as it is seen, too.
     highest_m, least_m = entry.height.high * unit, _ODD_SHARE * entry.height.low * unit
     odd_m = min(max(top_m - bottom_m, least_m), highest_m / _ODD_SHARE)
-    heights = {round(one, 3) for one in (seen_m, (seen_m + highest_m) / 2, highest_m, odd_m)}
+    under_m = entry.height.clipped(lower_m - bottom_m, width)
+    heights = {round(one, 3) for one in (seen_m, (seen_m + highest_m) / 2, highest_m, odd_m, under_m)}
     size: Size = (length, width, seen_m)
     to_eye = -local.mean(axis=0)
     along: list[list[float]] = []
