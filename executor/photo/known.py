@@ -195,9 +195,8 @@ class KnownRoom:
         del self.fits[index], self._depths[index]
         around, detection = self._around(index, ()), self.detections[index]
         if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
-            is_named = found.guess.entry.category == detection.category
             likely = named_models(detection)
-            if not is_named:
+            if found.guess.entry.category != detection.category:
                 rivals = (found.guess.entry, *(one.guess.entry for one in found.alternatives[:_RIVALS]))
                 likely = [one for one in rivals if is_large(one)]
             found = shaken(around, detection.box_px, found, likely)

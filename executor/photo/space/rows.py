@@ -27,8 +27,10 @@ _LEAST_POINTS = 12
 _FRONT_M, _SMOOTH_BINS = 0.08, 7  # Of a strip, what is so near to its front is the furniture itself.
 _UPON_M = 0.03  # Above the top of what is in front: something stands on it.
 _BAND_M = (0.15, 0.04)  # Below a top, where fronts of drawers and doors are of one colour.
-_SHARES_STEP, _LIGHT_STEP = 0.0075, 1.0  # Between colours of neighbours; shadows fall on both.
-_FAR_M = 1.0
+_SHARES_STEP, _LIGHT_STEP = 0.0075, 1.0
+"""Between colours of neighbours: shares of red and green, and how often the light doubles. Shadows change less."""
+
+_AT_WALL_M = 1.0  # So near to a wall a piece stands along it.
 
 
 @dataclass(frozen=True)
@@ -84,37 +86,34 @@ def _strips(points: Array, rgb: Array, walls: Sequence[Wall], step_m: float) -> 
     of -= of.min()
     across, count = flat @ out, int(of.max()) + 1
     fronts, tops = np.full(count, np.nan), np.full(count, np.nan)
-    top_rgb, band_rgb = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    order = np.argsort(of, kind="stable")
-    for members in np.split(order, np.flatnonzero(np.diff(of[order])) + 1):
-        if len(members) < _LEAST_POINTS:
-            continue
-        one = int(of[members[0]])
-        fronts[one] = np.percentile(across[members], 95.0)
-        near = members[across[members] > fronts[one] - _FRONT_M]
-        tops[one] = np.percentile(points[near, 2], 97.0)
+    for strip, members in _by_strip(of, np.ones(len(of), dtype=bool), _LEAST_POINTS):
+        fronts[strip] = np.percentile(across[members], 95.0)
+        near = members[across[members] > fronts[strip] - _FRONT_M]
+        tops[strip] = np.percentile(points[near, 2], 97.0)
     tops = _smooth(tops)
     below_m = tops[of] - points[:, 2]
-    is_front = across > fronts[of] - _FRONT_M
-    for colours, chosen in (
-        (top_rgb, np.abs(below_m) < _UPON_M),
-        (band_rgb, is_front & (below_m < _BAND_M[0]) & (below_m > _BAND_M[1])),
-    ):
-        picked = order[chosen[order]]
-        for members in np.split(picked, np.flatnonzero(np.diff(of[picked])) + 1) if len(picked) else ():
-            if len(members) >= _LEAST_POINTS / 2:
-                colours[of[members[0]]] = np.median(rgb[members], axis=0)
+    in_band = (across > fronts[of] - _FRONT_M) & (below_m < _BAND_M[0]) & (below_m > _BAND_M[1])
     profiles = [tops / step_m, fronts / step_m]
-    for colours in (top_rgb, band_rgb):
-        light = colours.sum(axis=1)
-        profiles.append(np.log2(np.maximum(light, 1e-3)) / _LIGHT_STEP)
-        profiles += [colours[:, channel] / np.maximum(light, 1e-3) / _SHARES_STEP for channel in range(2)]
+    for chosen in (np.abs(below_m) < _UPON_M, in_band):
+        colours = np.full((count, 3), np.nan)
+        for strip, members in _by_strip(of, chosen, _LEAST_POINTS // 2):
+            colours[strip] = np.median(rgb[members], axis=0)
+        light = np.maximum(colours.sum(axis=1), 1e-3)
+        profiles += [np.log2(light) / _LIGHT_STEP, *(colours[:, :2].T / light / _SHARES_STEP)]
     return _Strips(of, np.where(np.isfinite(tops), tops, np.inf), tuple(_smooth(one) for one in profiles))
+
+
+def _by_strip(of: NDArray[np.intp], chosen: NDArray[np.bool_], least: int) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Yields a strip and the chosen points of it, for every strip that has so many."""
+    order = np.flatnonzero(chosen)[np.argsort(of[chosen], kind="stable")]
+    for members in np.split(order, np.flatnonzero(np.diff(of[order])) + 1):
+        if len(members) >= least:
+            yield int(of[members[0]]), members
 
 
 def _along(flat: Array, middle: Array, walls: Sequence[Wall]) -> Array:
     """(2,) the way a row goes: along the wall that it stands at, else its own longer axis."""
-    near = [wall for wall in walls if float(np.percentile(flat @ wall.normal, 2.0)) - wall.offset_m < _FAR_M]
+    near = [wall for wall in walls if float(np.percentile(flat @ wall.normal, 2.0)) - wall.offset_m < _AT_WALL_M]
     if near:
         return min(near, key=lambda wall: float(middle @ wall.normal) - wall.offset_m).along
     _, _, axes = np.linalg.svd(flat - middle, full_matrices=False)
