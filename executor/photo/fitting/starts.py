@@ -33,10 +33,8 @@ _GAP_M = 0.05
 _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
-_BACKED, _BACK_SHARE = (
-    ("bed", "sofa", "chair"),
-    0.6,
-)  # What is behind a pillow or a seat may be another piece in depths.
+# What is behind a pillow or a seat may be another piece in depths.
+_BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
 _FLAT_M = 0.05  # What is no higher: plates, lying books.

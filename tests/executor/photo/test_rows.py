@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from executor.assets.library import LIBRARY
 from executor.photo.fitting.body import Guess
+from executor.photo.fitting.starts import flat_among, large_enough
 from executor.photo.overlay import shown_things
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
@@ -78,3 +79,15 @@ def test_of_a_table_before_the_camera_a_corner_is_enough_and_of_a_wall_it_is_not
     assert claim.seen_share < 0.25 and claim.is_borne_out(60)
     upright = replace(seen, rays=seen.rays[..., [0, 2, 1]])
     assert not Claim.of(upright, depth_m, nothing, far_beyond).is_borne_out(60)
+
+
+def test_what_stands_on_a_table_does_not_make_it_too_high_for_one_and_a_bed_may_lack_its_head() -> None:
+    rng = np.random.default_rng(0)
+    top = np.column_stack([rng.uniform(1.5, 2.2, 900), rng.uniform(-0.5, 0.5, 900), np.full(900, 0.7)])
+    bottle = top[:100] * [0.1, 0.1, 1.0] + [1.6, 0.0, 0.25]
+    models = {entry.model for entry in large_enough(np.vstack([top, bottle]), [0.0])}
+    assert "table_four_legs" in models and "bed_single" in models
+    low = top * [1.5, 1.0, 0.0] + [0.0, 0.0, 0.45]
+    assert "bed_single" in {entry.model for entry in large_enough(low, [0.0])}
+    few = large_enough(top[:5], [0.0])
+    assert few == flat_among(LIBRARY.values()) and {"plate", "book_lying"} <= {entry.model for entry in few}
