@@ -37,7 +37,7 @@ _ROUNDS, _GAINED = 3, 1.0
 _SCALES = (0.94, 1.06)
 
 _SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # About what the noise of depths does to sides and turns.
-_MOST_ASKEW_RAD = math.radians(20.0)
+_MOST_ASKEW_RAD = math.radians(20.0)  # What is farther off stands as it does on purpose.
 
 
 def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
