@@ -39,6 +39,7 @@ from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
+from executor.photo.space.rescale import straightened
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from executor.photo.space.walls import Wall
 from executor.photo.supports import heights_behind, heights_under, tops_of
@@ -284,6 +285,14 @@ class KnownRoom:
             self.detections[index] = replace(self.detections[index], box_px=claimed_px)
             told(self.fit_anything(index))
 
+    def straighten(self) -> None:
+        """Puts depths that are bent right by all that is known, as the floor did."""
+        if not self.seen.bend_share:
+            return
+        beside = self.seen.measured & ~self._smaller(None, range(len(self.detections)))
+        known_m = np.where(beside, self._others()[0], np.inf)
+        self.seen = replace(self.seen, z_m=straightened(self.seen.z_m, known_m))
+
     def _around(self, index: int, hidden_by: Iterable[int]) -> Around:
         """All that a search for one thing has to know besides it."""
         smaller, own = self._smaller(index, hidden_by), self.detections[index].mask
@@ -341,13 +350,13 @@ class KnownRoom:
             depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
         return depth, owner
 
-    def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
-        """(H, W) pixels in boxes of smaller things that are not fitted yet."""
+    def _smaller(self, index: int | None, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
+        """(H, W) pixels in boxes of things, smaller than one if there is one, that are not fitted yet."""
         mask = np.zeros(self.seen.z_m.shape, dtype=bool)
         for other in hidden_by:
             if other == index or other in self.fits:
                 continue
-            if self.detections[other].area_px < self.detections[index].area_px:
+            if index is None or self.detections[other].area_px < self.detections[index].area_px:
                 mask |= self.detections[other].pixels(self.seen.size_px)
         return mask
 

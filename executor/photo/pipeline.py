@@ -28,7 +28,7 @@ from executor.photo.space.level import (
     levelled_by_length,
 )
 from executor.photo.space.observation import Observation
-from executor.photo.space.rescale import scaled_by_floor
+from executor.photo.space.rescale import observe_by_height
 from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
 
@@ -142,11 +142,14 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if measured is not None and beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
-    if measured is not None and beside.camera_height_m is not None:
-        measured = scaled_by_floor(measured, intrinsics, find_upright(shown, intrinsics), beside.camera_height_m)
     # A network takes its time and a model its price: all that is given beside them has been read by now, and with depth
     # the floor has been found.
-    level = None if measured is None else observe(shown, measured, intrinsics)
+    level: tuple[Observation, FloorSeen] | None = None
+    if measured is not None and beside.camera_height_m is not None:
+        measured, seen, floor = observe_by_height(shown, measured, intrinsics, beside.camera_height_m)
+        level = seen, floor
+    elif measured is not None:
+        level = observe(shown, measured, intrinsics)
     found = Detections(()) if beside.detect is None else beside.detect(shown)
     if beside.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
@@ -199,7 +202,7 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     walled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
     # In depths that are guessed, more stands out of floor and walls than is there.
-    alone = depth is not None and not depth.guessed
+    alone = depth is not None and not depth.bend_share
     found = reconstruct(seen, given.detections, walls, told, floor.spread_share, alone=alone or not given.detections)
     fitted = time.perf_counter()
     if not found.things:

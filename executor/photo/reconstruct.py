@@ -87,6 +87,7 @@ def reconstruct(
     for index in standing:
         if room.is_unlikely(index, RIGHT):
             told(room.fit_again(index, hidden_by=carried))
+    room.straighten()
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
     for index in boxes:

@@ -15,12 +15,12 @@ from executor.bench.photo.sensor import MockedDetector, exact_boxes, mocked_boxe
 from executor.bench.photo.truth import Shot
 from executor.photo.inputs.annotations import Detector, Sighting
 from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.depth import Depth
+from executor.photo.inputs.depth import BEND_SHARE, Depth
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.pipeline import Given
 from executor.photo.space.floor import observe
 from executor.photo.space.level import find_upright, flat_observation, levelled_by_height
-from executor.photo.space.rescale import scaled_by_floor
+from executor.photo.space.rescale import observe_by_height
 
 Track = Literal["A", "B", "C", "D", "E", "F", "G"]
 TITLES: Mapping[Track, str] = MappingProxyType(
@@ -85,18 +85,17 @@ def input_of(
     camera = Intrinsics(shot.K[0, 0], shot.K[1, 1], shot.K[0, 2], shot.K[1, 2], "taken from the simulator")
     picture = Photograph(Path(name), shot.rgb, Exif(None, None, ""))
     height_m = float(shot.T_world_camera[2, 3])
-    depth = None
     if track == "A":
         depth = Depth(shot.depth_m, _CLEAN)
+        seen, floor = observe(picture, depth, camera)
     elif track == "E":
-        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, guessed=True)
-        depth = scaled_by_floor(guessed, camera, find_upright(picture, camera), height_m)
+        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, bend_share=BEND_SHARE)
+        depth, seen, floor = observe_by_height(picture, guessed, camera, height_m)
     elif track != "D":
         depth = Depth(noisy(shot.depth_m, rng), _NOISY)
-    if depth is not None:
         seen, floor = observe(picture, depth, camera)
     else:
-        floor = levelled_by_height(find_upright(picture, camera), height_m)
+        depth, floor = None, levelled_by_height(find_upright(picture, camera), height_m)
         seen = flat_observation(picture, camera, floor)
     detections = tuple(boxes.values()) if detect is None else detect(picture).things
     return TrackInput(Given(name, picture, depth, camera, detections, seen, floor), boxes)

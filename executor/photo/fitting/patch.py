@@ -24,6 +24,11 @@ _THROUGH, _HIDDEN, _OUTSIDE = 8.0, 5.0, 4.0
 """Most that a pixel costs: seen through the guess; nearer than all that is known; claimed outside the box."""
 
 _CLAIM_SIGMA = 0.04  # Of the box's sides: how exact boxes are.
+_WITHIN = 0.3  # Of how far depths are bent over the picture: how far they are by what is not even around one thing.
+_EVEN = np.array([1.0, 7.0, 7.0])
+"""Of that, too: how far they are in the middle of it, and how much more for each unit of a ray to the left and up."""
+
+_BENT = (4.0, 2.0)  # Standard deviations: what is farther off, at first and then, is something else.
 _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
 _UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
@@ -107,7 +112,7 @@ class Patch:
             beyond = distance_transform_edt(~own[window])[rows - top, columns - left] / _MASK_PX
         inside = beyond <= 0.0
         z, behind = seen.z_m[rows, columns], other_m[rows, columns]
-        sigma = np.hypot(seen.sigma_m[rows, columns], _MODEL_M)
+        sigma = np.hypot(seen.sigma_m[rows, columns], _MODEL_M + _WITHIN * seen.bend_share * z)
         mine = inside & (z < behind - np.maximum(0.015, 3.0 * sigma)) if has_depth else inside
         return cls(
             seen,
@@ -140,11 +145,32 @@ class Patch:
         """Returns how badly a guess explains the depths that has these (N,) itself, 0 where none were measured."""
         if not self.has_depth:
             return 0.0
-        off = (self.z_m - np.minimum(depth, self.other_m)) / self.sigma_m
+        z_m, bend_cost = self._unbent(depth)
+        off = (z_m - np.minimum(depth, self.other_m)) / self.sigma_m
         beyond = off > 0.0
         square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
-        return self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
+        cost = self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
+        return cost + bend_cost
+
+    def _unbent(self, depth: Array) -> tuple[Array, float]:
+        """(N,) depths put right evenly around a guess that has these, where they are bent, and what that costs.
+
+        One even bend goes over the guess and what is known around it: where it stands, both are equally far off.
+        """
+        share = self.seen.bend_share
+        if not share or not len(depth):
+            return self.z_m, 0.0
+        known = np.minimum(depth, self.other_m)
+        off = np.log(self.z_m / np.where(np.isfinite(known), known, 1e-3))
+        ways = np.column_stack([np.ones(len(off)), self.rays[:, 1:] - self.rays[:, 1:].mean(axis=0)])
+        even, bend = np.zeros(3), np.zeros(len(off))
+        for most in _BENT:
+            some = np.abs(off - bend) < most * share
+            of = ways[some]
+            even = np.linalg.solve(of.T @ of + np.diag((_WITHIN / _EVEN) ** 2), of.T @ off[some])
+            bend = ways @ even
+        return self.z_m * np.exp(-bend), 0.5 * float(((even / (share * _EVEN)) ** 2).sum())
 
     def explained(self, guess: Guess, body: Body) -> float:
         """Returns the share of the pixels that stand out in the box which the guess explains within three sigma.
@@ -155,7 +181,7 @@ class Patch:
         depth = body.depth(guess, self.seen.eye_m, self.rays)
         if not self.has_depth:
             return float((np.isfinite(depth) & self.mine).sum() / max(1, self.mine.sum()))
-        good = np.abs(self.z_m - depth) < 3.0 * self.sigma_m + 0.01
+        good = np.abs(self._unbent(depth)[0] - depth) < 3.0 * self.sigma_m + 0.01
         of = self.mine
         if self.mine.sum() < _FEW * self.inside.sum():
             of = self.inside & (depth < self.other_m)
@@ -164,8 +190,9 @@ class Patch:
     def residual_m(self, guess: Guess, body: Body) -> float:
         """Returns the median distance between seen and guessed depths, over the pixels that the guess shows."""
         depth = body.depth(guess, self.seen.eye_m, self.rays)
-        own = self.inside & (depth < self.other_m) & (np.abs(self.z_m - depth) < 0.1)
-        return float(np.median(np.abs(self.z_m - depth)[own])) if own.any() else math.inf
+        off = np.abs(self._unbent(depth)[0] - depth)
+        own = self.inside & (depth < self.other_m) & (off < 0.1)
+        return float(np.median(off[own])) if own.any() else math.inf
 
     def colour_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
         """Returns how badly a guess explains the colours of the box.
@@ -180,8 +207,9 @@ class Patch:
         inside = self.inside
         if int(inside.sum()) < 20:
             return 0.0
+        z = self._unbent(depth)[0][inside]
         depth, group = depth[inside], group[inside]
-        z, slack, behind = self.z_m[inside], 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
+        slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
         own = depth < behind
         as_guessed = np.abs(z - depth) < slack if self.has_depth else own
         as_known = np.abs(z - behind) < slack if self.has_depth else np.isfinite(behind)

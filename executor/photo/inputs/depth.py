@@ -25,6 +25,9 @@ _LIKELY_M = (0.3, 15.0)
 """Where the middle of a room's depths is; another one means another unit."""
 
 _LEAST_MEASURED = 0.05  # Of the pixels.
+BEND_SHARE = 0.02
+"""How far depths that a network guesses slowly go off, where nothing tells how far these do."""
+
 _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
 _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
@@ -36,12 +39,13 @@ class Depth:
     Attributes:
         z_m: (H, W) along the camera's axis, 0 where nothing was measured.
         source: The file and its unit, for people.
-        guessed: Whether a network has guessed them: what is flat is bent in them, so that pieces of it stand out.
+        bend_share: How far off they slowly go over the picture, as a share of themselves, where a network has guessed
+            them: what is flat is bent in them. 0 for what was measured.
     """
 
     z_m: Array
     source: str
-    guessed: bool = False
+    bend_share: float = 0.0
 
 
 DepthSource: TypeAlias = Callable[[Photograph], Depth]

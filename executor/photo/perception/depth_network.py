@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.photo.inputs.depth import Depth, DepthSource, checked_depth
+from executor.photo.inputs.depth import BEND_SHARE, Depth, DepthSource, checked_depth
 from executor.photo.inputs.picture import Photograph
 from executor.photo.perception.networks import loaded, network_config
 from executor.photo.refusal import PhotoRefused
@@ -41,6 +41,6 @@ def guessed_depth(folder: Path) -> DepthSource:
         guessed = network.processor.post_process_depth_estimation(answer, target_sizes=[picture.rgb.shape[:2]])
         z_m = guessed[0]["predicted_depth"].numpy().astype(np.float64)
         told = f"guessed from the picture by {folder.name}"
-        return replace(checked_depth(folder, z_m, picture.size_px, 1.0, told), guessed=True)
+        return replace(checked_depth(folder, z_m, picture.size_px, 1.0, told), bend_share=BEND_SHARE)
 
     return depth

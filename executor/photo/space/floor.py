@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +75,14 @@ class FloorSeen:
         }
 
 
-def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0) -> tuple[Observation, FloorSeen]:
+def observe(
+    picture: Photograph, depth: Depth, camera: Intrinsics, under: FloorSeen | None = None, seed: int = 0
+) -> tuple[Observation, FloorSeen]:
     """Returns the picture in the level frame, and the floor that levels it.
 
     Args:
         picture, depth, camera: What is given.
+        under: The floor, where it is known without the depth; else it is looked for.
         seed: Of the random planes that are tried.
 
     Raises:
@@ -88,15 +91,15 @@ def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0
     rays = camera.rays(picture.size_px)
     near = (depth.z_m > 0.0) & (depth.z_m < _FARTHEST_M)
     rng = np.random.default_rng(seed)
-    candidates = _candidates(rays, depth.z_m, near, rng)
+    candidates = [] if under else _candidates(rays, depth.z_m, near, rng)
     points = _sample(rays, depth.z_m, near, rng)
-    normals, heights = _refined(candidates, points) if len(points) >= 500 else ([], [])
-    if not normals:
+    plane = _best(candidates, points) if under is None else (under.up, under.height_m)
+    if plane is None:
         problem = "no floor is seen in it: nothing level is below the camera"
         raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
-    scores = [_score(points, normal, height) for normal, height in zip(normals, heights, strict=True)]
-    best = int(np.argmax(scores))
-    floor = _described(points, normals[best], heights[best])
+    floor = _described(points, *plane)
+    if under is not None:
+        floor = replace(floor, source=under.source, spread_share=under.spread_share)
     if floor.seen_m2 < _SPREAD_M2 or not HEIGHTS_M[0] <= floor.height_m <= HEIGHTS_M[1]:
         problem = f"no floor is seen in it: the best plane has {floor.seen_m2:.2f} m2, {floor.height_m:.2f} m below"
         raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
@@ -113,6 +116,7 @@ def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0
         R.T,
         noise,
         camera,
+        bend_share=depth.bend_share,
     )
     return level, floor
 
@@ -151,6 +155,12 @@ def _candidates(
         if -normal[1] >= math.cos(_STEEPEST_RAD) and 0.7 * HEIGHTS_M[0] <= height <= 1.3 * HEIGHTS_M[1]:
             found.append((normal, height))
     return found
+
+
+def _best(candidates: list[tuple[Array, float]], points: Array) -> tuple[Array, float] | None:
+    """The plane with the most points on it and the fewest below, None where there is none."""
+    planes = list(zip(*_refined(candidates, points), strict=True)) if len(points) >= 500 else []
+    return max(planes, key=lambda plane: _score(points, *plane)) if planes else None
 
 
 def _refined(candidates: list[tuple[Array, float]], points: Array) -> tuple[list[Array], list[float]]:

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array
 from executor.machine.extras import require
@@ -25,6 +27,7 @@ _MOST_LINES = 90
 _UPRIGHT_RAD = math.radians(35.0)  # Off the picture's own upright, as lines far from its middle lean.
 _STEEPEST_RAD = math.radians(55.0)  # That cameras look up or down, or are askew.
 _MEET_RAD = math.radians(1.2)  # Between a line and the point in which the others meet.
+_ON_RAD, _LINE_RAD = math.radians(0.8), 0.005  # Off its direction, what a line may be, and what one mostly is.
 _LEAST_MEETING = 5
 _ROUNDS = 4
 _TOLD_RAD = math.radians(4.0)  # Off the horizon: a line on it can go anywhere.
@@ -73,7 +76,40 @@ def find_upright(picture: Photograph, camera: Intrinsics) -> UprightSeen:
     count = int(on.sum())
     if count < _LEAST_MEETING:
         raise _unlevelled(picture, count)
-    return UprightSeen(up, count, float(np.std(normals[on] @ up)) / math.sqrt(count))
+    spread_rad = float(np.std(normals[on] @ up)) / math.sqrt(count)
+    return UprightSeen(_squared(picture, camera, up), count, spread_rad)
+
+
+def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> Array:
+    """Which way is up by level lines, too: the two directions in which most of these go are square to it.
+
+    Upright lines in the middle of a picture hardly tell how far a camera looks down; level ones do.
+    """
+    ends, length = _lines(picture)
+    normals = _through_camera(ends, camera)
+    R = level_rotation(up)
+    heading_rad = heading_of_lines(picture, camera, R)
+    quarters = [] if heading_rad is None else [heading_rad, heading_rad + math.pi / 2]
+    ways = np.array([up, *(R.T @ [math.cos(turn), math.sin(turn), 0.0] for turn in quarters)])
+    weight = length / np.median(length) / _LINE_RAD
+    turned = np.zeros(3)
+    for _ in range(_ROUNDS):
+        off = np.abs(normals @ Rotation.from_rotvec(turned).apply(ways).T)
+        which, by_size = np.argmin(off, axis=1), np.sort(off, axis=1)
+        # A line that may go in two of the directions tells of neither.
+        on = (by_size[:, 0] < math.sin(_ON_RAD)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
+        some, ways_of, weights = normals[on], ways[which[on]], weight[on]
+        turned = _turned(some, ways_of, weights, turned)
+    return np.asarray(Rotation.from_rotvec(turned).apply(up))
+
+
+def _turned(normals: Array, ways: Array, weight: Array, first: Array) -> Array:
+    """The rotation vector that brings directions (N, 3) best into planes with these normals (N, 3)."""
+
+    def off(rotation: Array) -> Array:
+        return np.asarray((normals * Rotation.from_rotvec(rotation).apply(ways)).sum(axis=1) * weight)
+
+    return np.asarray(least_squares(off, first, loss="soft_l1").x)
 
 
 def levelled_by_height(upright: UprightSeen, height_m: float) -> FloorSeen:
@@ -124,7 +160,7 @@ def flat_observation(picture: Photograph, camera: Intrinsics, floor: FloorSeen) 
     R = level_rotation(floor.up)
     eye_m = np.array([0.0, 0.0, floor.height_m])
     nothing = np.zeros(picture.rgb.shape[:2])
-    rays, heading_rad = camera.rays(picture.size_px) @ R.T, _heading(picture, camera, R)
+    rays, heading_rad = camera.rays(picture.size_px) @ R.T, heading_of_lines(picture, camera, R)
     return Observation(picture.rgb, nothing, rays, eye_m, R.T, TYPICAL, camera, heading_rad)
 
 
@@ -136,7 +172,7 @@ def _floor(up: Array, height_m: float, spread_share: float, source: str) -> Floo
     return FloorSeen(up, height_m, 0.0, tilt, 0.0, source, spread_share)
 
 
-def _heading(picture: Photograph, camera: Intrinsics, R: Array) -> float | None:
+def heading_of_lines(picture: Photograph, camera: Intrinsics, R: Array) -> float | None:
     """One of two directions, square to each other, in which most level lines go; None where none stands out."""
     ends, length = _lines(picture)
     normals = _through_camera(ends, camera) @ R.T

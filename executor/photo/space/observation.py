@@ -43,6 +43,7 @@ class Observation:
         R_camera_level: (3, 3) level to camera.
         noise: Of the depth.
         K: The camera's intrinsics.
+        bend_share: How far off depths slowly go over the picture, as a share of themselves, see `Depth`.
         heading_rad: Without depth, one of the directions in which most lines of the room go, up to quarter turns.
     """
 
@@ -54,6 +55,7 @@ class Observation:
     noise: Noise
     K: Intrinsics
     heading_rad: float | None = None
+    bend_share: float = 0.0
 
     @property
     def size_px(self) -> tuple[int, int]:

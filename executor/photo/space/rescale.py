@@ -6,6 +6,7 @@ height and the vertical say how far off it must be (as for metric depth from a g
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,17 +16,42 @@ from scipy.ndimage import gaussian_filter
 from executor.geometry import Array
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
+from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
-from executor.photo.space.level import UprightSeen
+from executor.photo.space.floor import FloorSeen, observe
+from executor.photo.space.level import UprightSeen, find_upright, heading_of_lines, levelled_by_height
+from executor.photo.space.observation import Observation
 
 _DOWN = 0.08  # Of a ray's length, which the floor's rays go down at least: nearer to the horizon nothing is known.
 _FARTHEST_M = 8.0
 _SAMPLES, _TRIALS = 6000, 500
+_POINTS, _SHIFT_M = 20, 0.06  # How many straight points a bent floor is worth; how far depths are mostly shifted.
 _APART_M = 0.4  # Between the two floor points of a trial.
 _FACTORS, _MOST_SHIFT_M = (0.2, 5.0), 1.0
 _ON, _BELOW, _BELOW_WEIGHT = 0.03, 0.08, 3.0  # Shares of the distance. Nothing is below a floor.
 _LEAST_SHARE = 0.03  # Of the pixels below the horizon, that are floor.
-_SMOOTH_PX, _TRUST = 40.0, 0.05  # How slowly depths bend, and how much floor near a pixel tells how they do.
+_SMOOTH_PX, _TRUST = (80.0, 40.0, 40.0, 20.0), 0.05
+"""How slowly depths bend, first roughly; how much of what is around a pixel has to be known to tell it."""
+
+
+def observe_by_height(
+    picture: Photograph, depth: Depth, camera: Intrinsics, height_m: float
+) -> tuple[Depth, Observation, FloorSeen]:
+    """Returns depths put right, and the picture in the level frame, where somebody knows how high the camera was.
+
+    Args:
+        picture, camera: What is given.
+        depth: Right up to a factor, a shift, and slow bends.
+        height_m: Of the camera above the floor.
+
+    Raises:
+        PhotoRefused: Nothing tells what is level, or no floor is seen that would be so far below.
+        MissingExtra: OpenCV is not installed.
+    """
+    upright = find_upright(picture, camera)
+    depth = scaled_by_floor(depth, camera, upright, height_m)
+    seen, floor = observe(picture, depth, camera, levelled_by_height(upright, height_m))
+    return depth, replace(seen, heading_rad=heading_of_lines(picture, camera, seen.R_camera_level.T)), floor
 
 
 def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, height_m: float, seed: int = 0) -> Depth:
@@ -55,11 +81,29 @@ def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, heig
     straight = np.maximum(factor * depth.z_m + shift_m, 0.0)
     floor = np.zeros(depth.z_m.shape, dtype=bool)
     floor[below] = on
-    bent = np.where(floor, floor_m / np.maximum(straight, 1e-6) - 1.0, 0.0)
-    near = gaussian_filter(floor.astype(float), _SMOOTH_PX)
-    field = 1.0 + gaussian_filter(bent, _SMOOTH_PX) / (near + _TRUST)
+    bent = np.abs(floor_m / np.maximum(straight, 1e-6) - 1.0)[floor]
+    bend_share = depth.bend_share and 1.4826 * float(np.median(bent))
+    z_m = straightened(straight, np.where(below, floor_m, np.inf), floor)
     told = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
-    return replace(depth, z_m=np.where(depth.z_m > 0.0, straight * field, 0.0), source=told)
+    return replace(depth, z_m=np.where(depth.z_m > 0.0, z_m, 0.0), source=told, bend_share=bend_share)
+
+
+def straightened(z_m: Array, known_m: Array, is_known: NDArray[np.bool_] | None = None) -> Array:
+    """Returns depths (H, W) that are right where something is known of them, and go over into what they were.
+
+    Args:
+        z_m: Slowly bent.
+        known_m: What they are, infinite where nobody knows.
+        is_known: Where to begin with, if not where they are nearly as they are known to be.
+    """
+    for round_px in _SMOOTH_PX:
+        if is_known is None:
+            is_known = np.isfinite(known_m) & (np.abs(z_m / known_m - 1.0) < _ON)
+        bent = np.where(is_known, known_m / np.maximum(z_m, 1e-6) - 1.0, 0.0)
+        near = gaussian_filter(is_known.astype(float), round_px)
+        z_m = z_m * (1.0 + gaussian_filter(bent, round_px) / (near + _TRUST))
+        is_known = None
+    return z_m
 
 
 def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float] | None:
@@ -79,10 +123,20 @@ def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float
             best, most = line, score
     for _ in range(3 if best is not None else 0):
         on = _is_on(best, z, true)
-        # Errors of depth grow with the distance.
-        factor, shift = np.polyfit(z[on], true[on], 1, w=1.0 / true[on])
-        best = float(factor), float(shift)
+        best = _likely_line(z[on], true[on])
     return best
+
+
+def _likely_line(z: Array, true: Array) -> tuple[float, float]:
+    """Factor and shift of floor points; a floor that is bent tells them no better than a few straight points would.
+
+    Without that, what is nearer than all of the floor that is seen would be off by much.
+    """
+    # Errors of depth grow with the distance.
+    sides = np.stack([z / true, 1.0 / true], axis=1) / _ON * math.sqrt(_POINTS / len(z))
+    told = np.full(len(z), 1.0 / _ON) * math.sqrt(_POINTS / len(z))
+    factor, shift_m = np.linalg.solve(sides.T @ sides + np.diag([0.0, _SHIFT_M**-2]), sides.T @ told)
+    return float(factor), float(shift_m)
 
 
 def _is_on(line: tuple[float, float] | None, z: Array, true: Array) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from executor.geometry import Array
 from executor.photo.inputs.annotations import Sighting
@@ -26,6 +27,10 @@ _TOLERANCES_M, _SIGMAS = (0.06, 0.03, 0.02, 0.01, 0.005, 0.005, 0.005), 1.5
 """How near to a wall its points are taken to be, ever nearer, beside noise: what stands before it is one-sided."""
 _SEEN_THROUGH = 0.04  # Of the pixels that look at it.
 _BEGINS = 2.0  # Percent of the pixels that look over a wall: its top, but for noise.
+_ON_FLOOR, _BEND_PX, _FAR_FROM_FLOOR = 0.03, 40.0, 1e-4
+"""Of bent depths: how near to the floor, as a share, it is seen; how far in the picture that tells how they are bent;
+what counts where no floor is near."""
+
 _BEYOND_M, _BEYOND = 0.15, 0.04
 """So much of what is seen may stand beyond a wall's plane, of what can be a wall where no boxes tell furniture."""
 
@@ -91,7 +96,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         seed: Of the random planes that are tried.
     """
     rng = np.random.default_rng(seed)
-    points, sigma = seen.points_m, seen.sigma_m
+    points, sigma = seen.points_m, _sigma_m(seen)
     free = seen.measured & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
     for thing in things:
         x0, y0, x1, y1 = thing.box_px
@@ -100,6 +105,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         free[top_px : round(y1 + over_y), left_px : round(x1 + over_x)] = False
     left, sigma_left = points[free], sigma[free]
     least, enough = max(_LEAST_POINTS, _LEAST_SHARE * len(left)), _SHARE * len(left)
+    straight = _straight(seen)[free]
     found: list[Wall] = []
     for _ in range(2 * _MOST):
         if len(left) < least or len(found) == _MOST:
@@ -111,6 +117,8 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         near = np.abs(left[:, :2] @ normal - offset) < 0.05 + 3 * sigma_left
         if int(near.sum()) < least:
             break
+        if seen.bend_share and seen.heading_rad is not None:
+            normal, offset = _squared(left[near], normal, seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         # Somebody may have left out a piece of furniture: its front is no wall.
         is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall)
@@ -122,8 +130,13 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             and all(_differs(wall, other) for other in found)
         ):
             found.append(wall)
-        left, sigma_left = left[~near], sigma_left[~near]
+        left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
     return tuple(found)
+
+
+def _sigma_m(seen: Observation) -> Array:
+    """(H, W) standard deviation of each depth; where depths are bent a wall is, too."""
+    return np.hypot(seen.sigma_m, seen.bend_share * seen.z_m)
 
 
 def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array, float] | None:
@@ -159,6 +172,23 @@ def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array
     return normal, offset
 
 
+def _straight(seen: Observation) -> Array:
+    """(H, W) how much floor is seen near each pixel, by which depths that were bent have been straightened there."""
+    on_floor = seen.measured & (np.abs(seen.z_m / seen.floor_z_m - 1.0) < _ON_FLOOR)
+    return np.asarray(gaussian_filter(on_floor.astype(float), _BEND_PX)) + _FAR_FROM_FLOOR
+
+
+def _squared(points: Array, normal: Array, heading_rad: float, straight: Array) -> tuple[Array, float]:
+    """A wall of bent depth: along the lines of the room, and as far off as it is where floor is seen beside it."""
+    quarter = round((math.atan2(normal[1], normal[0]) - heading_rad) / (math.pi / 2))
+    turn = heading_rad + quarter * math.pi / 2
+    along = np.array([math.cos(turn), math.sin(turn)])
+    offsets = points[:, :2] @ along
+    order = np.argsort(offsets)
+    reached = np.cumsum(straight[order])
+    return along, float(offsets[order][np.searchsorted(reached, reached[-1] / 2)])
+
+
 def _wall(points: Array, normal: Array, offset: float) -> Wall:
     side = points[:, :2] @ np.array([-normal[1], normal[0]])
     low, high = np.percentile(side, [0.5, 99.5])
@@ -187,7 +217,7 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
     """(H, W) pixels in which something farther is seen, those that look at it, and how high these do, in metres."""
     depth = wall.depth(seen.eye_m, seen.rays)
     looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
-    through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
+    through = looked & (seen.z_m > depth + 0.10 + 5 * _sigma_m(seen))
     heights_m = seen.eye_m[2] + seen.rays[..., 2] * np.where(looked, depth, 0.0)
     return through, looked, heights_m
 

@@ -72,6 +72,20 @@ def room() -> FittedRoom:
     return reconstruct(seen, boxes, ())
 
 
+@pytest.mark.parametrize("knows", [True, False])
+def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    rows = np.mgrid[: SIZE[1], : SIZE[0]][0]
+    # As far off as a table's top is above the floor on which its legs are seen.
+    bent = 1.0 + 0.04 * np.clip((170.0 - rows) / 100.0, 0.0, 1.0)
+    seen = replace(seen, z_m=seen.z_m * bent, bend_share=0.02 if knows else 0.0)
+    table, bowl = (thing.fit.guess for thing in reconstruct(seen, boxes, (), alone=False).things)
+    off_m = math.dist((table.x_m, table.y_m), (TABLE.x_m, TABLE.y_m))
+    assert (off_m < 0.02) is knows
+    if knows:
+        assert math.dist((bowl.x_m, bowl.y_m), (BOWL.x_m, BOWL.y_m)) < 0.03
+
+
 def test_things_are_where_they_are(room: FittedRoom) -> None:
     table, bowl = (thing.fit.guess for thing in room.things)
     assert (table.entry.model, bowl.entry.model) == ("table_four_legs", "porcelain_bowl")

@@ -37,30 +37,44 @@ def in_picture(points_m: Array) -> Array:
     return np.stack([520.0 * seen[:, 0] / seen[:, 2] + 320.0, 520.0 * seen[:, 1] / seen[:, 2] + 240.0], axis=1)
 
 
-@pytest.fixture(scope="module")
-def picture() -> Photograph:
-    """Grey boxes on a dark floor, all turned alike, drawn face by face."""
+def drawn(*places: tuple[float, float]) -> Photograph:
+    """Returns grey boxes on a dark floor, all turned alike, drawn face by face."""
     cv2 = pytest.importorskip("cv2")
     rgb = np.full((SIZE[1], SIZE[0], 3), 60, np.uint8)
     c, s = math.cos(TURNED_RAD), math.sin(TURNED_RAD)
-    for number, (x, y) in enumerate(((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))):
+    for number, (x, y) in enumerate(places):
         corners = np.array(list(itertools.product((-0.25, 0.25), (-0.3, 0.3), (0.0, 0.8)))) @ np.array(
             [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
         ) + [x, y, 0.0]
-        pixels = np.round(in_picture(corners) * 16).astype(np.int32)
+        pixels = np.round((in_picture(corners) - 0.5) * 16).astype(np.int32)
         for shade, face in ((200, (1, 3, 7, 5)), (150, (0, 1, 3, 2)), (110, (0, 1, 5, 4) if y > 0 else (2, 3, 7, 6))):
             cv2.fillConvexPoly(rgb, pixels[list(face)], (shade - 20 * number,) * 3, cv2.LINE_AA, 4)
     return Photograph(Path("drawn.png"), rgb, Exif(None, None, ""))
 
 
+@pytest.fixture(scope="module")
+def picture() -> Photograph:
+    return drawn((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))
+
+
+def off_deg(up: Array) -> float:
+    """Returns how far a direction is off the one that is up."""
+    return math.degrees(math.acos(float(np.clip(up @ UP, -1.0, 1.0))))
+
+
 def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) -> None:
     found = find_upright(picture, CAMERA)
-    assert math.degrees(math.acos(float(np.clip(found.up @ UP, -1.0, 1.0)))) < 0.5
+    assert off_deg(found.up) < 0.2
     floor = levelled_by_height(found, HEIGHT_M)
     assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "upright lines" in floor.source
     seen = flat_observation(picture, CAMERA, floor)
     assert not seen.has_depth and seen.heading_rad is not None
     assert abs(math.remainder(seen.heading_rad - TURNED_RAD, math.pi / 2)) < math.radians(1.0)
+
+
+def test_level_lines_tell_how_far_a_camera_looks_down_where_upright_ones_do_not() -> None:
+    # By its upright lines alone it is 0.25 degrees off.
+    assert off_deg(find_upright(drawn((4.2, 0.4), (3.5, -0.3), (2.8, 0.3)), CAMERA).up) < 0.1
 
 
 def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:

@@ -13,7 +13,7 @@ from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
 from executor.photo.refusal import PhotoRefused
 from executor.photo.space.level import UprightSeen
-from executor.photo.space.rescale import scaled_by_floor
+from executor.photo.space.rescale import scaled_by_floor, straightened
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
@@ -43,6 +43,22 @@ def test_the_floor_gives_scale_and_straightness(true_m: Array, seed: int) -> Non
     assert np.median(after) < 0.01 < np.median(before) and "by the floor" in found.source
     block = found.z_m[70:130, 110:210] / true_m[70:130, 110:210]
     assert np.median(np.abs(block - 1.0)) < 0.04
+
+
+def test_depths_in_a_unit_of_their_own_are_put_right_too(true_m: Array) -> None:
+    found = scaled_by_floor(Depth(true_m / 2.5, "a network"), CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
+    block = found.z_m[70:130, 110:210] / true_m[70:130, 110:210]
+    assert np.median(block) == pytest.approx(1.0, abs=0.002)
+
+
+def test_what_is_known_straightens_what_is_around_it(true_m: Array) -> None:
+    bent = np.where(true_m > 0.0, true_m * 1.02, 0.0)
+    known = np.where(true_m > 0.0, true_m, np.inf)
+    known[90:110, 140:160] = np.inf
+    straight = straightened(bent, known)
+    there = np.s_[90:110, 140:160]
+    assert np.abs(straight[there] / true_m[there] - 1.0).max() < 0.003
+    assert straightened(bent, np.full_like(bent, np.inf)) == pytest.approx(bent)
 
 
 def test_a_floor_that_is_not_there_is_refused(true_m: Array) -> None:
