@@ -191,6 +191,16 @@ def body_of(guess: Guess) -> Body | None:
     return _body(guess.entry.model, (x, y, z), guess.parameters)
 
 
+def as_built(guess: Guess) -> Guess:
+    """Returns a guess that has triangles, to the millimetre, as one that can be built at exactly its size."""
+    try:
+        asset_for(guess.as_object())
+    except AssetError:
+        x, y, z = (round(side, _DIGITS) for side in guess.size_m)
+        return replace(guess, size_m=(x, y, z))
+    return guess
+
+
 def depth_picture(guess: Guess, seen: Observation) -> Array:
     """Returns (H, W) depth of a guess in a picture, infinite where it is not."""
     depth = np.full(seen.z_m.shape, np.inf)

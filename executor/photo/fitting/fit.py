@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, body_of, has_ear
+from executor.photo.fitting.body import Guess, as_built, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
@@ -219,9 +219,9 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     if body is None:
         return None
     return Fit(
-        coloured(fine, best.guess),
+        coloured(fine, as_built(best.guess)),
         best.cost,
-        tuple(RatedGuess(coloured(fine, one.guess), one.cost) for one in others),
+        tuple(RatedGuess(coloured(fine, as_built(one.guess)), one.cost) for one in others),
         fine.explained(best.guess, body),
         fine.residual_m(best.guess, body),
         len(fine.z_m),

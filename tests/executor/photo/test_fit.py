@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from executor.assets.footprint import Footprint, yaw_of
-from executor.assets.library import LIBRARY
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
-from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.body import Guess, as_built, body_of
 from executor.photo.fitting.fit import fit_thing
 from executor.photo.fitting.likelihood import Around
 from executor.photo.fitting.prior import Neighbourhood, prior_cost
@@ -84,6 +85,15 @@ def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
     assert (off_m < 0.02) is knows
     if knows:
         assert math.dist((bowl.x_m, bowl.y_m), (BOWL.x_m, BOWL.y_m)) < 0.03
+
+
+def test_what_is_built_to_the_millimetre_can_be_built() -> None:
+    least = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.2197, 0.7, 1.2))
+    assert body_of(least) is not None
+    with pytest.raises(AssetError, match="x extent is 0.220 m"):
+        asset_for(least.as_object())
+    assert as_built(least).size_m == (0.22, 0.7, 1.2)
+    assert as_built(TABLE) is TABLE
 
 
 def test_things_are_where_they_are(room: FittedRoom) -> None:
