@@ -66,7 +66,7 @@ class Claim:
         """
         shown = seen.measured & (depth_m < other_m)
         off_m = np.where(shown, seen.z_m - depth_m, 0.0)
-        slack_m = _MODEL_M + _SIGMAS * seen.sigma_m
+        slack_m = _MODEL_M + _SIGMAS * seen.bent_m
         right = shown & (np.abs(off_m) < slack_m)
         through = shown & (off_m >= slack_m)
         share = int(right.sum()) / max(1, int(np.isfinite(depth_m).sum())) * _share_in_picture(seen, corners_m)

@@ -27,7 +27,10 @@ _MOST_LINES = 90
 _UPRIGHT_RAD = math.radians(35.0)  # Off the picture's own upright, as lines far from its middle lean.
 _STEEPEST_RAD = math.radians(55.0)  # That cameras look up or down, or are askew.
 _MEET_RAD = math.radians(1.2)  # Between a line and the point in which the others meet.
-_ON_RAD, _LINE_RAD = math.radians(0.8), 0.005  # Off its direction, what a line may be, and what one mostly is.
+_ON_RAD, _LINE_RAD = (math.radians(2.0), math.radians(1.2), math.radians(0.8), math.radians(0.8)), 0.005
+"""Off its direction, what a line may be, ever less, and what one mostly is."""
+
+_ASKEW_RAD = math.radians(2.0)  # What is about known of which way is up is off by this much.
 _LEAST_MEETING = 5
 _ROUNDS = 4
 _TOLD_RAD = math.radians(4.0)  # Off the horizon: a line on it can go anywhere.
@@ -42,21 +45,29 @@ class UprightSeen:
     Attributes:
         up: (3,) in the camera's frame.
         lines: How many lines say so.
-        spread_rad: How exactly.
     """
 
     up: Array
     lines: int
-    spread_rad: float
 
 
-def find_upright(picture: Photograph, camera: Intrinsics) -> UprightSeen:
-    """Returns which way is up, by the picture's upright lines.
+def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = None) -> UprightSeen:
+    """Returns which way is up, by the picture's upright lines and its level ones.
+
+    Args:
+        picture: The picture.
+        camera: Its camera.
+        about: (3,) which way is up within some degrees, where depths tell it.
 
     Raises:
-        PhotoRefused: Too few lines meet in a point above or below.
+        PhotoRefused: Nothing else tells it, and too few lines meet in a point above or below.
         MissingExtra: OpenCV is not installed.
     """
+    return _squared(picture, camera, _meeting(picture, camera) if about is None else about)
+
+
+def _meeting(picture: Photograph, camera: Intrinsics) -> Array:
+    """Which way is up by upright lines alone, which meet there."""
     normals, length = _planes(picture, camera)
     first, second = np.triu_indices(len(normals), 1)
     meetings = np.cross(normals[first], normals[second])
@@ -76,12 +87,11 @@ def find_upright(picture: Photograph, camera: Intrinsics) -> UprightSeen:
     count = int(on.sum())
     if count < _LEAST_MEETING:
         raise _unlevelled(picture, count)
-    spread_rad = float(np.std(normals[on] @ up)) / math.sqrt(count)
-    return UprightSeen(_squared(picture, camera, up), count, spread_rad)
+    return np.asarray(up)
 
 
-def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> Array:
-    """Which way is up by level lines, too: the two directions in which most of these go are square to it.
+def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> UprightSeen:
+    """Which way is up, of which some degrees are known, by all lines: level ones mostly go in two directions.
 
     Upright lines in the middle of a picture hardly tell how far a camera looks down; level ones do.
     """
@@ -92,22 +102,22 @@ def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> Array:
     quarters = [] if heading_rad is None else [heading_rad, heading_rad + math.pi / 2]
     ways = np.array([up, *(R.T @ [math.cos(turn), math.sin(turn), 0.0] for turn in quarters)])
     weight = length / np.median(length) / _LINE_RAD
-    turned = np.zeros(3)
-    for _ in range(_ROUNDS):
+    turned, count = np.zeros(3), 0
+    for most_rad in _ON_RAD:
         off = np.abs(normals @ Rotation.from_rotvec(turned).apply(ways).T)
         which, by_size = np.argmin(off, axis=1), np.sort(off, axis=1)
         # A line that may go in two of the directions tells of neither.
-        on = (by_size[:, 0] < math.sin(_ON_RAD)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
-        some, ways_of, weights = normals[on], ways[which[on]], weight[on]
-        turned = _turned(some, ways_of, weights, turned)
-    return np.asarray(Rotation.from_rotvec(turned).apply(up))
+        on = (by_size[:, 0] < math.sin(most_rad)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
+        turned, count = _turned(normals[on], ways[which[on]], weight[on], turned), int(on.sum())
+    return UprightSeen(np.asarray(Rotation.from_rotvec(turned).apply(up)), count)
 
 
 def _turned(normals: Array, ways: Array, weight: Array, first: Array) -> Array:
     """The rotation vector that brings directions (N, 3) best into planes with these normals (N, 3)."""
 
     def off(rotation: Array) -> Array:
-        return np.asarray((normals * Rotation.from_rotvec(rotation).apply(ways)).sum(axis=1) * weight)
+        by_line = (normals * Rotation.from_rotvec(rotation).apply(ways)).sum(axis=1) * weight
+        return np.concatenate([by_line, rotation / _ASKEW_RAD])
 
     return np.asarray(least_squares(off, first, loss="soft_l1").x)
 
@@ -118,7 +128,7 @@ def levelled_by_height(upright: UprightSeen, height_m: float) -> FloorSeen:
     Raises:
         PhotoRefused: Nobody holds a camera so high or low.
     """
-    return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.lines} upright lines; the camera's height as given")
+    return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.lines} lines; the camera's height as given")
 
 
 def levelled_by_length(upright: UprightSeen, camera: Intrinsics, known: KnownLength) -> FloorSeen:
@@ -138,7 +148,7 @@ def levelled_by_length(upright: UprightSeen, camera: Intrinsics, known: KnownLen
     height_m = known.length_m / max(apart, 1e-9)
     away = max(float(end[2]) for end in ends)
     spread = math.sqrt(2.0) * CLICKED_PX * away / camera.fx / max(apart, 1e-9)
-    return _floor(upright.up, height_m, spread, f"{upright.lines} upright lines; a known length on the floor")
+    return _floor(upright.up, height_m, spread, f"{upright.lines} lines; a known length on the floor")
 
 
 def levelled_by_board(board: BoardSeen) -> FloorSeen:

@@ -83,6 +83,11 @@ class Observation:
         return self.noise.sigma_m(self.z_m)
 
     @property
+    def bent_m(self) -> Array:
+        """(H, W) standard deviation of each depth with all that it is bent by."""
+        return np.hypot(self.sigma_m, self.bend_share * self.z_m)
+
+    @property
     def floor_z_m(self) -> Array:
         """(H, W) depth that the floor has, infinite above the horizon."""
         down = -self.rays[..., 2]

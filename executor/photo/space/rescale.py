@@ -48,10 +48,18 @@ def observe_by_height(
         PhotoRefused: Nothing tells what is level, or no floor is seen that would be so far below.
         MissingExtra: OpenCV is not installed.
     """
-    upright = find_upright(picture, camera)
+    upright = find_upright(picture, camera, _about(picture, depth, camera))
     depth = scaled_by_floor(depth, camera, upright, height_m)
     seen, floor = observe(picture, depth, camera, levelled_by_height(upright, height_m))
     return depth, replace(seen, heading_rad=heading_of_lines(picture, camera, seen.R_camera_level.T)), floor
+
+
+def _about(picture: Photograph, depth: Depth, camera: Intrinsics) -> Array | None:
+    """Which way is up by the depths' own floor, though it is bent; None where none is seen."""
+    try:
+        return observe(picture, depth, camera)[1].up
+    except PhotoRefused:
+        return None
 
 
 def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, height_m: float, seed: int = 0) -> Depth:

@@ -31,6 +31,7 @@ _ON_FLOOR, _BEND_PX, _FAR_FROM_FLOOR = 0.03, 40.0, 1e-4
 """Of bent depths: how near to the floor, as a share, it is seen; how far in the picture that tells how they are bent;
 what counts where no floor is near."""
 
+_SQUARE, _CORNER_M = math.cos(math.radians(10.0)), 0.3  # Of walls that meet.
 _BEYOND_M, _BEYOND = 0.15, 0.04
 """So much of what is seen may stand beyond a wall's plane, of what can be a wall where no boxes tell furniture."""
 
@@ -96,7 +97,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         seed: Of the random planes that are tried.
     """
     rng = np.random.default_rng(seed)
-    points, sigma = seen.points_m, _sigma_m(seen)
+    points, sigma = seen.points_m, seen.bent_m
     free = seen.measured & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
     for thing in things:
         x0, y0, x1, y1 = thing.box_px
@@ -131,12 +132,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         ):
             found.append(wall)
         left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
-    return tuple(found)
-
-
-def _sigma_m(seen: Observation) -> Array:
-    """(H, W) standard deviation of each depth; where depths are bent a wall is, too."""
-    return np.hypot(seen.sigma_m, seen.bend_share * seen.z_m)
+    return _meeting(found) if seen.bend_share else tuple(found)
 
 
 def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array, float] | None:
@@ -170,6 +166,22 @@ def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array
         offset = -1.0 / float(np.linalg.norm(inverse))
         normal = inverse * offset
     return normal, offset
+
+
+def _meeting(walls: Sequence[Wall]) -> tuple[Wall, ...]:
+    """Walls that end where others begin, which bent depths have a little beyond."""
+    found = []
+    for wall in walls:
+        low, high = wall.span_m
+        for other in walls:
+            across = float(other.normal @ wall.along)
+            if abs(across) < _SQUARE:
+                continue
+            corner = other.offset_m / across
+            low = corner if abs(low - corner) < _CORNER_M else low
+            high = corner if abs(high - corner) < _CORNER_M else high
+        found.append(replace(wall, span_m=(low, high)))
+    return tuple(found)
 
 
 def _straight(seen: Observation) -> Array:
@@ -217,7 +229,7 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
     """(H, W) pixels in which something farther is seen, those that look at it, and how high these do, in metres."""
     depth = wall.depth(seen.eye_m, seen.rays)
     looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
-    through = looked & (seen.z_m > depth + 0.10 + 5 * _sigma_m(seen))
+    through = looked & (seen.z_m > depth + 0.10 + 5 * seen.bent_m)
     heights_m = seen.eye_m[2] + seen.rays[..., 2] * np.where(looked, depth, 0.0)
     return through, looked, heights_m
 

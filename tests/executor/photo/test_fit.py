@@ -90,7 +90,7 @@ def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
 def test_what_is_built_to_the_millimetre_can_be_built() -> None:
     least = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.2197, 0.7, 1.2))
     assert body_of(least) is not None
-    with pytest.raises(AssetError, match="x extent is 0.220 m"):
+    with pytest.raises(AssetError, match="x extent is"):
         asset_for(least.as_object())
     assert as_built(least).size_m == (0.22, 0.7, 1.2)
     assert as_built(TABLE) is TABLE

@@ -66,7 +66,7 @@ def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) 
     found = find_upright(picture, CAMERA)
     assert off_deg(found.up) < 0.2
     floor = levelled_by_height(found, HEIGHT_M)
-    assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "upright lines" in floor.source
+    assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "lines; the camera" in floor.source
     seen = flat_observation(picture, CAMERA, floor)
     assert not seen.has_depth and seen.heading_rad is not None
     assert abs(math.remainder(seen.heading_rad - TURNED_RAD, math.pi / 2)) < math.radians(1.0)
@@ -80,7 +80,7 @@ def test_level_lines_tell_how_far_a_camera_looks_down_where_upright_ones_do_not(
 def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:
     ends = in_picture(np.array([[2.5, -0.4, 0.0], [2.9, 0.5, 0.0]]))
     known = KnownLength(tuple(ends[0]), tuple(ends[1]), math.hypot(0.4, 0.9))
-    floor = levelled_by_length(UprightSeen(UP, 9, 0.001), CAMERA, known)
+    floor = levelled_by_length(UprightSeen(UP, 9), CAMERA, known)
     assert floor.height_m == pytest.approx(HEIGHT_M, abs=1e-6) and 0.002 < floor.spread_share < 0.02
 
 
@@ -93,7 +93,7 @@ def test_a_board_on_the_floor_tells_both() -> None:
 
 def test_what_is_not_level_or_not_on_the_floor_is_refused() -> None:
     grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
-    upright = UprightSeen(UP, 9, 0.001)
+    upright = UprightSeen(UP, 9)
     with pytest.raises(PhotoRefused, match="0 upright lines"):
         find_upright(grey, CAMERA)
     with pytest.raises(PhotoRefused, match="above the horizon"):

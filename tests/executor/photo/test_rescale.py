@@ -35,7 +35,7 @@ def true_m() -> Array:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_floor_gives_scale_and_straightness(true_m: Array, seed: int) -> None:
     guessed = mono_like(true_m, np.random.default_rng(seed))
-    found = scaled_by_floor(Depth(guessed, "a network"), CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
+    found = scaled_by_floor(Depth(guessed, "a network"), CAMERA, UprightSeen(UP, 9), HEIGHT_M)
     on_floor = (true_m > 0.0) & (guessed > 0.0)
     on_floor[50:150, 90:230] = False
     before = np.abs(guessed / np.where(on_floor, true_m, 1.0) - 1.0)[on_floor]
@@ -46,7 +46,7 @@ def test_the_floor_gives_scale_and_straightness(true_m: Array, seed: int) -> Non
 
 
 def test_depths_in_a_unit_of_their_own_are_put_right_too(true_m: Array) -> None:
-    found = scaled_by_floor(Depth(true_m / 2.5, "a network"), CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
+    found = scaled_by_floor(Depth(true_m / 2.5, "a network"), CAMERA, UprightSeen(UP, 9), HEIGHT_M)
     block = found.z_m[70:130, 110:210] / true_m[70:130, 110:210]
     assert np.median(block) == pytest.approx(1.0, abs=0.002)
 
@@ -64,4 +64,4 @@ def test_what_is_known_straightens_what_is_around_it(true_m: Array) -> None:
 def test_a_floor_that_is_not_there_is_refused(true_m: Array) -> None:
     wall = Depth(np.full_like(true_m, 2.0), "a network")
     with pytest.raises(PhotoRefused, match="no floor is seen"):
-        scaled_by_floor(wall, CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
+        scaled_by_floor(wall, CAMERA, UprightSeen(UP, 9), HEIGHT_M)
