@@ -20,7 +20,8 @@ _AGAINST_M, _AGAINST_SIGMA_M, _AGAINST_WEIGHT, _FAR_M = 0.012, 0.015, 1.5, 0.35
 piece, its depth before all, only this can tell."""
 
 _FLUSH_SIGMA_M, _FLUSH_WEIGHT, _FLUSH_FAR_M = 0.008, 0.8, 0.15  # Furniture in a row touches.
-_OPEN = 4.0  # Doors are mostly shut.
+_OPEN, _OPEN_BEHIND = 4.0, 29.0
+"""Doors are mostly shut; and from behind, an open one is most likely a wall beside the thing that nobody has found."""
 
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
@@ -70,13 +71,14 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
         beyond = max(span.low * unit - value, value - span.high * unit, 0.0)
         cost += 0.5 * (beyond / sigma) ** 2
     ahead = np.array([math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)])
-    if entry.category in _FRONTED and float(ahead @ (guess.x_m, guess.y_m)) < 0.0:
-        cost += _TURNED_AWAY
+    away = entry.category in _FRONTED and float(ahead @ (guess.x_m, guess.y_m)) < 0.0
+    cost += _TURNED_AWAY if away else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # What stands open has room to.
         cost += math.inf if opened else _BLOCKED
-    cost += _OPEN if opened else 0.0
+    if opened:
+        cost += _OPEN_BEHIND if away else _OPEN
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
     if around.headings_rad and not is_round(entry):

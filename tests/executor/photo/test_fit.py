@@ -87,6 +87,15 @@ def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
         assert math.dist((bowl.x_m, bowl.y_m), (BOWL.x_m, BOWL.y_m)) < 0.03
 
 
+def test_an_open_door_is_believed_from_its_front_and_hardly_from_behind() -> None:
+    alone = Neighbourhood(())
+    costs = {}
+    for away, yaw_rad in ((False, 0.0), (True, math.pi)):
+        shut = Guess(LIBRARY["wardrobe_two_doors"], 2.5, 0.0, yaw_rad, 0.0, (0.6, 1.0, 1.7))
+        costs[away] = prior_cost(shut.with_parameters(open_fraction=1.0), alone) - prior_cost(shut, alone)
+    assert costs[False] == pytest.approx(4.0) and costs[True] > costs[False] + 20.0
+
+
 def test_what_is_built_to_the_millimetre_can_be_built() -> None:
     least = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.2197, 0.7, 1.2))
     assert body_of(least) is not None
