@@ -1,7 +1,8 @@
-"""The level frame of a picture without depth: which way is up by its upright lines, and how high the camera is.
+"""The level frame of a picture without depth of its own: which way is up by its lines, and how high the camera is.
 
 Edges of furniture, doors and corners of rooms are upright, so that their lines in a picture meet in one point, which is
-straight above or below the camera (Caprile and Torre 1990). A ChArUco board that lies on the floor tells both.
+straight above or below the camera (Caprile and Torre 1990); level ones mostly go in two directions, square to it and to
+each other. A ChArUco board that lies on the floor tells both.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def _about(picture: Photograph, depth: Depth, camera: Intrinsics) -> Array | Non
 
 
 def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, height_m: float, seed: int = 0) -> Depth:
-    """Returns depths in which the floor is flat and as far below the camera as it is.
+    """Returns depths in which the floor is flat and as far below the camera as it is, with how they were bent.
 
     Args:
         depth: Right up to a factor, a shift, and slow bends.
@@ -90,7 +90,7 @@ def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, heig
     floor = np.zeros(depth.z_m.shape, dtype=bool)
     floor[below] = on
     bent = np.abs(floor_m / np.maximum(straight, 1e-6) - 1.0)[floor]
-    bend_share = depth.bend_share and 1.4826 * float(np.median(bent))
+    bend_share = 1.4826 * float(np.median(bent))
     z_m = straightened(straight, np.where(below, floor_m, np.inf), floor)
     told = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
     return replace(depth, z_m=np.where(depth.z_m > 0.0, z_m, 0.0), source=told, bend_share=bend_share)

@@ -32,6 +32,7 @@ _ON_FLOOR, _BEND_PX, _FAR_FROM_FLOOR = 0.03, 40.0, 1e-4
 what counts where no floor is near."""
 
 _SQUARE, _CORNER_M = math.cos(math.radians(10.0)), 0.3  # Of walls that meet.
+_ASKEW_RAD = math.radians(15.0)  # What bends turn a wall by; one that is turned by more does not go along the lines.
 _BEYOND_M, _BEYOND = 0.15, 0.04
 """So much of what is seen may stand beyond a wall's plane, of what can be a wall where no boxes tell furniture."""
 
@@ -119,7 +120,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         if int(near.sum()) < least:
             break
         if seen.bend_share and seen.heading_rad is not None:
-            normal, offset = _squared(left[near], normal, seen.heading_rad, straight[near])
+            normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         # Somebody may have left out a piece of furniture: its front is no wall.
         is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall)
@@ -132,7 +133,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         ):
             found.append(wall)
         left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
-    return _meeting(found) if seen.bend_share else tuple(found)
+    return _ended_in_corners(found) if seen.bend_share else tuple(found)
 
 
 def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array, float] | None:
@@ -168,7 +169,7 @@ def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array
     return normal, offset
 
 
-def _meeting(walls: Sequence[Wall]) -> tuple[Wall, ...]:
+def _ended_in_corners(walls: Sequence[Wall]) -> tuple[Wall, ...]:
     """Walls that end where others begin, which bent depths have a little beyond."""
     found = []
     for wall in walls:
@@ -190,10 +191,14 @@ def _straight(seen: Observation) -> Array:
     return np.asarray(gaussian_filter(on_floor.astype(float), _BEND_PX)) + _FAR_FROM_FLOOR
 
 
-def _squared(points: Array, normal: Array, heading_rad: float, straight: Array) -> tuple[Array, float]:
+def _squared(points: Array, plane: tuple[Array, float], heading_rad: float, straight: Array) -> tuple[Array, float]:
     """A wall of bent depth: along the lines of the room, and as far off as it is where floor is seen beside it."""
-    quarter = round((math.atan2(normal[1], normal[0]) - heading_rad) / (math.pi / 2))
-    turn = heading_rad + quarter * math.pi / 2
+    normal, _ = plane
+    found_rad = math.atan2(normal[1], normal[0])
+    askew_rad = math.remainder(found_rad - heading_rad, math.pi / 2)
+    if abs(askew_rad) > _ASKEW_RAD:
+        return plane
+    turn = found_rad - askew_rad
     along = np.array([math.cos(turn), math.sin(turn)])
     offsets = points[:, :2] @ along
     order = np.argsort(offsets)
