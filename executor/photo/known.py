@@ -289,7 +289,7 @@ class KnownRoom:
         """Puts depths that are bent right by all that is known, as the floor did."""
         if not self.seen.bend_share:
             return
-        beside = self.seen.measured & ~self._smaller(None, range(len(self.detections)))
+        beside = self.seen.measured & ~self._in_boxes(range(len(self.detections)))
         known_m = np.where(beside, self._others()[0], np.inf)
         self.seen = replace(self.seen, z_m=straightened(self.seen.z_m, known_m))
 
@@ -350,14 +350,17 @@ class KnownRoom:
             depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
         return depth, owner
 
-    def _smaller(self, index: int | None, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
-        """(H, W) pixels in boxes of things, smaller than one if there is one, that are not fitted yet."""
+    def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
+        """(H, W) pixels in boxes of smaller things that are not fitted yet."""
+        area_px = self.detections[index].area_px
+        return self._in_boxes(one for one in hidden_by if one != index and self.detections[one].area_px < area_px)
+
+    def _in_boxes(self, indices: Iterable[int]) -> NDArray[np.bool_]:
+        """(H, W) pixels in boxes of those of some things that are not fitted yet."""
         mask = np.zeros(self.seen.z_m.shape, dtype=bool)
-        for other in hidden_by:
-            if other == index or other in self.fits:
-                continue
-            if index is None or self.detections[other].area_px < self.detections[index].area_px:
-                mask |= self.detections[other].pixels(self.seen.size_px)
+        for index in indices:
+            if index not in self.fits:
+                mask |= self.detections[index].pixels(self.seen.size_px)
         return mask
 
     def _heights(self, detection: Sighting, points: Array | None) -> list[float]:

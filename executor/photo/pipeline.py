@@ -33,7 +33,6 @@ from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
 
 Told = Callable[[str], None]
-_STRAIGHT = 0.005  # Depths that are bent by less have nothing stand out of floor and walls that is not there.
 
 
 @dataclass(frozen=True)
@@ -202,7 +201,8 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     walls = () if depth is None else find_walls(seen, given.detections)
     walled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    alone = depth is not None and depth.bend_share < _STRAIGHT
+    # In depths that are bent, more stands out of floor and walls than is there.
+    alone = depth is not None and not depth.bend_share
     found = reconstruct(seen, given.detections, walls, told, floor.spread_share, alone=alone or not given.detections)
     fitted = time.perf_counter()
     if not found.things:

@@ -91,7 +91,7 @@ def observe(
     rays = camera.rays(picture.size_px)
     near = (depth.z_m > 0.0) & (depth.z_m < _FARTHEST_M)
     rng = np.random.default_rng(seed)
-    candidates = [] if under else _candidates(rays, depth.z_m, near, rng)
+    candidates = _candidates(rays, depth.z_m, near, rng) if under is None else []
     points = _sample(rays, depth.z_m, near, rng)
     plane = _best(candidates, points) if under is None else (under.up, under.height_m)
     if plane is None:

@@ -97,6 +97,8 @@ def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> UprightSeen:
     Upright lines in the middle of a picture hardly tell how far a camera looks down; level ones do.
     """
     ends, length = _lines(picture)
+    if not len(length):
+        return UprightSeen(up, 0)
     normals = _through_camera(ends, camera)
     R = level_rotation(up)
     heading_rad = heading_of_lines(picture, camera, R)

@@ -44,7 +44,8 @@ class Observation:
         noise: Of the depth.
         K: The camera's intrinsics.
         bend_share: How far off depths slowly go over the picture, as a share of themselves, see `Depth`.
-        heading_rad: Without depth, one of the directions in which most lines of the room go, up to quarter turns.
+        heading_rad: Without depth, or where it is bent, one of the directions in which most lines of the room go, up
+            to quarter turns.
     """
 
     rgb: NDArray[np.uint8]

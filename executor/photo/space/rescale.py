@@ -29,6 +29,7 @@ _POINTS, _SHIFT_M = 20, 0.06  # How many straight points a bent floor is worth; 
 _APART_M = 0.4  # Between the two floor points of a trial.
 _FACTORS, _MOST_SHIFT_M = (0.2, 5.0), 1.0
 _ON, _BELOW, _BELOW_WEIGHT = 0.03, 0.08, 3.0  # Shares of the distance. Nothing is below a floor.
+_STRAIGHT = 0.005  # Depths that are bent by less on the floor, noise apart, were measured: those have 0.002 at most.
 _LEAST_SHARE = 0.03  # Of the pixels below the horizon, that are floor.
 _SMOOTH_PX, _TRUST = (80.0, 40.0, 40.0, 20.0), 0.05
 """How slowly depths bend, first roughly; how much of what is around a pixel has to be known to tell it."""
@@ -89,11 +90,16 @@ def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, heig
     straight = np.maximum(factor * depth.z_m + shift_m, 0.0)
     floor = np.zeros(depth.z_m.shape, dtype=bool)
     floor[below] = on
-    bent = np.abs(floor_m / np.maximum(straight, 1e-6) - 1.0)[floor]
-    bend_share = 1.4826 * float(np.median(bent))
+    bent = _slowly(np.where(floor, floor_m / np.maximum(straight, 1e-6) - 1.0, 0.0), floor, _SMOOTH_PX[-1], 1e-6)
+    bend_share = 1.4826 * float(np.median(np.abs(bent[floor])))
     z_m = straightened(straight, np.where(below, floor_m, np.inf), floor)
     told = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
-    return replace(depth, z_m=np.where(depth.z_m > 0.0, z_m, 0.0), source=told, bend_share=bend_share)
+    return replace(
+        depth,
+        z_m=np.where(depth.z_m > 0.0, z_m, 0.0),
+        source=told,
+        bend_share=bend_share if bend_share > _STRAIGHT else 0.0,
+    )
 
 
 def straightened(z_m: Array, known_m: Array, is_known: NDArray[np.bool_] | None = None) -> Array:
@@ -108,10 +114,14 @@ def straightened(z_m: Array, known_m: Array, is_known: NDArray[np.bool_] | None 
         if is_known is None:
             is_known = np.isfinite(known_m) & (np.abs(z_m / known_m - 1.0) < _ON)
         bent = np.where(is_known, known_m / np.maximum(z_m, 1e-6) - 1.0, 0.0)
-        near = gaussian_filter(is_known.astype(float), round_px)
-        z_m = z_m * (1.0 + gaussian_filter(bent, round_px) / (near + _TRUST))
+        z_m = z_m * (1.0 + _slowly(bent, is_known, round_px, _TRUST))
         is_known = None
     return z_m
+
+
+def _slowly(bent: Array, is_known: NDArray[np.bool_], round_px: float, trust: float) -> Array:
+    """(H, W) means of bends, 0 where nothing is known, over so many pixels around; the less the fewer are known."""
+    return np.asarray(gaussian_filter(bent, round_px) / (gaussian_filter(is_known.astype(float), round_px) + trust))
 
 
 def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float] | None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from executor.bench.photo.sensor import mono_like
+from executor.bench.photo.sensor import mono_like, noisy
 from executor.geometry import Array
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
@@ -49,6 +49,13 @@ def test_depths_in_a_unit_of_their_own_are_put_right_too(true_m: Array) -> None:
     found = scaled_by_floor(Depth(true_m / 2.5, "a network"), CAMERA, UprightSeen(UP, 9), HEIGHT_M)
     block = found.z_m[70:130, 110:210] / true_m[70:130, 110:210]
     assert np.median(block) == pytest.approx(1.0, abs=0.002)
+
+
+def test_what_was_measured_is_not_bent_however_noisy(true_m: Array) -> None:
+    rng = np.random.default_rng(0)
+    for guessed, is_bent in ((noisy(true_m, rng), False), (mono_like(true_m, rng), True)):
+        found = scaled_by_floor(Depth(guessed, "a file"), CAMERA, UprightSeen(UP, 9), HEIGHT_M)
+        assert (found.bend_share > 0.0) is is_bent
 
 
 def test_what_is_known_straightens_what_is_around_it(true_m: Array) -> None:
