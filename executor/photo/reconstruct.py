@@ -122,7 +122,7 @@ def _result(room: KnownRoom) -> FittedRoom:
         if fit is None:
             unfitted.append(Unfitted(detection, room.reasons[index]))
             continue
-        category = fit.guess.entry.category
-        things.append(FittedThing(f"{category}_{counts[category]}", detection, fit))
-        counts[category] += 1
+        name = detection.name_as(fit.guess.entry)
+        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit))
+        counts[name] += 1
     return FittedRoom(tuple(things), tuple(unfitted), room.walls)

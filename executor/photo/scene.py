@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,22 +44,23 @@ class MadeScene:
 
 def scene_of(found: FittedRoom, name: str) -> MadeScene:
     """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
-    return made_of({thing.id: thing.fit.guess for thing in found.things}, found.walls, name)
+    return made_of(found, {thing.id: thing.fit.guess for thing in found.things}, name)
 
 
 def made_of(
-    guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str, *, same_height_m: float = SAME_HEIGHT_M
+    found: FittedRoom, guesses: Mapping[str, Guess], name: str, *, same_height_m: float = SAME_HEIGHT_M
 ) -> MadeScene:
     """Returns the scene of some guesses.
 
     Args:
+        found: The walls, and the boxes that the guesses are of.
         guesses: id -> guess.
-        walls: The walls.
         name: Of the scene.
         same_height_m: Between a thing and the top that it is taken to stand on.
     """
-    guesses, notes = tidied(guesses, walls, same_height_m)
-    data = scene_json(guesses, walls, name)
+    guesses, notes = tidied(guesses, found.walls, same_height_m)
+    names = {thing.id: thing.detection.name_as(guesses[thing.id].entry) for thing in found.things}
+    data = scene_json(guesses, found.walls, name, names)
     try:
         made = furnished(data)
     except SceneError as problem:
@@ -80,9 +81,18 @@ def made_of(
     return MadeScene(settled, "", tuple(notes), moved)
 
 
-def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str) -> dict[str, object]:
-    """Returns a scene file's content, without facts: those follow from geometry."""
-    things = {key: _entry(guess.as_object(key)) for key, guess in guesses.items()}
+def scene_json(
+    guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str, names: Mapping[str, str]
+) -> dict[str, object]:
+    """Returns a scene file's content, without facts: those follow from geometry.
+
+    Args:
+        guesses: id -> guess.
+        walls: The walls.
+        name: Of the scene.
+        names: id -> its category in the scene.
+    """
+    things = {key: _entry(replace(guess.as_object(key), category=names[key])) for key, guess in guesses.items()}
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
     for number, wall in enumerate(walls):
         key = f"wall_{number}"

@@ -49,6 +49,6 @@ def variations_of(found: FittedRoom, name: str) -> tuple[RoomVariation, ...]:
             if guesses[thing.id] is not thing.fit.guess:
                 models[thing.id] = guesses[thing.id].entry.model
         if models and all(models != other.models for other in varied):
-            made = made_of(guesses, found.walls, f"{name}_{number}", same_height_m=_HEIGHT_M)
+            made = made_of(found, guesses, f"{name}_{number}", same_height_m=_HEIGHT_M)
             varied.append(RoomVariation(number, models, made))
     return tuple(varied)

@@ -32,7 +32,7 @@ _ARTICULATED = _words(
     "stove safe nightstand dresser chest door"
 )
 _SUPPORT = _words(
-    "table desk counter countertop shelf bench island stand sofa couch bed chair stool rack sink floor wall"
+    "table desk counter countertop shelf bench workbench island stand sofa couch bed chair stool rack sink floor wall"
 )
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
@@ -44,7 +44,7 @@ _RIMMED = _words("bowl cup mug")
 """Items with a wall that two fingers can hold, however wide the item is."""
 
 _SOLID = _words(
-    "table desk counter countertop bench island sofa couch bed chair stool floor wall door "
+    "table desk counter countertop bench workbench island sofa couch bed chair stool floor wall door "
     "apple knife plate fork spoon banana orange lemon pear peach tomato potato onion carrot egg book sponge "
     "lid block cube ball die toy phone remote pen"
 )

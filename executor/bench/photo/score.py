@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from executor.assets.footprint import Footprint, open_fraction, yaw_of
-from executor.assets.library import asset_for
+from executor.assets.library import LIBRARY, asset_for
 from executor.assets.surface import surface_of
 from executor.bench.photo.foreign import ROUND
 from executor.bench.photo.truth import Shot
@@ -124,7 +124,7 @@ def compared(
         start,
         found=True,
         taken_for=made.model,
-        category_right=made.category == category,
+        category_right=LIBRARY[made.model].category == category,
         model_right=same_model,
         l2_m=_apart_m(true, made),
         turned_rad=None if is_round else turned_rad(true, made),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,14 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
+from executor.assets.parameters import ModelEntry
 from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
-from executor.scenes.cousins.likeness import FLAT, Unlike, category_of
+from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, written_category
 
 LEAST_PX = 3.0
 """Of a box's sides."""
 
 _OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
+_PLAIN = re.compile("[a-z][a-z0-9_]*")
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
 
@@ -62,6 +65,12 @@ class Sighting:
         """Of its box."""
         x0, y0, x1, y1 = self.box_px
         return (x1 - x0) * (y1 - y0)
+
+    def name_as(self, entry: ModelEntry) -> str:
+        """Returns what a scene calls the thing as a model: as it was labelled, where the label means such models."""
+        label = _written(self.label)
+        kept = self.category == entry.category and _PLAIN.fullmatch(label)
+        return written_category(label, entry) if kept else entry.category
 
     def pixels(self, size_px: tuple[int, int]) -> NDArray[np.bool_]:
         """Returns (H, W) its own pixels; without a mask those of its box.
@@ -142,7 +151,12 @@ def category_named(label: str) -> str | None:
     Raises:
         Unlike: The library has none; the message has near ones.
     """
-    return None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
+    return None if label.lower() in _UNNAMED else category_of(_written(label))
+
+
+def _written(label: str) -> str:
+    """A label in the form of a category."""
+    return label.strip().lower().replace(" ", "_")
 
 
 def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:

@@ -228,8 +228,12 @@ def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
     wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
     for x_m, back_m, thick_m in ((2.5, 3.08, 0.08), (3.46, 3.059, 0.059), (3.41, 3.009, 0.02)):
         scene = scene_json(
-            {"table": replace(TABLE, x_m=x_m, y_m=0.0, yaw_rad=0.0, size_m=(0.8, 0.6, 0.7))}, (wall,), "seen"
+            {"table": replace(TABLE, x_m=x_m, y_m=0.0, yaw_rad=0.0, size_m=(0.8, 0.6, 0.7))},
+            (wall,),
+            "seen",
+            {"table": "work_bench"},
         )
+        assert scene["objects"]["table"]["category"] == "work_bench"  # type: ignore[index]
         made = scene["objects"]["wall_0"]  # type: ignore[index]
         assert made["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
         assert made["position"][0] + made["bbox_extent"][0] / 2 == pytest.approx(back_m, abs=1e-3)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from executor.assets.library import LIBRARY
 from executor.cli.main import run
-from executor.photo.inputs.annotations import read_boxes
+from executor.photo.inputs.annotations import Sighting, category_named, read_boxes
 from executor.photo.inputs.camera import read_camera
 from executor.photo.inputs.depth import read_depth
 from executor.photo.inputs.picture import read_picture
@@ -53,6 +54,21 @@ def test_boxes_are_the_same_in_every_form(folder: Path, name: str) -> None:
     (found,) = read_boxes(folder / name, SIZE, "room.png")
     assert found.category == "refrigerator" and found.label == "fridge"
     assert found.box_px == pytest.approx((16, 12, 80, 60))
+
+
+@pytest.mark.parametrize(
+    ("label", "model", "name"),
+    [
+        ("Chest of drawers", "cabinet_drawers", "chest_of_drawers"),
+        ("fridge", "fridge_one_door", "refrigerator"),
+        ("dresser", "wardrobe_two_doors", "wardrobe"),
+        ("kitchen/table", "table_round", "table"),
+        ("", "cup", "cup"),
+    ],
+)
+def test_a_thing_keeps_the_name_that_it_was_given_where_that_says_more(label: str, model: str, name: str) -> None:
+    category = LIBRARY[model].category if "/" in label else category_named(label)
+    assert Sighting(label, category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
 
 
 @pytest.mark.parametrize("name", ["depth.png", "depth.npz", "depth.npy"])
