@@ -107,10 +107,15 @@ class Solids:
         return np.asarray(((enter < leave) & (leave > 0.0) & (enter < 0.999)).any(axis=0))
 
 
-def joints_at_start(thing: SceneObject) -> list[float]:
-    """Returns where the joints of an object stand when its scene is built (rad or m, in the asset's order)."""
+def joints_at_start(thing: SceneObject, asset: Asset | None = None) -> list[float]:
+    """Returns where the joints of an object stand when its scene is built (rad or m, in the asset's order).
+
+    Args:
+        thing: The object.
+        asset: Its asset, where somebody has built it already.
+    """
     fraction = number(thing, "open_fraction", 0.0, 0.0, 1.0)
-    return [joint.position(fraction) for joint in asset_for(thing).joints]
+    return [joint.position(fraction) for joint in (asset or asset_for(thing)).joints]
 
 
 def link_frames(asset: Asset, joints: ArrayLike | Sequence[float]) -> dict[str, Array]:
