@@ -37,8 +37,10 @@ _FILLED = 0.9  # Of half the picture's width.
 MOST_PICTURES = 16
 """That are looked at for one that shows what a task names."""
 
-TASK_SIZE_PX = (960, 720)
-"""Of these pictures: a glass that is 4 m away is 150 pixels of it, and 60 of one of 640 x 480."""
+TASK_SIZE_PX = (1280, 960)
+"""Of these pictures: an apple that is 4 m away is 200 pixels of it, and 50 of one of 640 x 480."""
+
+_ANYWHERE_RAD, _BACK_M = math.pi, 1.2  # Off what fronts look at, and farther away, the last picture may be taken.
 
 _FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some nobody can tell what is level.
 
@@ -107,8 +109,9 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
 def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
     """Returns the photograph that somebody takes who wants something done, and how many were looked at.
 
-    Places are drawn from a seed around what the task names. The first from which all of that and some floor are seen is
-    taken; where none of them shows all, the one that shows most.
+    Places are drawn from a seed around what the task names, each of them from more sides and farther away than the one
+    before. The first from which all of that and some floor are seen is taken; where none of them shows all, the one
+    that shows most.
 
     Args:
         scene: The room.
@@ -120,10 +123,17 @@ def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Sho
     """
     rng, wanted = np.random.default_rng([seed, 19]), set(names)
     looked_at: list[Shot] = []
-    while len(looked_at) < MOST_PICTURES:
-        looked_at.append(_taken(scene, _camera(scene, rng, TASK_SIZE_PX, wanted), TASK_SIZE_PX))
+    for share in np.linspace(0.0, 1.0, MOST_PICTURES).tolist():
+        aside_rad, back_m = _ASIDE_RAD + share * (_ANYWHERE_RAD - _ASIDE_RAD), share * _BACK_M
+        try:
+            camera = _camera(scene, rng, TASK_SIZE_PX, wanted, aside_rad, back_m)
+        except NoPlace:
+            continue
+        looked_at.append(_taken(scene, camera, TASK_SIZE_PX))
         if _shown(looked_at[-1], wanted) == (True, len(wanted)):
             break
+    if not looked_at:
+        raise NoPlace(f"no place for a camera in {scene.name} from which {', '.join(sorted(wanted))} might be seen")
     return max(looked_at, key=lambda shot: _shown(shot, wanted)), len(looked_at)
 
 
@@ -171,8 +181,15 @@ def _owners(segmentation: object, stage: Stage, scene: Scene) -> tuple[NDArray[n
     return owners, names
 
 
-def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int], names: Collection[str] = ()) -> Camera:
-    """A camera that looks at a room's furniture, or at the things that are named."""
+def _camera(
+    scene: Scene,
+    rng: np.random.Generator,
+    size_px: tuple[int, int],
+    names: Collection[str] = (),
+    aside_rad: float = _ASIDE_RAD,
+    back_m: float = 0.0,
+) -> Camera:
+    """A camera that looks at a room's furniture, or at the things that are named, from not farther aside than that."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
     large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
     points = np.array([obj.position for obj in large])
@@ -183,14 +200,14 @@ def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int], na
     sights = np.vstack([points, [*middle[:2], 0.02]])
     for _ in range(_TRIES):
         fov_y, height_m = float(rng.uniform(*_FOV_RAD)), float(rng.uniform(*_HEIGHT_M))
-        angle = front + float(rng.uniform(-_ASIDE_RAD, _ASIDE_RAD))
+        angle = front + float(rng.uniform(-aside_rad, aside_rad))
         direction = np.array([math.cos(angle), math.sin(angle), 0.0])
         target = np.array([*middle[:2], float(rng.uniform(*_LOOK_AT_M))])
         half = math.atan(math.tan(fov_y / 2) * size_px[0] / size_px[1]) * _FILLED
         across = points[:, :2] @ [-direction[1], direction[0]]
         along = points[:, :2] @ direction[:2]
         reach = np.abs(across - middle[:2] @ [-direction[1], direction[0]]) / math.tan(half)
-        away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8))
+        away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8)) + back_m
         eye = np.array([*(middle + away * direction)[:2], height_m])
         # Nobody takes a picture of a room from behind its wall.
         if stands_free(scene, eye) and not walls.hidden(eye, sights).any():
