@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.footprint import Footprint
 from executor.geometry import Array, inverse
 from executor.machine.extras import load_sapien
 from executor.pictures.cameras import Camera, look_at
@@ -34,6 +35,7 @@ _LOOK_AT_M = (0.45, 0.80)  # Height of what the middle of the picture shows.
 _ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts look in.
 _TRIES = 60
 _FILLED = 0.9  # Of half the picture's width.
+_FARTHEST_M, _STEP_BACK_M = 6.0, 0.2
 MOST_PICTURES = 16
 """That are looked at for one that shows what a task names."""
 
@@ -189,7 +191,7 @@ def _camera(
     aside_rad: float = _ASIDE_RAD,
     back_m: float = 0.0,
 ) -> Camera:
-    """A camera that looks at a room's furniture, or at the things that are named, from not farther aside than that."""
+    """A camera that looks at a room's furniture, or at the things that are named, whole, from not farther aside."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
     large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
     points = np.array([obj.position for obj in large])
@@ -198,6 +200,7 @@ def _camera(
     front = math.atan2(facing[1], facing[0]) if np.linalg.norm(facing) > 0.3 else math.pi
     walls = Solids.of(scene).without([obj.id for obj in things])
     sights = np.vstack([points, [*middle[:2], 0.02]])
+    corners = np.concatenate([_corners(obj) for obj in large])
     for _ in range(_TRIES):
         fov_y, height_m = float(rng.uniform(*_FOV_RAD)), float(rng.uniform(*_HEIGHT_M))
         angle = front + float(rng.uniform(-aside_rad, aside_rad))
@@ -209,10 +212,28 @@ def _camera(
         reach = np.abs(across - middle[:2] @ [-direction[1], direction[0]]) / math.tan(half)
         away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8)) + back_m
         eye = np.array([*(middle + away * direction)[:2], height_m])
+        while names and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
+            away += _STEP_BACK_M
+            eye = np.array([*(middle + away * direction)[:2], height_m])
         # Nobody takes a picture of a room from behind its wall.
         if stands_free(scene, eye) and not walls.hidden(eye, sights).any():
             return Camera("photo", None, look_at(eye, target), fov_y, near_m=0.05, far_m=25.0)
     raise NoPlace(f"no place for a camera in {scene.name}")
+
+
+def _corners(obj: SceneObject) -> Array:
+    """(8, 3) corners of the box around a thing that stands upright."""
+    flat, half_m = Footprint.of(obj).corners_m, obj.extent_m[2] / 2
+    return np.array([[x, y, obj.position[2] + side * half_m] for x, y in flat for side in (-1, 1)])
+
+
+def _frames(eye: Array, target: Array, fov_y: float, size_px: tuple[int, int], points: Array) -> bool:
+    """Whether a picture shows all of some points (N, 3), and not at its very border."""
+    T = inverse(look_at(eye, target))
+    ahead, left, up = (points @ T[:3, :3].T + T[:3, 3]).T
+    high = math.tan(fov_y / 2) * _FILLED
+    wide = high * size_px[0] / size_px[1]
+    return bool((ahead > 0.0).all() and (np.abs(left) < wide * ahead).all() and (np.abs(up) < high * ahead).all())
 
 
 def _own_x(obj: SceneObject) -> Array:
