@@ -37,6 +37,8 @@ _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
+_BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
+_IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
@@ -115,6 +117,8 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
     tops = [float(one) for one in np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])]
     for entry in entries:
         bases = distinct[:1] if is_round(entry) else distinct
+        if is_round(entry) and kind_of(entry.category, entry.width.low) is Kind.ITEM:
+            bases = [math.atan2(*flat.mean(axis=0)[::-1])]
         if has_ear(entry):
             # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
             bases = [own + share * math.pi / 2 for share in _ASKEW]
@@ -237,6 +241,9 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
     local = flat @ np.array([[c, -s], [s, c]])
     low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
     width = entry.width.clipped(float(high[1] - low[1]))
+    is_item = kind_of(entry.category, width) is Kind.ITEM
+    if is_item:
+        width = min(width, max(float(high[1] - low[1]), _IN_HAND_SHARE * entry.width.low))
     length = entry.length.clipped(float(high[0] - low[0]), width)
     unit = width if entry.height.of_width else 1.0
     seen_m = entry.height.clipped(top_m - bottom_m, width)
@@ -253,6 +260,10 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
         near = high[axis] - side / 2 if to_eye[axis] > 0 else low[axis] + side / 2
         far = low[axis] + side / 2 if to_eye[axis] > 0 else high[axis] - side / 2
         along.append([near, far] if abs(near - far) > _GAP_M else [near])
+    if is_item and is_round(entry):
+        # Along the view its points lie as far apart as noise is large: their middle is just before its own.
+        middle = float(np.median(local[:, 0]))
+        along[0] = [middle, middle + _BEFORE_MIDDLE * width / 2]
     for x in along[0]:
         for y in along[1]:
             for height in sorted(heights):
