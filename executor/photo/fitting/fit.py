@@ -324,7 +324,7 @@ def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
 
 
 def _worth_following(begun: list[RatedGuess], roughly: bool) -> list[RatedGuess]:
-    """The cheapest start of each model, turn and height, or roughly of each model; those that are far worse left out."""
+    """The cheapest start of each model and turn, or roughly of each model, but for those that are far worse."""
     found = _best_of_models(begun) if roughly else _cheapest_turns(begun)
     return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED] if found else []
 
