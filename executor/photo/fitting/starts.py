@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from scipy.ndimage import label
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, Size, has_ear, is_round
+from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round
 from executor.photo.fitting.options import shapes
 from executor.photo.fitting.prior import usual_size_m
 from executor.photo.inputs.annotations import Sighting
@@ -117,7 +118,7 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
     tops = [float(one) for one in np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])]
     for entry in entries:
         bases = distinct[:1] if is_round(entry) else distinct
-        if is_round(entry) and kind_of(entry.category, entry.width.low) is Kind.ITEM:
+        if _is_turned(entry):
             bases = [math.atan2(*flat.mean(axis=0)[::-1])]
         if has_ear(entry):
             # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
@@ -164,6 +165,13 @@ def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
         if all(abs(math.remainder(yaw - other, math.pi / 2)) > _SAME_RAD for other in distinct):
             distinct.append(yaw)
     return distinct
+
+
+@cache
+def _is_turned(entry: ModelEntry) -> bool:
+    """Decides whether a model is of an item that is the same from all sides, as a glass is and a die is not."""
+    body = body_of(Guess(entry, 0.0, 0.0, 0.0, 0.0, usual_size_m(entry)))
+    return kind_of(entry.category, entry.width.low) is Kind.ITEM and body is not None and body.symmetric
 
 
 def flat_among(entries: Iterable[ModelEntry]) -> list[ModelEntry]:
@@ -241,8 +249,7 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
     local = flat @ np.array([[c, -s], [s, c]])
     low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
     width = entry.width.clipped(float(high[1] - low[1]))
-    is_item = kind_of(entry.category, width) is Kind.ITEM
-    if is_item:
+    if kind_of(entry.category, width) is Kind.ITEM:
         width = min(width, max(float(high[1] - low[1]), _IN_HAND_SHARE * entry.width.low))
     length = entry.length.clipped(float(high[0] - low[0]), width)
     unit = width if entry.height.of_width else 1.0
@@ -260,7 +267,7 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
         near = high[axis] - side / 2 if to_eye[axis] > 0 else low[axis] + side / 2
         far = low[axis] + side / 2 if to_eye[axis] > 0 else high[axis] - side / 2
         along.append([near, far] if abs(near - far) > _GAP_M else [near])
-    if is_item and is_round(entry):
+    if _is_turned(entry):
         # Along the view its points lie as far apart as noise is large: their middle is just before its own.
         middle = float(np.median(local[:, 0]))
         along[0] = [middle, middle + _BEFORE_MIDDLE * width / 2]

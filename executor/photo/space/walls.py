@@ -21,7 +21,8 @@ _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _ABOVE_FLOOR_M = 0.10
 _BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
-_NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge.
+_NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge,
+_BESIDE_CAMERA_M = 0.1  # unless it is larger than furniture: one may stand with a shoulder at a wall.
 _TRIALS, _SAMPLES = 250, 4000
 _TOLERANCES_M, _SIGMAS = (0.06, 0.03, 0.02, 0.01, 0.005, 0.005, 0.005), 1.5
 """How near to a wall its points are taken to be, ever nearer, beside noise: what stands before it is one-sided."""
@@ -127,7 +128,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
-            and -wall.offset_m > _NEAREST_M
+            and -wall.offset_m > (_BESIDE_CAMERA_M if is_large else _NEAREST_M)
             and _is_solid(wall, seen)
             and all(_differs(wall, other) for other in found)
         ):
