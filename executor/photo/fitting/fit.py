@@ -69,7 +69,7 @@ def fit_thing(
     likelihoods = coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
         return None
-    boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods, roughly)
+    boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods)
     ranked = _ranked(boxes, entries, likelihoods, roughly)
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
@@ -237,7 +237,6 @@ def _boxes(
     bottoms_m: Sequence[float],
     points: Array | None,
     likelihoods: tuple[Likelihood, Likelihood, Likelihood],
-    roughly: bool,
 ) -> list[RatedGuess]:
     """Where searches by depths alone end, the cheapest first; what they learn of sides counts for all models."""
     coarse, search, _ = likelihoods
@@ -251,13 +250,13 @@ def _boxes(
         begun += outlined(entries, bottom) if points is None else starts(points, entries, bottom, near.walls)
     if points is not None and (flat := flat_among(entries)):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
-    boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun], roughly)
+    boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
     named = {entry.category for entry in entries}
     if boxes and points is not None and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
         out = search.patch.own_points_m
         ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
-        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar], False)])
+        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
     return boxes
 
 
@@ -277,7 +276,7 @@ def _ranked(
     likely = [*boxes, *_by_cost(turned)[:_LIKELY]]
     found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
     if roughly:
-        # Six turns of a carton would leave no place for a glass.
+        # Where it may be any model, six turns of a carton leave no place for a glass.
         found = _best_of_models(found)
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
@@ -305,11 +304,11 @@ def _compared(
     return _best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
 
-def _followed(search: Likelihood, begun: list[RatedGuess], roughly: bool) -> list[RatedGuess]:
+def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
     """Where searches end that begin at the starts which are worth it, by depths, the cheapest first."""
     return _by_cost(
         search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
-        for one in _worth_following(begun, roughly)
+        for one in _worth_following(begun)
     )
 
 
@@ -323,10 +322,12 @@ def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
     return body is not None and search.patch.explained(boxes[0].guess, body) > _MOSTLY
 
 
-def _worth_following(begun: list[RatedGuess], roughly: bool) -> list[RatedGuess]:
-    """The cheapest start of each model and turn, or roughly of each model, but for those that are far worse."""
-    found = _best_of_models(begun) if roughly else _cheapest_turns(begun)
-    return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED] if found else []
+def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
+    """The cheapest start of each model, then those of other turns and heights; those that are far worse left out."""
+    found = _cheapest_turns(begun)
+    models = _best_of_models(found)
+    first = [*models, *(one for one in found if all(one is not model for model in models))]
+    return [one for one in first if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
 
 
 def _is_alike(first: Guess, second: Guess) -> bool:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from executor.geometry import Array
 from executor.photo.inputs.camera import Intrinsics
@@ -63,22 +65,22 @@ class Observation:
         """Width and height."""
         return self.z_m.shape[1], self.z_m.shape[0]
 
-    @property
+    @cached_property
     def has_depth(self) -> bool:
         """Whether anything was measured; else the picture is all there is."""
         return bool(self.z_m.any())
 
-    @property
+    @cached_property
     def measured(self) -> NDArray[np.bool_]:
         """(H, W) where there is a depth."""
         return self.z_m > 0.0
 
-    @property
+    @cached_property
     def points_m(self) -> Array:
         """(H, W, 3) in the level frame; the eye where nothing was measured."""
         return np.asarray(self.eye_m + self.rays * self.z_m[..., None])
 
-    @property
+    @cached_property
     def sigma_m(self) -> Array:
         """(H, W) standard deviation of each depth."""
         return self.noise.sigma_m(self.z_m)
@@ -102,10 +104,15 @@ class Observation:
         v = self.K.fy * seen[:, 1] / depth + self.K.cy
         return np.stack([u, v], axis=1)
 
-    @property
+    @cached_property
     def edges(self) -> NDArray[np.bool_]:
-        """(H, W) where depth jumps to a neighbour by more than noise does."""
+        """(H, W) where depth jumps to a neighbour by more than noise does; where none was measured, the nearest counts.
+
+        Holes are no edges: what is small would be cut to pieces by them.
+        """
+        nearest = distance_transform_edt(~self.measured, return_distances=False, return_indices=True)
+        z_m = self.z_m[tuple(nearest)]
         jump = 0.04 + 4.0 * self.sigma_m
-        across = np.abs(np.diff(self.z_m, axis=1, append=self.z_m[:, -1:])) > jump
-        down = np.abs(np.diff(self.z_m, axis=0, append=self.z_m[-1:])) > jump
+        across = np.abs(np.diff(z_m, axis=1, append=z_m[:, -1:])) > jump
+        down = np.abs(np.diff(z_m, axis=0, append=z_m[-1:])) > jump
         return np.asarray(across | down)
