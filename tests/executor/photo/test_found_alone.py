@@ -34,6 +34,16 @@ def test_what_stands_out_is_found_in_pieces() -> None:
     assert standing_out(seen, seen.z_m) == []
 
 
+def test_holes_cut_nothing_small_to_pieces() -> None:
+    glass = replace(BOWL, entry=LIBRARY["tumbler"], x_m=2.2, y_m=0.1, size_m=(0.08, 0.08, 0.14))
+    seen, boxes = seen_from_above(TABLE, glass)
+    table_alone, _ = seen_from_above(TABLE)
+    holes = np.random.default_rng(3).random(seen.z_m.shape) < 0.1
+    punctured = replace(seen, z_m=np.where(holes, 0.0, seen.z_m))
+    (piece,) = standing_out(punctured, table_alone.z_m)
+    assert np.allclose(box_of(piece), boxes[1].box_px, atol=2.0)
+
+
 def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
     # Nobody can tell a desk from a table of its size.
     assert [thing.fit.guess.entry.category.replace("desk", "table") for thing in alone.things] == ["table", "bowl"]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from executor.bench.photo.sensor import noisy
-from executor.bench.photo.truth import Shot, photograph, photographer
+from executor.bench.photo.measure import category_in
+from executor.bench.photo.sensor import MockedDetector, noisy
+from executor.bench.photo.tracks import input_of
+from executor.bench.photo.truth import Shot, photograph, photograph_for, photographer
 from executor.cli.main import run
 from executor.scenes.furnishing.furnish import furnished
 from executor.scenes.reading import load_scene
@@ -138,6 +141,25 @@ def test_a_box_around_no_such_thing_is_left_out_and_what_is_there_is_found_alone
 
 @pytest.mark.slow
 @pytest.mark.render
+@pytest.mark.render
+def test_a_picture_for_a_task_shows_what_it_names_whole(shot: Shot) -> None:
+    with photographer():
+        taken, looked_at = photograph_for(shot.scene, {"cabinet_0"}, 5)
+    mask = taken.visible()["cabinet_0"]
+    assert looked_at == 1 and mask.sum() > 0.02 * mask.size
+    assert not any(border.any() for border in (mask[0], mask[-1], mask[:, 0], mask[:, -1]))
+
+
+@pytest.mark.render
+def test_whoever_names_a_thing_calls_it_what_it_is_called_in_its_room(shot: Shot) -> None:
+    cabinet = replace(shot.scene.objects["cabinet_0"], category="dresser")
+    room = replace(shot, scene=replace(shot.scene, objects={**shot.scene.objects, "cabinet_0": cabinet}))
+    categories = {name: category_in(room.scene, name) for name in room.visible()}
+    boxes = input_of("A", "corner", room, categories, MockedDetector(), np.random.default_rng(0)).boxes
+    assert (boxes["cabinet_0"].label, boxes["cabinet_0"].category) == ("dresser", "bottom_cabinet")
+    assert boxes["table_0"].label == boxes["table_0"].category == "table"
+
+
 def test_where_nothing_is_nothing_is_made(shot: Shot, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An empty floor, in the same camera: nothing stands out, whatever boxes say."""
     columns, rows = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)

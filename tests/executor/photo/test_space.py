@@ -78,6 +78,10 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
     (wall,) = find_walls(seen, ())
     assert wall.offset_m == pytest.approx(-4.0, abs=0.02)
     assert wall.normal == pytest.approx([-1.0, 0.0], abs=0.02)
+    nothing = (Sighting("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me"),)
+    beside = find_walls(observe(PICTURE, drawn(left_m=0.2), CAMERA)[0], nothing)
+    assert sorted(wall.offset_m for wall in beside) == pytest.approx([-4.0, -0.2], abs=0.02)
+    assert len(find_walls(observe(PICTURE, drawn(left_m=0.05), CAMERA)[0], nothing)) == 1
     everything = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     assert find_walls(seen, (everything,)) == ()
 
