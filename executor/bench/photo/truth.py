@@ -6,6 +6,7 @@ boxes that `executor.bench.photo.sensor` makes of this; the rest is for comparin
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -41,8 +42,6 @@ MOST_PICTURES = 16
 
 TASK_SIZE_PX = (1280, 960)
 """Of these pictures: an apple that is 4 m away is 200 pixels of it, and 50 of one of 640 x 480."""
-
-_ANYWHERE_RAD, _BACK_M = math.pi, 1.2  # Off what fronts look at, and farther away, the last picture may be taken.
 
 _FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some nobody can tell what is level.
 
@@ -111,9 +110,9 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
 def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
     """Returns the photograph that somebody takes who wants something done, and how many were looked at.
 
-    Places are drawn from a seed around what the task names, each of them from more sides and farther away than the one
-    before. The first from which all of that and some floor are seen is taken; where none of them shows all, the one
-    that shows most.
+    Places are drawn from a seed around what the task names, each of them from more sides than the one before. Half of
+    them show it whole; then furniture may reach out of the picture, so that what is small is nearer. The first from
+    which all of that and some floor are seen is taken; where none of them shows all, the one that shows most.
 
     Args:
         scene: The room.
@@ -125,10 +124,9 @@ def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Sho
     """
     rng, wanted = np.random.default_rng([seed, 19]), set(names)
     looked_at: list[Shot] = []
-    for share in np.linspace(0.0, 1.0, MOST_PICTURES).tolist():
-        aside_rad, back_m = _ASIDE_RAD + share * (_ANYWHERE_RAD - _ASIDE_RAD), share * _BACK_M
+    for whole, aside_rad in itertools.product((True, False), np.linspace(_ASIDE_RAD, math.pi, MOST_PICTURES // 2)):
         try:
-            camera = _camera(scene, rng, TASK_SIZE_PX, wanted, aside_rad, back_m)
+            camera = _camera(scene, rng, TASK_SIZE_PX, wanted, float(aside_rad), whole=whole)
         except NoPlace:
             continue
         looked_at.append(_taken(scene, camera, TASK_SIZE_PX))
@@ -189,9 +187,10 @@ def _camera(
     size_px: tuple[int, int],
     names: Collection[str] = (),
     aside_rad: float = _ASIDE_RAD,
-    back_m: float = 0.0,
+    *,
+    whole: bool = False,
 ) -> Camera:
-    """A camera that looks at a room's furniture, or at the things that are named, whole, from not farther aside."""
+    """A camera that looks at a room's furniture, or at the things that are named, from not farther aside than that."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
     large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
     points = np.array([obj.position for obj in large])
@@ -210,9 +209,9 @@ def _camera(
         across = points[:, :2] @ [-direction[1], direction[0]]
         along = points[:, :2] @ direction[:2]
         reach = np.abs(across - middle[:2] @ [-direction[1], direction[0]]) / math.tan(half)
-        away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8)) + back_m
+        away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8))
         eye = np.array([*(middle + away * direction)[:2], height_m])
-        while names and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
+        while whole and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
             away += _STEP_BACK_M
             eye = np.array([*(middle + away * direction)[:2], height_m])
         # Nobody takes a picture of a room from behind its wall.
