@@ -30,7 +30,7 @@ LEAST_PX = 3.0
 """Of a box's sides."""
 
 _OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
-_PLAIN = re.compile("[a-z][a-z0-9_]*")
+_PLAIN = re.compile("[a-z][a-z0-9_]*")  # Labels that can be categories, and begin names of things.
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
 

@@ -106,13 +106,17 @@ class Observation:
 
     @cached_property
     def edges(self) -> NDArray[np.bool_]:
-        """(H, W) where depth jumps to a neighbour by more than noise does; where none was measured, the nearest counts.
+        """(H, W) where depth jumps to a neighbour by more than noise does, or was not measured."""
+        return self._jumps(self.z_m)
 
-        Holes are no edges: what is small would be cut to pieces by them.
-        """
+    @cached_property
+    def measured_edges(self) -> NDArray[np.bool_]:
+        """(H, W) where depth jumps to a neighbour; where none was measured, the nearest counts: holes are no edges."""
         nearest = distance_transform_edt(~self.measured, return_distances=False, return_indices=True)
-        z_m = self.z_m[tuple(nearest)]
-        jump = 0.04 + 4.0 * self.sigma_m
+        return self._jumps(self.z_m[tuple(nearest)])
+
+    def _jumps(self, z_m: Array) -> NDArray[np.bool_]:
+        jump = 0.04 + 4.0 * self.noise.sigma_m(z_m)
         across = np.abs(np.diff(z_m, axis=1, append=z_m[:, -1:])) > jump
         down = np.abs(np.diff(z_m, axis=0, append=z_m[-1:])) > jump
         return np.asarray(across | down)

@@ -44,9 +44,9 @@ def standing_out(
     for wall in walls:
         off_m = np.abs(seen.points_m[..., :2] @ wall.normal - wall.offset_m)
         out &= off_m > _WALL_M + _WALL_SIGMA * seen.sigma_m
-    # Holes of a pixel would cut what is thin.
+    # Holes of a pixel would cut what is thin, and what is small to pieces.
     out = median_filter(out.astype(np.uint8), size=3).astype(bool)
-    pieces, count = label(out & ~seen.edges)
+    pieces, count = label(out & ~seen.measured_edges)
     sizes = np.bincount(pieces.ravel(), minlength=count + 1)
     found: list[NDArray[np.bool_]] = []
     for number in range(1, count + 1):
