@@ -21,10 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
+from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, written_category
+from llm.offline.lexicon import built_in
+from oag import kind_of
 
 LEAST_PX = 3.0
 """Of a box's sides."""
@@ -67,10 +70,17 @@ class Sighting:
         return (x1 - x0) * (y1 - y0)
 
     def name_as(self, entry: ModelEntry) -> str:
-        """Returns what a scene calls the thing as a model: as it was labelled, where the label means such models."""
+        """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model does.
+
+        More it says where the lexicon has other names for it: a dresser is no cabinet to who asks for one.
+        """
         label = _written(self.label)
-        kept = self.category == entry.category and _PLAIN.fullmatch(label)
-        return written_category(label, entry) if kept else entry.category
+        if self.category != entry.category or not _PLAIN.fullmatch(label):
+            return entry.category
+        known, own = (built_in().category_of(one) for one in (label, entry.category))
+        if known not in (None, own) and kind_of(label, 0.0) is kind_of(entry.category, 0.0):
+            return label
+        return written_category(label, entry)
 
     def pixels(self, size_px: tuple[int, int]) -> NDArray[np.bool_]:
         """Returns (H, W) its own pixels; without a mask those of its box.
@@ -148,10 +158,27 @@ def boxes_in(path: Path, picture_name: str) -> Detector:
 def category_named(label: str) -> str | None:
     """Returns the library's category for a label as people and models write it, None for one that says nothing.
 
+    A `night table` is a nightstand: the lexicon has it so, and nothing else of that name.
+
     Raises:
         Unlike: The library has none; the message has near ones.
     """
-    return None if label.lower() in _UNNAMED else category_of(_written(label))
+    if label.lower() in _UNNAMED:
+        return None
+    written = _written(label)
+    if all(entry.category != written for entry in LIBRARY.values()):
+        spoken = written.replace("_", " ")
+        bearers = {_category_or_none(key) for key, one in built_in().categories.items() if spoken in one.names} - {None}
+        if len(bearers) == 1:
+            return bearers.pop()
+    return category_of(written)
+
+
+def _category_or_none(name: str) -> str | None:
+    try:
+        return category_of(name)
+    except Unlike:
+        return None
 
 
 def _written(label: str) -> str:

@@ -14,7 +14,6 @@ from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array, rotation_z, wrap_angle
 from executor.scenes.cousins.form import Cousin
-from llm.offline.lexicon import built_in
 from oag import kind_of
 
 Size = tuple[float, float, float]
@@ -30,10 +29,10 @@ class Unlike(ValueError):
 
 
 def category_of(theirs: str) -> str:
-    """Returns the library's category for a synset, for a category of BEHAVIOR, or for how people call a thing.
+    """Returns the library's category for a category or a synset of BEHAVIOR.
 
-    A `night_table` is a nightstand: the lexicon has it so, and no other thing of that name. A `bottle_of_water` is a
-    bottle, a `breakfast_table` a table: words after "of" are dropped, then the longest ending that is known decides.
+    A `bottle_of_water` is a bottle, a `breakfast_table` a table: words after "of" are dropped, then the longest ending
+    that is known decides.
 
     Raises:
         Unlike: There is none; the message has near ones.
@@ -43,11 +42,6 @@ def category_of(theirs: str) -> str:
         return exact
     known = {entry.category: entry.category for entry in LIBRARY.values()} | dict(_CATEGORIES["alike"])
     words = theirs.lower().split(".", 1)[0].replace("__", "_").replace("-", "_").split("_")
-    whole, spoken = "_".join(words), " ".join(words)
-    bearers = (known.get(key) for key, entry in built_in().categories.items() if spoken in entry.names)
-    of_that_name = {own for own in bearers if own is not None}
-    if whole not in known and len(of_that_name) == 1:
-        return of_that_name.pop()
     words = words[: words.index("of")] if "of" in words[1:] and theirs not in known else words
     for start in range(len(words)):
         name = "_".join(words[start:])
@@ -66,17 +60,9 @@ def model_for(category: str, size_m: Size) -> ModelEntry:
 
 
 def written_category(theirs: str, entry: ModelEntry) -> str:
-    """Returns the category for the scene: theirs where it names the same more exactly, else that of the model.
-
-    More exactly, the lexicon knows it by other names than the model's: a dresser is no cabinet to who asks for one.
-
-    Args:
-        theirs: A category that is that of the model for `category_of`.
-        entry: The model.
-    """
-    known = built_in().category_of(theirs)
-    more = theirs.endswith(f"_{entry.category}") or known not in (None, built_in().category_of(entry.category))
-    return theirs if more and kind_of(theirs, 0.0) is kind_of(entry.category, 0.0) else entry.category
+    """Returns the category for the scene: theirs where it names the same more exactly, else that of the model."""
+    own = theirs.endswith(f"_{entry.category}") and kind_of(theirs, 0.0) is kind_of(entry.category, 0.0)
+    return theirs if own else entry.category
 
 
 def shaped(entry: ModelEntry, size_m: Size) -> Size:

@@ -57,10 +57,36 @@ def test_boxes_are_the_same_in_every_form(folder: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("label", "category"),
+    [
+        ("fridge", "refrigerator"),
+        ("Night table", "nightstand"),
+        ("bedside_table", "nightstand"),
+        ("coffee table", "coffee_table"),
+        ("breakfast_table", "table"),
+        ("closet", "wardrobe"),
+        ("desk", "desk"),
+        ("water bottle", "bottle"),
+        ("work bench", "table"),
+        ("thing", None),
+    ],
+)
+def test_a_label_is_understood_as_a_query_is(label: str, category: str | None) -> None:
+    assert category_named(label) == category
+
+
+@pytest.mark.parametrize(
     ("label", "model", "name"),
     [
+        ("dresser", "cabinet_drawers", "dresser"),
         ("Chest of drawers", "cabinet_drawers", "chest_of_drawers"),
+        ("workbench", "table_four_legs", "workbench"),
+        ("work_bench", "table_four_legs", "work_bench"),
+        ("breakfast table", "table_round", "breakfast_table"),
         ("fridge", "fridge_one_door", "refrigerator"),
+        ("night table", "nightstand", "nightstand"),
+        ("notebook", "book_lying", "book"),
+        ("armchair", "chair_wooden", "chair"),
         ("dresser", "wardrobe_two_doors", "wardrobe"),
         ("kitchen/table", "table_round", "table"),
         ("", "cup", "cup"),

@@ -209,33 +209,10 @@ def test_only_its_own_form_is_taken_for_a_reconstruction(tmp_path: Path) -> None
         ("half_apple", "half_apple"),
         ("pill_bottle", "medicine_bottle"),
         ("teddy_bear", "teddy_bear"),
-        ("night_table", "nightstand"),
-        ("bedside_table", "nightstand"),
-        ("coffee_table", "coffee_table"),
-        ("closet", "wardrobe"),
-        ("desk", "desk"),
     ],
 )
 def test_categories_of_behavior_find_the_library_s(theirs: str, ours: str) -> None:
     assert category_of(theirs) == ours
-
-
-@pytest.mark.parametrize(
-    ("theirs", "model", "written"),
-    [
-        ("dresser", "cabinet_drawers", "dresser"),
-        ("chest_of_drawers", "cabinet_drawers", "chest_of_drawers"),
-        ("workbench", "table_four_legs", "workbench"),
-        ("work_bench", "table_four_legs", "work_bench"),
-        ("breakfast_table", "table_round", "breakfast_table"),
-        ("fridge", "fridge_one_door", "refrigerator"),
-        ("night_table", "nightstand", "nightstand"),
-        ("notebook", "book_lying", "book"),
-        ("armchair", "chair_wooden", "chair"),
-    ],
-)
-def test_a_scene_keeps_a_name_that_says_more_than_the_model_s(theirs: str, model: str, written: str) -> None:
-    assert written_category(theirs, LIBRARY[model]) == written
 
 
 @pytest.mark.parametrize("theirs", ["floor_lamp", "sink", "toilet", "of", ""])
