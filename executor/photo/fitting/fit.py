@@ -25,6 +25,7 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
+_NAMES = 8  # What may be called by more of them may be anything.
 LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
@@ -275,8 +276,8 @@ def _ranked(
     ]
     likely = [*boxes, *_by_cost(turned)[:_LIKELY]]
     found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
-    if roughly:
-        # Where it may be any model, six turns of a carton leave no place for a glass.
+    if roughly or len({entry.category for entry in entries}) > _NAMES:
+        # Where it may be anything, six turns of a carton leave no place for a glass.
         found = _best_of_models(found)
     opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]

@@ -70,7 +70,7 @@ class Sighting:
         return (x1 - x0) * (y1 - y0)
 
     def name_as(self, entry: ModelEntry) -> str:
-        """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model does.
+        """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model.
 
         More it says where the lexicon has other names for it: a dresser is no cabinet to who asks for one.
         """

@@ -139,8 +139,6 @@ def test_a_box_around_no_such_thing_is_left_out_and_what_is_there_is_found_alone
         assert np.linalg.norm(np.subtract(told["things"][made]["position_m"], (x, y, z))) < 0.05, made
 
 
-@pytest.mark.slow
-@pytest.mark.render
 @pytest.mark.render
 def test_a_picture_for_a_task_shows_what_it_names_whole(shot: Shot) -> None:
     with photographer():
@@ -160,6 +158,8 @@ def test_whoever_names_a_thing_calls_it_what_it_is_called_in_its_room(shot: Shot
     assert boxes["table_0"].label == boxes["table_0"].category == "table"
 
 
+@pytest.mark.slow
+@pytest.mark.render
 def test_where_nothing_is_nothing_is_made(shot: Shot, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An empty floor, in the same camera: nothing stands out, whatever boxes say."""
     columns, rows = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
