@@ -30,13 +30,13 @@ def test_a_cup_on_a_real_table_is_picked_up(tmp_path: Path, capsys: pytest.Captu
     given = ["--boxes", tmp_path / "boxes.json", "--camera", "hfov=40", "--out", tmp_path / "coffee"]
     assert run(["photo", str(PICTURES / "coffee.png"), *map(str, given), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert set(told["things"]) == {"cup_0", "table_0"}
+    assert set(told["things"]) == {"cup_0", "dining_table_0"}
     # It looks down steeply, from as near as one leans over a cup.
     assert 40.0 < told["floor"]["camera_looks_down_deg"] < 70.0 and 0.7 < told["floor"]["camera_height_m"] < 1.2
     scene = json.loads((tmp_path / "coffee" / "scene.json").read_text())
-    assert "(ontop cup_0 table_0)" in scene["facts"]
+    assert "(ontop cup_0 dining_table_0)" in scene["facts"]
     assert "a cup as wide as usual" in scene["provenance"]["floor"]
-    assert "not in the picture" in scene["provenance"]["table_0"]["position"]
+    assert "not in the picture" in scene["provenance"]["dining_table_0"]["position"]
     where = ["--scene", str(tmp_path / "coffee" / "scene.json"), "--json"]
     assert run(["plan", "pick up the cup", *where]) == 0
     assert run(["run", "pick up the cup", *where, "--no-video", "--out", str(tmp_path / "run")]) == 0
