@@ -11,7 +11,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,18 +175,17 @@ def _box_triangles() -> Array:
 
 
 @cache
-def _unit(kind: str) -> Array:
+def _unit(kind: Literal["box", "cylinder", "sphere"]) -> Array:
     """(N, 3, 3) corners of the faces of a box, a cylinder or a ball from -1 to 1."""
-    if kind == "box":
-        return _box_triangles()
-    return np.asarray(surface_of(Shape("cylinder" if kind == "cylinder" else "sphere", (1.0, 1.0))).triangles)
+    return _box_triangles() if kind == "box" else np.asarray(surface_of(Shape(kind, (1.0, 1.0))).triangles)
 
 
 def _triangles(shape: Shape) -> Array:
     """(N, 3, 3) in the link's frame. Most shapes are boxes and bars, which thousands of guesses are built of."""
-    if shape.kind not in ("box", "cylinder", "sphere"):
+    if shape.kind == "convex" or shape.kind == "mesh":
         return np.asarray(surface_of(shape).triangles)
-    half_m = shape.size_m if shape.kind == "box" else (*shape.size_m[:1] * 2, shape.size_m[-1])
+    # Of what is round, the radius comes first, and of a cylinder half its length last.
+    half_m = shape.size_m if shape.kind == "box" else (shape.size_m[0], shape.size_m[0], shape.size_m[-1])
     if tuple(shape.orientation) == _UPRIGHT:
         return np.asarray(_unit(shape.kind) * half_m + np.asarray(shape.position_m))
     T = transform_from_quaternion(shape.position_m, shape.orientation)

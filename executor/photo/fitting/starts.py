@@ -119,6 +119,7 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
     for entry in entries:
         bases = distinct[:1] if is_round(entry) else distinct
         if _is_turned(entry):
+            # Its own x axis along the view: across it noise widens nothing.
             bases = [math.atan2(*flat.mean(axis=0)[::-1])]
         if has_ear(entry):
             # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
