@@ -29,6 +29,7 @@ _NAMES = 8  # What may be called by more of them may be anything.
 LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
 _MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
+_SKETCHED, _SKETCH = 30, 120
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
@@ -251,6 +252,8 @@ def _boxes(
         begun += outlined(entries, bottom) if points is None else starts(points, entries, bottom, near.walls)
     if points is not None and (flat := flat_among(entries)):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
+    if points is None:
+        return _outlined(coarse, search, begun)
     boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
     named = {entry.category for entry in entries}
     if boxes and points is not None and len(points) and len(named) == 1 and not _explains(search, boxes):
@@ -310,6 +313,16 @@ def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
     return _by_cost(
         search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
         for one in _worth_following(begun)
+    )
+
+
+def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
+    """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
+    likely = _by_cost(map(coarse.rated, begun))[:_SKETCHED]
+    rough = _by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
+    return _by_cost(
+        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=True))
+        for one in _distinct(rough)[:_FOLLOWED]
     )
 
 

@@ -54,7 +54,7 @@ class Likelihood:
         cost = patch.box_cost(guess) + prior
         if not patch.has_depth:
             cost += usual_size_cost(guess)
-        if not colours:
+        if not colours and patch.has_depth:
             return cost + patch.cost(guess, body)
         depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
         return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from executor.geometry import Array
+from executor.photo.fitting.appearance import Edges, unlike_beside
 from executor.photo.fitting.body import Body, Guess
 from executor.photo.space.observation import Observation
 
@@ -32,7 +33,7 @@ _BENT = (4.0, 2.0)  # Standard deviations: what is farther off, at first and the
 _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
 _UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
-_BOX_MOST = 8.0
+_BOX_MOST, _BOX_ALONE = 8.0, 40.0
 _FEW = 0.1  # Of a box's pixels: noise makes about so many stand out beside a thing's edges.
 
 
@@ -68,6 +69,8 @@ class Patch:
     mine: NDArray[np.bool_]
     weight: float
     has_depth: bool
+    unlike_beside: Array
+    edges: Edges | None
 
     @classmethod
     def around(
@@ -128,6 +131,8 @@ class Patch:
             mine,
             math.sqrt(max(1, len(rows))) * 6.0,
             has_depth,
+            np.zeros(0) if has_depth else unlike_beside(seen.rgb, box_px, seen.rgb[rows, columns] / 255.0),
+            None if has_depth or not len(rows) else Edges.between(seen.edge_strength, rows, columns, step),
         )
 
     @property
@@ -207,6 +212,8 @@ class Patch:
         inside = self.inside
         if int(inside.sum()) < 20:
             return 0.0
+        if not self.has_depth:
+            return self._picture_cost(depth, group)
         z = self._unbent(depth)[0][inside]
         depth, group = depth[inside], group[inside]
         slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
@@ -230,6 +237,25 @@ class Patch:
         freedom = 1.5 * len(of_one) * math.log(len(kind)) / 10.0
         return self.weight * costs / len(self.z_m) + freedom
 
+    def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
+        own = depth < self.other_m
+        label = np.where(own, group, _BEYOND - self.other)
+        shown = self.inside & own
+        costs, freedom = float(self.claim[own].sum()), 0.0
+        beside = self.inside & ~own
+        costs += float(np.minimum(0.5 * (self.unlike_beside[beside] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum())
+        kind = group[shown]
+        order = np.argsort(kind, kind="stable")
+        if len(order):
+            rgb = np.ascontiguousarray(self.rgb[shown][order].T)
+            ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order))
+            begins = np.concatenate([[0], ends[:-1]])
+            of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
+            off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
+            costs += float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum())
+            freedom = 1.5 * len(of_one) * math.log(int(self.inside.sum())) / 10.0
+        return self.weight * costs / len(self.z_m) + freedom + self.edges.cost(label)
+
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
         pixels = self.seen.pixels(guess.corners_m())
@@ -238,12 +264,12 @@ class Patch:
         if not all(map(math.isfinite, (*low, *high))):
             return 4 * _BOX_MOST
         x0, y0, x1, y1 = self.box_px
-        cost = 0.0
+        cost, most_cost = 0.0, _BOX_MOST if self.has_depth else _BOX_ALONE
         for first, last, begin, end, most in ((x0, x1, low[0], high[0], width), (y0, y1, low[1], high[1], height)):
             sigma = (last - first) * _CLAIM_SIGMA + 1.0
             for over in (first - min(max(begin, 0.0), most), min(max(end, 0.0), most) - last):
                 square = (over / sigma) ** 2
-                cost += min(0.25 * square, 0.25 * _BOX_MOST) if over > 0.0 else min(0.5 * square, _BOX_MOST)
+                cost += min(0.25 * square, 0.25 * most_cost) if over > 0.0 else min(0.5 * square, most_cost)
         return cost
 
 

@@ -38,6 +38,7 @@ _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
+_NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
@@ -223,14 +224,18 @@ def outline_starts(
     foot = foot_of(seen, box_px, bottom_m)
     if foot is None:
         return
-    ahead = foot / max(float(np.linalg.norm(foot)), 1e-6)
+    away_m = float(np.linalg.norm(foot))
+    ahead = foot / max(away_m, 1e-6)
     for entry in entries:
         length, width, height = usual_size_m(entry)
-        middle = foot + ahead * (length + width) / 4
-        away = math.atan2(middle[1], middle[0])
-        quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
-        for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
-            yield Guess(entry, float(middle[0]), float(middle[1]), turned, bottom_m, (length, width, height))
+        # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
+        reaches = [share * away_m for share in _NEARER] if is_large(entry) else [away_m]
+        for reach in reaches:
+            middle = ahead * (reach + (length + width) / 4)
+            away = math.atan2(middle[1], middle[0])
+            quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
+            for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+                yield Guess(entry, float(middle[0]), float(middle[1]), turned, bottom_m, (length, width, height))
 
 
 def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:

@@ -85,6 +85,11 @@ class Observation:
         """(H, W) standard deviation of each depth."""
         return self.noise.sigma_m(self.z_m)
 
+    @cached_property
+    def edge_strength(self) -> tuple[Array, Array]:
+        """(H, W) how much the picture differs to the right, and below, see `edge_strength`."""
+        return edge_strength(self.rgb)
+
     @property
     def bent_m(self) -> Array:
         """(H, W) standard deviation of each depth with all that it is bent by."""
@@ -120,3 +125,13 @@ class Observation:
         across = np.abs(np.diff(z_m, axis=1, append=z_m[:, -1:])) > jump
         down = np.abs(np.diff(z_m, axis=0, append=z_m[-1:])) > jump
         return np.asarray(across | down)
+
+
+def edge_strength(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
+    """Returns (H, W) how much each pixel of a picture differs from the one to its right, and from the one below, 0 to 1."""
+    light = rgb.astype(np.float32) / 255.0
+    across, down = np.zeros(rgb.shape[:2]), np.zeros(rgb.shape[:2])
+    # Over two pixels each way, as edges are mostly that wide.
+    across[:, 1:-2] = np.abs(light[:, 3:] + light[:, 2:-1] - light[:, 1:-2] - light[:, :-3]).max(axis=2) / 2
+    down[1:-2] = np.abs(light[3:] + light[2:-1] - light[1:-2] - light[:-3]).max(axis=2) / 2
+    return across, down
