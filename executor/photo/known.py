@@ -60,6 +60,9 @@ RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
+_BESIDE_BOX = 25.0  # What the outline of a thing that is called rightly costs at most, hidden parts and all.
+_UNLIKE = 50.0  # What a thing without depth costs that looks otherwise than its fit does.
+_MISNAMED = 60.0  # Less, without depth, a model of another name has to cost: what has legs alone hides little.
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
@@ -152,7 +155,7 @@ class KnownRoom:
         if index not in self.fits:
             return True
         if not self.seen.has_depth:
-            return False
+            return self.fits[index].beside_box > _BESIDE_BOX or self.fits[index].cost > _UNLIKE
         explained = self.fits[index].explained
         return explained < _DOUBTFUL or self._is_seen_through(index) or self.unlikeliness(index) > _IMPOSSIBLE
 
@@ -191,7 +194,7 @@ class KnownRoom:
     def shake(self, index: int) -> str:
         """Looks for what explains a piece of furniture better and is not near it, among all that is known now."""
         found = self.fits.get(index)
-        if found is None or not self.seen.has_depth or not is_large(found.guess.entry):
+        if found is None or not is_large(found.guess.entry):
             return self._kept(index, found)
         del self.fits[index], self._depths[index]
         around, detection = self._around(index, ()), self.detections[index]
@@ -230,14 +233,14 @@ class KnownRoom:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not self._is_there(index, found, around):
             found = None
-        if found is not None and found.explained < _LEAST_ALONE:
+        if found is not None and self.seen.has_depth and found.explained < _LEAST_ALONE:
             found = None
         if found is None:
             found = before
         elif before is not None and detection.category is None:
             found = cheaper(around, detection.box_px, before, found)
-        elif before is not None and not self._claim(before.guess, around).seen_through:
-            found = cheaper(around, detection.box_px, before, found, MISNAMED)
+        elif before is not None and (not self.seen.has_depth or not self._claim(before.guess, around).seen_through):
+            found = cheaper(around, detection.box_px, before, found, MISNAMED if self.seen.has_depth else _MISNAMED)
         if found is None:
             self.reasons.setdefault(index, "no model explains it")
         return self._kept(index, found)

@@ -11,12 +11,20 @@ from executor.geometry import Array
 from executor.photo.fitting.body import Guess, as_built, body_of, has_ear
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
-from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
-from executor.photo.fitting.options import dressed, redressed, shape_of, shapes, with_options
+from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess, best_of_models, by_cost
+from executor.photo.fitting.options import dressed, redressed, shapes, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import flat_among, opened_starts, outline_starts, points_of, starts
-from executor.photo.fitting.turns import all_turns, boxes_beside, is_same_box, quarter_of, turned_by_ear
+from executor.photo.fitting.turns import (
+    all_turns,
+    boxes_beside,
+    cheapest_turns,
+    distinct,
+    is_alike,
+    quarter_of,
+    turned_by_ear,
+)
 from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
@@ -105,7 +113,7 @@ def fit_anything(
     if again is None or again.cost > found.cost:
         return found
     others = [one for one in found.alternatives if one.guess.entry.category not in likely]
-    return replace(again, alternatives=tuple(_by_cost([*again.alternatives, *others])))
+    return replace(again, alternatives=tuple(by_cost([*again.alternatives, *others])))
 
 
 def renamed(
@@ -131,11 +139,11 @@ def renamed(
     if not others or not len(coarse.patch.z_m):
         return found
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
-    turned = _cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
+    turned = cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
     likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
-    dressed_up = _cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
+    dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
-    ranked = _best_of_models([fine.rated(found.guess), *rivals])
+    ranked = best_of_models([fine.rated(found.guess), *rivals])
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)
@@ -150,7 +158,7 @@ def called(around: Around, box_px: tuple[float, float, float, float], found: Fit
 
 def _named(found: RatedGuess, own: Sequence[ModelEntry], search: Likelihood, fine: Likelihood) -> Fit | None:
     """A thing as one of the models that its box is called, with the sides that were found; None where that is worse."""
-    named = _best_of_models(_with_sides_of(found.guess, own, search, fine))
+    named = best_of_models(_with_sides_of(found.guess, own, search, fine))
     if named and has_ear(named[0].guess.entry):
         named[0] = turned_by_ear(fine, named[0])
     if not named or named[0].cost - found.cost > MISNAMED:
@@ -161,7 +169,7 @@ def _named(found: RatedGuess, own: Sequence[ModelEntry], search: Likelihood, fin
 def retouched(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Returns a fit moved by what is known around it since, where its box shows hardly anything else than before."""
     _, _, fine = _likelihoods(around, box_px)
-    best, *others = _by_cost(
+    best, *others = by_cost(
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )
     return _described(fine.patch, best, others) or found
@@ -183,17 +191,17 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
     now = fine.rated(found.guess)
     beside = (*around.near.headings_rad, *(piece.yaw_rad for piece in around.near.pieces))
     others = (turned for box in boxes_beside(found.guess, beside) for turned in (box, *all_turns(box, entries)))
-    likely = _by_cost(coarse.rated(guess, colours=False) for guess in others)[:_LIKELY]
-    tried = _by_cost(search.rated(shape) for one in likely for shape in shapes(one.guess))
+    likely = by_cost(coarse.rated(guess, colours=False) for guess in others)[:_LIKELY]
+    tried = by_cost(search.rated(shape) for one in likely for shape in shapes(one.guess))
     best: dict[tuple[object, ...], RatedGuess] = {}
     for one in tried:
         if one.cost < tried[0].cost + _WORTH_A_LOOK:
             best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.parameters), one)
-    begun = _by_cost(map(fine.rated, {dressed(search, one.guess): None for one in list(best.values())[:_OPENED]}))
+    begun = by_cost(map(fine.rated, {dressed(search, one.guess): None for one in list(best.values())[:_OPENED]}))
     ended = [fine.rated(descended(search, one.guess, _SECOND, colours=True)) for one in begun[:_SHAKEN]]
-    near = (one for one in ended if one.cost < now.cost + _WORTH_A_LOOK and not _is_alike(one.guess, now.guess))
-    polished = [_polished(fine, one) for one in _best_of_models(near)[:_POLISHED]]
-    ranked = _best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
+    near = (one for one in ended if one.cost < now.cost + _WORTH_A_LOOK and not is_alike(one.guess, now.guess))
+    polished = [_polished(fine, one) for one in best_of_models(near)[:_POLISHED]]
+    ranked = best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
     if ranked[0].cost > now.cost - _GAINED:
         return found
     return _described(fine.patch, ranked[0], ranked[1:]) or found
@@ -229,6 +237,7 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
         fine.residual_m(best.guess, body),
         len(fine.z_m),
         seen_colour(fine, best.guess),
+        beside_box=fine.box_cost(best.guess),
     )
 
 
@@ -247,20 +256,20 @@ def _boxes(
     def outlined(models: Sequence[ModelEntry], bottom_m: float) -> Iterable[Guess]:
         return outline_starts(around.seen, box_px, models, bottom_m, near.headings_rad)
 
+    if points is None:
+        return _outlined(coarse, search, [guess for bottom in bottoms_m for guess in outlined(entries, bottom)])
     begun: list[Guess] = []
     for bottom in bottoms_m:
-        begun += outlined(entries, bottom) if points is None else starts(points, entries, bottom, near.walls)
-    if points is not None and (flat := flat_among(entries)):
+        begun += starts(points, entries, bottom, near.walls)
+    if flat := flat_among(entries):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
-    if points is None:
-        return _outlined(coarse, search, begun)
     boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
     named = {entry.category for entry in entries}
-    if boxes and points is not None and len(points) and len(named) == 1 and not _explains(search, boxes):
+    if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
         out = search.patch.own_points_m
         ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
-        boxes = _by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
+        boxes = by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
     return boxes
 
 
@@ -274,20 +283,20 @@ def _ranked(
     coarse, search, fine = likelihoods
     turned = [
         coarse.rated(guess, colours=False)
-        for one in _distinct(boxes)[:_TURNED]
+        for one in distinct(boxes)[:_TURNED]
         for guess in all_turns(one.guess, entries)
     ]
-    likely = [*boxes, *_by_cost(turned)[:_LIKELY]]
-    found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
+    likely = [*boxes, *by_cost(turned)[:_LIKELY]]
+    found = cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
     if roughly or len({entry.category for entry in entries}) > _NAMES:
         # Where it may be anything, six turns of a carton leave no place for a glass.
-        found = _best_of_models(found)
-    opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
+        found = best_of_models(found)
+    opened = cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
-    ranked = _best_of_models(finished)
+    ranked = best_of_models(finished)
     if roughly:
         return _by_look(fine, ranked)
-    ranked = _best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    ranked = best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
     rivals = [one.guess.entry for one in ranked[1:] if one.cost < ranked[0].cost + _WORTH_A_LOOK]
     return _by_look(fine, _compared(ranked, rivals, search, fine))
 
@@ -300,17 +309,17 @@ def _compared(
     Ends of searches differ by more than models do.
     """
     best = ranked[0]
-    turned = _best_of_models(search.rated(dressed(search, guess)) for guess in all_turns(best.guess, rivals))
+    turned = best_of_models(search.rated(dressed(search, guess)) for guess in all_turns(best.guess, rivals))
     ended = [
         with_options(fine, descended(search, one.guess, _SECOND, colours=True, reach=0.5)) for one in turned[:_OPENED]
     ]
-    likely = [one for one in _best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
-    return _best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
+    likely = [one for one in best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
+    return best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
 
 def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
     """Where searches end that begin at the starts which are worth it, by depths, the cheapest first."""
-    return _by_cost(
+    return by_cost(
         search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
         for one in _worth_following(begun)
     )
@@ -318,16 +327,12 @@ def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
 
 def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
     """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
-    likely = _by_cost(map(coarse.rated, begun))[:_SKETCHED]
-    rough = _by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
-    return _by_cost(
+    likely = by_cost(map(coarse.rated, begun))[:_SKETCHED]
+    rough = by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
+    return by_cost(
         search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=True))
-        for one in _distinct(rough)[:_FOLLOWED]
+        for one in distinct(rough)[:_FOLLOWED]
     )
-
-
-def _by_cost(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
-    return sorted(guesses, key=lambda one: one.cost)
 
 
 def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
@@ -338,47 +343,15 @@ def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
 
 def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
     """The cheapest start of each model, then those of other turns and heights; those that are far worse left out."""
-    found = _cheapest_turns(begun)
-    models = _best_of_models(found)
+    found = cheapest_turns(begun)
+    models = best_of_models(found)
     first = [*models, *(one for one in found if all(one is not model for model in models))]
     return [one for one in first if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
 
 
-def _is_alike(first: Guess, second: Guess) -> bool:
-    """Whether a search that begins at one of two guesses ends where one does that begins at the other, most likely."""
-    one, other = ((guess.entry.model, quarter_of(guess), shape_of(guess)) for guess in (first, second))
-    return one == other and is_same_box(first, second)
-
-
-def _distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:
-    """Those that are another box than all before them: the same sides are found for several models."""
-    found: list[RatedGuess] = []
-    for one in boxes:
-        if not any(is_same_box(one.guess, other.guess) for other in found):
-            found.append(one)
-    return found
-
-
-def _cheapest_turns(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
-    """The cheapest guess of each model, each quarter that it may be turned by and each height, the cheapest first."""
-    best: dict[tuple[str, int, float], RatedGuess] = {}
-    for one in sorted(guesses, key=lambda one: one.cost):
-        if math.isfinite(one.cost):
-            best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.bottom_m), one)
-    return list(best.values())
-
-
-def _best_of_models(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
-    """The cheapest guess of each model, the cheapest first."""
-    best: dict[str, RatedGuess] = {}
-    for one in sorted(guesses, key=lambda one: one.cost):
-        best.setdefault(one.guess.entry.model, one)
-    return list(best.values())
-
-
 def _by_look(fine: Likelihood, guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     """The cheapest guess of each model, the cheapest first; items, which may be of one shape, by their colours too."""
-    ranked = _best_of_models(guesses)
+    ranked = best_of_models(guesses)
     items = [one for one in ranked if kind_of(one.guess.entry.category, 0.0) is Kind.ITEM]
     if len({one.guess.entry.category for one in items}) < 2 or items[0] is not ranked[0]:
         return ranked
@@ -390,7 +363,7 @@ def _with_sides_of(
     found: Guess, entries: Sequence[ModelEntry], search: Likelihood, fine: Likelihood
 ) -> list[RatedGuess]:
     """A box as that of other models, searched on from there: ends of searches differ by more than models do."""
-    turned = _cheapest_turns(search.rated(dressed(search, guess)) for guess in all_turns(found, entries))
+    turned = cheapest_turns(search.rated(dressed(search, guess)) for guess in all_turns(found, entries))
     return [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]]
 
 

@@ -6,6 +6,7 @@ Beside it, what a search for the best one is given of the room, and what it find
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,19 @@ class RatedGuess:
     cost: float
 
 
+def by_cost(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """Returns guesses, the cheapest first."""
+    return sorted(guesses, key=lambda one: one.cost)
+
+
+def best_of_models(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """Returns the cheapest guess of each model, the cheapest first."""
+    best: dict[str, RatedGuess] = {}
+    for one in by_cost(guesses):
+        best.setdefault(one.guess.entry.model, one)
+    return list(best.values())
+
+
 @dataclass(frozen=True)
 class Likelihood:
     """How likely guesses of one thing are: its pixels at one resolution, and what stands around it.
@@ -44,7 +58,7 @@ class Likelihood:
         Args:
             guess: The guess.
             body: Triangles to take for it, stretched to its size; by default those of its own size.
-            colours: Whether colours are looked at, which takes longer.
+            colours: Whether colours are looked at, which takes longer; without depth they always are.
         """
         body = body or body_of(guess)
         prior = prior_cost(guess, self.near)
@@ -83,6 +97,7 @@ class Fit:
         colour: Middle one of the colours that it shows, as sRGB from 0 to 255; None where nothing of it is seen.
         spread_m: How exactly its place on the floor is known; None with depth, where the residual tells.
         assumed: Where nothing of its sides is seen, what it is taken for, for people.
+        beside_box: What its outline costs for not filling its box, as `Patch.box_cost` has it.
     """
 
     guess: Guess
@@ -94,6 +109,7 @@ class Fit:
     colour: tuple[int, int, int] | None
     spread_m: float | None = None
     assumed: str = ""
+    beside_box: float = 0.0
 
     @property
     def confidence(self) -> float:

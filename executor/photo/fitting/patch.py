@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from executor.geometry import Array
-from executor.photo.fitting.appearance import Edges, unlike_beside
 from executor.photo.fitting.body import Body, Guess
+from executor.photo.space.appearance import Edges, unlike_beside
 from executor.photo.space.observation import Observation
 
 _MARGIN = 0.12  # Of the box's sides, looked at around it.
@@ -54,6 +54,8 @@ class Patch:
         mine: (N,) whether something nearer than everything else was seen in the box.
         weight: How many independent measurements a mean over the pixels stands for.
         has_depth: Whether depths were measured; else box and colours are all that speaks for a guess.
+        unlike_beside: (N,) without depth, how far a pixel's colour is from all that are seen around the box.
+        edges: Without depth, where borders of things may be; None with it.
     """
 
     seen: Observation
@@ -218,43 +220,22 @@ class Patch:
         depth, group = depth[inside], group[inside]
         slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
         own = depth < behind
-        as_guessed = np.abs(z - depth) < slack if self.has_depth else own
-        as_known = np.abs(z - behind) < slack if self.has_depth else np.isfinite(behind)
-        kind = np.where(own & as_guessed, group, _UNEXPLAINED)
-        kind = np.where(~own & as_known, _BEYOND - self.other[inside], kind)
-        # Short numbers are sorted in a time that grows with how many there are.
-        order = np.argsort(kind.astype(np.int16), kind="stable")
-        order = order[kind[order] != _UNEXPLAINED]
-        rgb = np.ascontiguousarray(self.rgb[inside][order].T)
-        ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order)) if len(order) else np.zeros(0, int)
-        begins = np.concatenate([[0], ends[:-1]]) if len(order) else ends
-        of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
-        costs = _COLOUR_MOST * float(len(kind) - len(order))
-        if of_one:
-            off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
-            costs += float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum())
-        # Each colour that may be chosen makes any picture easier to explain.
-        freedom = 1.5 * len(of_one) * math.log(len(kind)) / 10.0
-        return self.weight * costs / len(self.z_m) + freedom
+        kind = np.where(own & (np.abs(z - depth) < slack), group, _UNEXPLAINED)
+        kind = np.where(~own & (np.abs(z - behind) < slack), _BEYOND - self.other[inside], kind)
+        explained = kind != _UNEXPLAINED
+        costs, colours = _of_one_colour(self.rgb[inside][explained], kind[explained])
+        costs += _COLOUR_MOST * float((~explained).sum())
+        return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind))
 
     def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
+        """Without depth: the colours of faces, those that are left to others, and edges, where borders are."""
         own = depth < self.other_m
-        label = np.where(own, group, _BEYOND - self.other)
-        shown = self.inside & own
-        costs, freedom = float(self.claim[own].sum()), 0.0
-        beside = self.inside & ~own
+        shown, beside = self.inside & own, self.inside & ~own
+        costs, colours = _of_one_colour(self.rgb[shown], group[shown])
         costs += float(np.minimum(0.5 * (self.unlike_beside[beside] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum())
-        kind = group[shown]
-        order = np.argsort(kind, kind="stable")
-        if len(order):
-            rgb = np.ascontiguousarray(self.rgb[shown][order].T)
-            ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order))
-            begins = np.concatenate([[0], ends[:-1]])
-            of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
-            off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
-            costs += float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum())
-            freedom = 1.5 * len(of_one) * math.log(int(self.inside.sum())) / 10.0
-        return self.weight * costs / len(self.z_m) + freedom + self.edges.cost(label)
+        costs += float(self.claim[own].sum())
+        cost = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
+        return cost if self.edges is None else cost + self.edges.cost(np.where(own, group, _BEYOND - self.other))
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
@@ -271,6 +252,25 @@ class Patch:
                 square = (over / sigma) ** 2
                 cost += min(0.25 * square, 0.25 * most_cost) if over > 0.0 else min(0.5 * square, most_cost)
         return cost
+
+
+def _of_one_colour(rgb: Array, kind: NDArray[np.int64]) -> tuple[float, int]:
+    """What pixels (N, 3) cost that are not of the middle colour of their kind (N,), and how many kinds there are."""
+    if not len(kind):
+        return 0.0, 0
+    # Short numbers are sorted in a time that grows with how many there are.
+    order = np.argsort(kind.astype(np.int16), kind="stable")
+    rgb = np.ascontiguousarray(rgb[order].T)
+    ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order))
+    begins = np.concatenate([[0], ends[:-1]])
+    of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
+    off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
+    return float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum()), len(of_one)
+
+
+def _freedom(colours: int, pixels: int) -> float:
+    """What it costs to choose so many colours, each of which makes any picture easier to explain."""
+    return 1.5 * colours * math.log(pixels) / 10.0
 
 
 def _middle(rows: Array) -> Array:

@@ -227,6 +227,8 @@ def outline_starts(
     away_m = float(np.linalg.norm(foot))
     ahead = foot / max(away_m, 1e-6)
     for entry in entries:
+        if bottom_m > 0.0 and is_large(entry) and entry.category not in CARRIED:
+            continue
         length, width, height = usual_size_m(entry)
         # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
         reaches = [share * away_m for share in _NEARER] if is_large(entry) else [away_m]

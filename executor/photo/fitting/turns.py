@@ -21,7 +21,8 @@ import numpy as np
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess, Size, body_middle_m, body_of, has_ear, is_round
 from executor.photo.fitting.descent import descended, near_corner
-from executor.photo.fitting.likelihood import Likelihood, RatedGuess
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess, by_cost
+from executor.photo.fitting.options import shape_of
 from oag import Kind, kind_of
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
@@ -110,6 +111,30 @@ def is_same_box(first: Guess, second: Guess) -> bool:
     apart_m = np.subtract((first.x_m, first.y_m, first.bottom_m), (second.x_m, second.y_m, second.bottom_m))
     askew = abs(math.remainder(turned, math.pi / 2)) > _ASKEW_RAD
     return not askew and bool(np.abs(sizes_m).max() < _SAME_M and np.abs(apart_m).max() < _SAME_M)
+
+
+def is_alike(first: Guess, second: Guess) -> bool:
+    """Decides whether a search that begins at one of two guesses most likely ends where one from the other does."""
+    one, other = ((guess.entry.model, quarter_of(guess), shape_of(guess)) for guess in (first, second))
+    return one == other and is_same_box(first, second)
+
+
+def distinct(boxes: Sequence[RatedGuess]) -> list[RatedGuess]:
+    """Returns those that are another box than all before them: the same sides are found for several models."""
+    found: list[RatedGuess] = []
+    for one in boxes:
+        if not any(is_same_box(one.guess, other.guess) for other in found):
+            found.append(one)
+    return found
+
+
+def cheapest_turns(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """Returns the cheapest guess of each model, quarter that it may be turned by and height, the cheapest first."""
+    best: dict[tuple[str, int, float], RatedGuess] = {}
+    for one in by_cost(guesses):
+        if math.isfinite(one.cost):
+            best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.bottom_m), one)
+    return list(best.values())
 
 
 def turned_by_ear(fine: Likelihood, found: RatedGuess) -> RatedGuess:

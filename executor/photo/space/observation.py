@@ -128,7 +128,7 @@ class Observation:
 
 
 def edge_strength(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
-    """Returns (H, W) how much each pixel of a picture differs from the one to its right, and from the one below, 0 to 1."""
+    """Returns (H, W) how much each pixel of a picture differs from those to its right, and from those below, 0 to 1."""
     light = rgb.astype(np.float32) / 255.0
     across, down = np.zeros(rgb.shape[:2]), np.zeros(rgb.shape[:2])
     # Over two pixels each way, as edges are mostly that wide.

@@ -1,7 +1,7 @@
 """What a picture's colours say of where a thing ends: colours that are seen beside it, and edges.
 
-A guess that is right ends where the picture has edges, and what it leaves to others is of colours that others have. Both are
-found once for the pixels of a thing, so that a guess costs next to nothing more.
+A guess that is right ends where the picture has edges, and what it leaves to others is of colours that others have.
+Both are found once for the pixels of a thing, so that a guess costs next to nothing more.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def unlike_beside(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, flo
     left, right = max(0, int(x0 - over_x)), min(width, math.ceil(x1 + over_x))
     top, bottom = max(0, int(y0 - over_y)), min(height, math.ceil(y1 + over_y))
     beside = np.ones((bottom - top, right - left), dtype=bool)
-    beside[max(0, int(y0) - top) : max(0, math.ceil(y1) - top), max(0, int(x0) - left) : max(0, math.ceil(x1) - left)] = False
+    beside[
+        max(0, int(y0) - top) : max(0, math.ceil(y1) - top), max(0, int(x0) - left) : max(0, math.ceil(x1) - left)
+    ] = False
     seen = rgb[top:bottom, left:right][beside].astype(np.int64)
     if not len(seen):
         return np.full(len(colours), np.inf)
