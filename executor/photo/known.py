@@ -155,7 +155,9 @@ class KnownRoom:
         if index not in self.fits:
             return True
         if not self.seen.has_depth:
-            return self.fits[index].beside_box > _BESIDE_BOX or self.fits[index].cost > _UNLIKE
+            # What furniture carries is as far off as that is, and fits no better.
+            found, carried = self.fits[index], self.detections[index].category in CARRIED
+            return not carried and (found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE)
         explained = self.fits[index].explained
         return explained < _DOUBTFUL or self._is_seen_through(index) or self.unlikeliness(index) > _IMPOSSIBLE
 
@@ -233,7 +235,7 @@ class KnownRoom:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not self._is_there(index, found, around):
             found = None
-        if found is not None and self.seen.has_depth and found.explained < _LEAST_ALONE:
+        if found is not None and found.explained < _LEAST_ALONE:
             found = None
         if found is None:
             found = before

@@ -58,7 +58,7 @@ class Likelihood:
         Args:
             guess: The guess.
             body: Triangles to take for it, stretched to its size; by default those of its own size.
-            colours: Whether colours are looked at, which takes longer; without depth they always are.
+            colours: Whether colours are looked at, which takes longer.
         """
         body = body or body_of(guess)
         prior = prior_cost(guess, self.near)
@@ -68,7 +68,7 @@ class Likelihood:
         cost = patch.box_cost(guess) + prior
         if not patch.has_depth:
             cost += usual_size_cost(guess)
-        if not colours and patch.has_depth:
+        if not colours:
             return cost + patch.cost(guess, body)
         depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
         return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)

@@ -20,7 +20,7 @@ def place_spread_m(likelihood: Likelihood, guess: Guess, scale_share: float) -> 
     """Returns the standard deviation of a thing's place on the floor, in its worst direction.
 
     By how costs grow around the guess (Laplace's approximation): where a bit farther off and a bit larger is as good,
-    the place is not known well.
+    the place is not known well. Colours are left out, which make it sharper than it is.
 
     Args:
         likelihood: What the guess was judged by.
