@@ -52,23 +52,24 @@ class Likelihood:
     patch: Patch
     near: Neighbourhood
 
+    def box_cost(self, guess: Guess) -> float:
+        """Returns what its box and what is likely before anything is seen say; infinite for what cannot be."""
+        cost = self.patch.box_cost(guess) + prior_cost(guess, self.near)
+        return cost if self.patch.has_depth else cost + usual_size_cost(guess)
+
     def cost(self, guess: Guess, body: Body | None = None, *, colours: bool = True) -> float:
         """Returns what a guess costs, infinite for what cannot be built.
 
         Args:
             guess: The guess.
             body: Triangles to take for it, stretched to its size; by default those of its own size.
-            colours: Whether colours are looked at, which takes longer.
+            colours: Whether colours are looked at, which takes longer; without depth they always are.
         """
         body = body or body_of(guess)
-        prior = prior_cost(guess, self.near)
-        if body is None or not math.isfinite(prior):
+        cost, patch = self.box_cost(guess), self.patch
+        if body is None or not math.isfinite(cost):
             return math.inf
-        patch = self.patch
-        cost = patch.box_cost(guess) + prior
-        if not patch.has_depth:
-            cost += usual_size_cost(guess)
-        if not colours:
+        if not colours and patch.has_depth:
             return cost + patch.cost(guess, body)
         depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
         return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)

@@ -28,7 +28,7 @@ def place_spread_m(likelihood: Likelihood, guess: Guess, scale_share: float) -> 
         scale_share: How exactly the scale of the picture is known, as a share.
     """
     count = len(_STEPS)
-    here = likelihood.cost(guess, colours=False)
+    here = likelihood.box_cost(guess)
     single = np.array([[_moved(likelihood, guess, {i: sign}) for sign in (-1.0, 1.0)] for i in range(count)])
     curved = np.zeros((count, count))
     for i in range(count):
@@ -50,4 +50,4 @@ def _moved(likelihood: Likelihood, guess: Guess, steps: dict[int, float]) -> flo
     length, width, height = guess.size_m
     size = length + float(by[3]), width + float(by[4]), height + float(by[5])
     one = replace(guess, x_m=guess.x_m + by[0], y_m=guess.y_m + by[1], yaw_rad=guess.yaw_rad + by[2], size_m=size)
-    return likelihood.cost(one, colours=False)
+    return likelihood.box_cost(one)
