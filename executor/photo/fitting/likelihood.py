@@ -63,13 +63,13 @@ class Likelihood:
         Args:
             guess: The guess.
             body: Triangles to take for it, stretched to its size; by default those of its own size.
-            colours: Whether colours are looked at, which takes longer; without depth they always are.
+            colours: Whether colours are looked at, which takes longer; without depth they are most of what speaks for a guess.
         """
         body = body or body_of(guess)
         cost, patch = self.box_cost(guess), self.patch
         if body is None or not math.isfinite(cost):
             return math.inf
-        if not colours and patch.has_depth:
+        if not colours:
             return cost + patch.cost(guess, body)
         depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
         return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)
