@@ -63,7 +63,7 @@ class Likelihood:
         Args:
             guess: The guess.
             body: Triangles to take for it, stretched to its size; by default those of its own size.
-            colours: Whether colours are looked at, which takes longer; without depth they are most of what speaks for a guess.
+            colours: Whether colours are looked at, which takes longer; they are most that is known without depth.
         """
         body = body or body_of(guess)
         cost, patch = self.box_cost(guess), self.patch
