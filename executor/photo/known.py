@@ -25,12 +25,10 @@ from executor.photo.fitting.fit import (
 )
 from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
-from executor.photo.fitting.prior import Neighbourhood, prior_cost, stands_in, usual_size_m
+from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, prior_cost, stands_in, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import (
-    CARRIED,
     foot_of,
-    is_large,
     large_enough,
     named_models,
     points_of,

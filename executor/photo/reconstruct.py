@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.starts import CARRIED, stands_on_floor
+from executor.photo.fitting.prior import CARRIED
+from executor.photo.fitting.starts import stands_on_floor
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.known import RIGHT, KnownRoom
 from executor.photo.space.observation import Observation

@@ -327,7 +327,7 @@ def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
 
 def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
     """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
-    likely = by_cost(map(coarse.rated, begun))[:_SKETCHED]
+    likely = [one for one in by_cost(map(coarse.rated, begun))[:_SKETCHED] if math.isfinite(one.cost)]
     rough = by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
     return by_cost(
         search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=True))

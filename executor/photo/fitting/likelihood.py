@@ -65,9 +65,9 @@ class Likelihood:
             body: Triangles to take for it, stretched to its size; by default those of its own size.
             colours: Whether colours are looked at, which takes longer; they are most that is known without depth.
         """
-        body = body or body_of(guess)
         cost, patch = self.box_cost(guess), self.patch
-        if body is None or not math.isfinite(cost):
+        body = (body or body_of(guess)) if math.isfinite(cost) else None
+        if body is None:
             return math.inf
         if not colours:
             return cost + patch.cost(guess, body)

@@ -36,6 +36,9 @@ _FRONTED = (*_OPENS, "dishwasher", "shelf")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """What mostly stands with its back to a wall."""
 
+CARRIED = ("microwave",)
+"""Furniture that stands on furniture."""
+
 
 Flat: TypeAlias = tuple[float, float]
 """A vector along the floor."""
@@ -65,7 +68,7 @@ class Neighbourhood:
 def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     """Returns how unlikely a guess is before anything is seen, as a negative logarithm; infinite for what cannot be."""
     entry, (length, width, height) = guess.entry, guess.size_m
-    if min(guess.size_m) < _SMALLEST_M:
+    if min(guess.size_m) < _SMALLEST_M or (guess.bottom_m > 0.0 and is_large(entry) and entry.category not in CARRIED):
         return math.inf
     cost = 0.0
     for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
@@ -88,6 +91,11 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
+
+
+def is_large(entry: ModelEntry) -> bool:
+    """Decides whether a model is of furniture."""
+    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
 
 
 def usual_size_m(entry: ModelEntry) -> Size:

@@ -16,14 +16,11 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round
 from executor.photo.fitting.options import shapes
-from executor.photo.fitting.prior import usual_size_m
+from executor.photo.fitting.prior import CARRIED, is_large, usual_size_m
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
-
-CARRIED = ("microwave",)
-"""Furniture that stands on furniture."""
 
 _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
@@ -54,11 +51,6 @@ def stands_on_floor(detection: Sighting) -> bool:
     """Decides whether what a box is called is taken to stand on the floor."""
     large = all(is_large(entry) for entry in named_models(detection))
     return detection.category is not None and large and detection.category not in CARRIED
-
-
-def is_large(entry: ModelEntry) -> bool:
-    """Decides whether a model is of furniture."""
-    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
 
 
 def points_of(
@@ -227,8 +219,6 @@ def outline_starts(
     away_m = float(np.linalg.norm(foot))
     ahead = foot / max(away_m, 1e-6)
     for entry in entries:
-        if bottom_m > 0.0 and is_large(entry) and entry.category not in CARRIED:
-            continue
         length, width, height = usual_size_m(entry)
         # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
         reaches = [share * away_m for share in _NEARER] if is_large(entry) else [away_m]

@@ -18,7 +18,7 @@ from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, as_built, body_of
 from executor.photo.fitting.fit import fit_thing
 from executor.photo.fitting.likelihood import Around
-from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.starts import opened_starts, starts
 from executor.photo.fitting.turns import is_same_box
 from executor.photo.inputs.annotations import Sighting
@@ -311,3 +311,13 @@ def test_a_table_stays_askew_beside_a_wall_and_a_cabinet_is_turned_along_it() ->
     )
     found, _ = tidied({"table": table, "cabinet": replace(cabinet, y_m=-1.5)}, (wall,))
     assert [round(found[name].yaw_rad, 3) for name in ("table", "cabinet")] == [0.04, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("model", "stands"), [("cabinet_one_door", False), ("microwave_side_hinge", True), ("mug", True)]
+)
+def test_of_furniture_only_a_microwave_stands_on_furniture(model: str, stands: bool) -> None:
+    entry = LIBRARY[model]
+    on_floor = Guess(entry, 2.0, 0.0, math.pi, 0.0, usual_size_m(entry))
+    assert math.isfinite(prior_cost(on_floor, Neighbourhood(())))
+    assert math.isfinite(prior_cost(replace(on_floor, bottom_m=0.1), Neighbourhood(()))) is stands
