@@ -27,12 +27,7 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, prior_cost, stands_in, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import (
-    foot_of,
-    large_enough,
-    named_models,
-    points_of,
-)
+from executor.photo.fitting.starts import foot_of, large_enough, named_models, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
@@ -50,6 +45,7 @@ _UNLIKELY = 10.0
 
 _IMPOSSIBLE = 30.0  # Of what stands wholly in something: it is called wrongly.
 _NOTHING = "nothing in its box stands out from what is around it"
+_UNFIT = "no model fits its box, wherever it may stand"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
@@ -58,9 +54,13 @@ RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
-_BESIDE_BOX = 25.0  # What the outline of a thing that is called rightly costs at most, hidden parts and all.
-_UNLIKE = 50.0  # What a thing without depth costs that looks otherwise than its fit does.
-_MISNAMED = 60.0  # Less, without depth, a model of another name has to cost: what has legs alone hides little.
+_BESIDE_BOX, _UNLIKE = 25.0, 50.0
+"""Without depth, what the outline of a thing that is called rightly costs at most, hidden parts and all; and the whole
+fit. Both were chosen on tuning rooms."""
+
+_MISNAMED_BY_SIGHT = 60.0
+"""Less, without depth, a model of another name has to cost: what has legs alone hides little and costs little."""
+
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
@@ -115,7 +115,8 @@ class KnownRoom:
         else:
             found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
-            self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
+            nothing = _NOTHING if self.seen.has_depth else _UNFIT
+            self.reasons[index] = nothing if bottoms_m else "it is on nothing"
             found = before
         elif self.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
@@ -149,7 +150,11 @@ class KnownRoom:
         return f"{name}: {found.guess.entry.model}"
 
     def is_doubtful(self, index: int) -> bool:
-        """Decides whether a box may be called wrongly: what it is called explains too little, or is seen through."""
+        """Decides whether a box may be called wrongly.
+
+        With depth, what it is called explains too little, is seen through, or is in other things; without, it does not
+        fill its box, or looks otherwise.
+        """
         if index not in self.fits:
             return True
         if not self.seen.has_depth:
@@ -240,7 +245,9 @@ class KnownRoom:
         elif before is not None and detection.category is None:
             found = cheaper(around, detection.box_px, before, found)
         elif before is not None and (not self.seen.has_depth or not self._claim(before.guess, around).seen_through):
-            found = cheaper(around, detection.box_px, before, found, MISNAMED if self.seen.has_depth else _MISNAMED)
+            found = cheaper(
+                around, detection.box_px, before, found, MISNAMED if self.seen.has_depth else _MISNAMED_BY_SIGHT
+            )
         if found is None:
             self.reasons.setdefault(index, "no model explains it")
         return self._kept(index, found)

@@ -294,7 +294,7 @@ def _ranked(
     opened = cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
     finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
     ranked = best_of_models(finished)
-    if roughly:
+    if roughly or not ranked:
         return _by_look(fine, ranked)
     ranked = best_of_models([*(_polished(fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
     rivals = [one.guess.entry for one in ranked[1:] if one.cost < ranked[0].cost + _WORTH_A_LOOK]

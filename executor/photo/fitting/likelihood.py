@@ -90,7 +90,8 @@ class Fit:
 
     Attributes:
         guess: The best guess.
-        cost: What it costs; only differences between guesses of one thing mean something.
+        cost: What it costs: with depth only differences between guesses of one thing mean something; without, one that
+            looks as it should costs about nothing or less.
         alternatives: The best guess of every other model, the best first.
         explained: Share of the thing's pixels that it explains.
         residual_m: Median distance of what it shows from what was seen.

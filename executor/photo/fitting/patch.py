@@ -109,9 +109,7 @@ class Patch:
             keep &= ~foreign[rows, columns]
         rows, columns = rows[keep], columns[keep]
         if own is None:
-            beyond_x = np.maximum(np.maximum(x0 - columns - 0.5, columns + 0.5 - x1), 0.0) / (x1 - x0)
-            beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
-            beyond = np.hypot(beyond_x, beyond_y) / _CLAIM_SIGMA
+            beyond = _beyond(box_px, rows, columns)
         else:
             window = np.s_[top:bottom, left:right]
             beyond = distance_transform_edt(~own[window])[rows - top, columns - left] / _MASK_PX
@@ -252,6 +250,14 @@ class Patch:
                 square = (over / sigma) ** 2
                 cost += min(0.25 * square, 0.25 * most_cost) if over > 0.0 else min(0.5 * square, most_cost)
         return cost
+
+
+def _beyond(box_px: tuple[float, float, float, float], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    """How far pixels (N,) are outside a box, by how exact boxes are; 0 in it."""
+    x0, y0, x1, y1 = box_px
+    beyond_x = np.maximum(np.maximum(x0 - columns - 0.5, columns + 0.5 - x1), 0.0) / (x1 - x0)
+    beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
+    return np.asarray(np.hypot(beyond_x, beyond_y) / _CLAIM_SIGMA)
 
 
 def _of_one_colour(rgb: Array, kind: NDArray[np.int64]) -> tuple[float, int]:

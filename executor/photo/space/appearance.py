@@ -38,9 +38,9 @@ def unlike_beside(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, flo
     left, right = max(0, int(x0 - over_x)), min(width, math.ceil(x1 + over_x))
     top, bottom = max(0, int(y0 - over_y)), min(height, math.ceil(y1 + over_y))
     beside = np.ones((bottom - top, right - left), dtype=bool)
-    beside[
-        max(0, int(y0) - top) : max(0, math.ceil(y1) - top), max(0, int(x0) - left) : max(0, math.ceil(x1) - left)
-    ] = False
+    rows = slice(max(0, int(y0) - top), max(0, math.ceil(y1) - top))
+    columns = slice(max(0, int(x0) - left), max(0, math.ceil(x1) - left))
+    beside[rows, columns] = False
     seen = rgb[top:bottom, left:right][beside].astype(np.int64)
     if not len(seen):
         return np.full(len(colours), np.inf)

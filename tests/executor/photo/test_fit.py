@@ -153,6 +153,27 @@ def test_a_box_around_nothing_makes_nothing() -> None:
     assert [one.reason for one in room.unfitted] == ["nothing in its box stands out from what is around it"]
 
 
+def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    flat, above = (
+        replace(seen, z_m=np.zeros_like(seen.z_m)),
+        Sighting("can", "can", (20.0, 2.0, 30.0, 9.0), 1.0, "drawn"),
+    )
+    room = reconstruct(flat, [*boxes, above], ())
+    assert [thing.detection.label for thing in room.things] == ["table"]
+    assert [one.reason for one in room.unfitted] == ["no model fits its box, wherever it may stand"]
+
+
+def test_without_depth_a_thing_ends_where_the_picture_has_edges() -> None:
+    true = Guess(LIBRARY["cabinet_two_doors"], 2.2, 0.1, math.pi + 0.4, 0.0, (0.6, 0.9, 0.8))
+    around, box = painted_around(true)
+    around = replace(around, seen=replace(around.seen, z_m=np.zeros_like(around.other_m)))
+    found = fit_thing(around, box.box_px, [true.entry], [0.0])
+    assert found is not None and found.spread_m is not None
+    assert math.dist((found.guess.x_m, found.guess.y_m), (true.x_m, true.y_m)) < 0.08
+    assert abs(math.remainder(found.guess.yaw_rad - true.yaw_rad, math.pi / 2)) < 0.05
+
+
 @pytest.mark.parametrize("pixels", [0, 5, 9])
 def test_a_thing_of_which_hardly_a_pixel_is_known_is_left_out(pixels: int) -> None:
     seen, _ = seen_from_above(TABLE)
