@@ -35,7 +35,7 @@ from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import straightened
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from executor.photo.space.walls import Wall
-from executor.photo.supports import heights_behind, heights_under, tops_of
+from executor.photo.supports import heights_behind, heights_under, is_on_one, tops_of
 from llm.sight.forms import overlap
 from oag import Kind, kind_of
 
@@ -54,13 +54,8 @@ RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _MOST_FOUND = 40
-_BESIDE_BOX, _UNLIKE = 25.0, 50.0
-"""Without depth, what the outline of a thing that is called rightly costs at most, hidden parts and all; and the whole
-fit. Both were chosen on tuning rooms."""
-
-_MISNAMED_BY_SIGHT = 60.0
-"""Less, without depth, a model of another name has to cost: what has legs alone hides little and costs little."""
-
+_BESIDE_BOX, _UNLIKE = 25.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
+_MISNAMED_BY_SIGHT = 60.0  # Less, without depth, another name has to cost: what has legs hides and costs little.
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
@@ -184,6 +179,11 @@ class KnownRoom:
             return False
         cost = prior_cost(found.guess, near)
         return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
+
+    def is_in_air(self, index: int) -> bool:
+        """Decides whether, without depth, what a thing was put on has been taken for something else since."""
+        found = None if self.seen.has_depth else self.fits.get(index)
+        return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()))
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""

@@ -111,6 +111,9 @@ def reconstruct(
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
+    for index in carried:
+        if room.is_in_air(index):
+            told(room.fit(index, None, hidden_by=()))
     return _result(room)
 
 

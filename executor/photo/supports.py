@@ -10,12 +10,14 @@ import numpy as np
 from executor.assets.footprint import region_frame
 from executor.assets.library import asset_for
 from executor.geometry import Array
+from executor.photo.fitting.body import Guess
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import foot_of
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
+_SAME_M = 0.02  # Between the height of a top and that of what was put on it, however it was moved since.
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST = 3
@@ -56,6 +58,13 @@ def tops_of(fits: Iterable[Fit]) -> Iterator[Top]:
             carrier = fit.guess.as_object()
             for region in asset_for(carrier).regions:
                 yield Top(fit, *region_frame(carrier, region))
+
+
+def is_on_one(guess: Guess, tops: Iterable[Top]) -> bool:
+    """Decides whether a guess stands on the floor, or on one of some tops."""
+    at = np.array([guess.x_m, guess.y_m])
+    near = (top for top in tops if abs(top.height_m - guess.bottom_m) < _SAME_M)
+    return guess.bottom_m == 0.0 or any(top.is_near(at) for top in near)
 
 
 def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:

@@ -27,6 +27,7 @@ _NOISE_RAD = math.radians(3.0)  # What depths at 5 m leave unknown of a cabinet'
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M = 0.004
 _HIGHER_M = 0.002
+_FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
 _TOLD_M = 0.005
 
 
@@ -175,7 +176,7 @@ def _on_its_top(guess: Guess, others: Mapping[str, Guess], same_height_m: float)
             free = np.maximum(half - reach - _EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
             by_m = float(np.linalg.norm(inside - local))
-            if best is None or by_m < best[0]:
+            if by_m < _FARTHEST_M and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
     return guess if best is None else best[1]

@@ -17,7 +17,7 @@ from executor.machine.files import write_json
 from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, as_built, body_of
 from executor.photo.fitting.fit import fit_thing
-from executor.photo.fitting.likelihood import Around
+from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
 from executor.photo.fitting.starts import opened_starts, starts
 from executor.photo.fitting.turns import is_same_box
@@ -27,6 +27,7 @@ from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import scene_json, scene_of
 from executor.photo.space.observation import Noise, Observation
 from executor.photo.space.walls import Wall
+from executor.photo.supports import is_on_one, tops_of
 from executor.photo.tidy import tidied
 from executor.photo.variations import variations_of
 from executor.scenes.cousins import from_cousins
@@ -151,6 +152,21 @@ def test_a_box_around_nothing_makes_nothing() -> None:
     room = reconstruct(seen, [*boxes, nothing], ())
     assert [thing.detection.label for thing in room.things] == ["table"]
     assert [one.reason for one in room.unfitted] == ["nothing in its box stands out from what is around it"]
+
+
+def test_nothing_is_carried_across_the_room_to_a_top_as_high_as_its_own() -> None:
+    near = replace(TABLE, size_m=(*TABLE.size_m[:2], 0.5))
+    far = replace(TABLE, x_m=TABLE.x_m + 3.0, size_m=(*TABLE.size_m[:2], BOWL.bottom_m))
+    assert not is_on_one(BOWL, tops_of([fit_of(near), fit_of(far)]))
+    assert is_on_one(BOWL, tops_of([fit_of(replace(far, x_m=TABLE.x_m))]))
+    assert is_on_one(replace(BOWL, bottom_m=0.0), ())
+    found, _ = tidied({"near": near, "far": far, "bowl": BOWL}, ())
+    assert found["bowl"] == BOWL
+
+
+def fit_of(guess: Guess) -> Fit:
+    """Returns a guess as what was found."""
+    return Fit(guess, 0.0, (), 1.0, 0.0, 100, None)
 
 
 def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> None:
