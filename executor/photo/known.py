@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, depth_picture
+from executor.photo.fitting.body import Guess, picture_of
 from executor.photo.fitting.fit import (
     LEAST_POINTS,
     MISNAMED,
@@ -35,11 +34,10 @@ from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import straightened
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from executor.photo.space.walls import Wall
-from executor.photo.supports import heights_behind, heights_under, is_on_one, tops_of
+from executor.photo.supports import as_exact_as_its_carrier, heights_behind, heights_under, is_on_one, tops_of
 from llm.sight.forms import overlap
 from oag import Kind, kind_of
 
-_SAME_M = 0.001
 _UNLIKELY = 10.0
 """Prior cost of what stands in a wall, in others, or with its front against something, and hardly of a right fit."""
 
@@ -62,7 +60,7 @@ STOOD_OUT = "stands out of the depths"
 
 
 class KnownRoom:
-    """What is known so far: the fits, and the depth that each of them has in every pixel."""
+    """What is known so far: the fits, and the depth and face that each of them has in every pixel."""
 
     def __init__(
         self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
@@ -71,7 +69,7 @@ class KnownRoom:
         self._boxed = len(self.detections)  # Whatever is detected after these, nobody has put a box around.
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
-        self._depths: dict[int, Array] = {}
+        self._looks: dict[int, tuple[Array, NDArray[np.int32]]] = {}
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
@@ -91,7 +89,7 @@ class KnownRoom:
             hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
         """
         detection = self.detections[index]
-        self._depths.pop(index, None)
+        self._looks.pop(index, None)
         before = self.fits.pop(index, None)
         around = self._around(index, hidden_by)
         as_seen = self._is_as_seen(index, around)
@@ -119,14 +117,14 @@ class KnownRoom:
         elif self.seen.has_depth and self._claim(found.guess, around).is_refuted(detection.box_px):
             self.reasons[index] = "no such thing fits in its box, through which farther things are seen"
             found = None
-        return self._kept(index, None if found is None else self._as_exact_as_its_carrier(found))
+        return self._kept(index, None if found is None else as_exact_as_its_carrier(found, tops_of(self.fits.values())))
 
     def rename(self, index: int) -> str:
         """Takes a thing for what fits clearly better than what it is called, if anything does."""
         detection, found = self.detections[index], self.fits.pop(index, None)
         if found is None or not self.seen.has_depth:
             return self._kept(index, found)
-        self._depths.pop(index)
+        self._looks.pop(index)
         around = self._around(index, ())
         points = self._points(detection, around)
         taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
@@ -141,7 +139,7 @@ class KnownRoom:
         name = self.detections[index].label or "thing"
         if found is None:
             return f"{name}: {self.reasons[index]}"
-        self.fits[index], self._depths[index] = found, depth_picture(found.guess, self.seen)
+        self.fits[index], self._looks[index] = found, picture_of(found.guess, self.seen)
         return f"{name}: {found.guess.entry.model}"
 
     def is_doubtful(self, index: int) -> bool:
@@ -181,16 +179,24 @@ class KnownRoom:
         return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
 
     def is_in_air(self, index: int) -> bool:
-        """Decides whether, without depth, what a thing was put on has been taken for something else since."""
-        found = None if self.seen.has_depth else self.fits.get(index)
+        """Decides whether what a thing was put on has been taken for something else since."""
+        found = self.fits.get(index)
         return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()))
+
+    def leave_out_what_is_inside(self) -> None:
+        """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
+        pieces = self._near().pieces
+        for index, found in list(self.fits.items()):
+            if index >= self._boxed and stands_in(found.guess, [one for one in pieces if one is not found.guess]):
+                del self.fits[index], self._looks[index]
+                self.reasons[index] = "what is left of other things, in which it would stand"
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
         before = self.fits[index]
         self.fit(index, [0.0], hidden_by)
         found = self.fits.pop(index, None)
-        self._depths.pop(index, None)
+        self._looks.pop(index, None)
         self._tried[index] = self._near().pieces
         if found is None or found is before:
             return self._kept(index, before)
@@ -201,7 +207,7 @@ class KnownRoom:
         found = self.fits.get(index)
         if found is None or not is_large(found.guess.entry):
             return self._kept(index, found)
-        del self.fits[index], self._depths[index]
+        del self.fits[index], self._looks[index]
         around, detection = self._around(index, ()), self.detections[index]
         if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
             likely = named_models(detection)
@@ -221,7 +227,7 @@ class KnownRoom:
         """
         unlikely = self.unlikeliness(index) > _IMPOSSIBLE
         before, detection = self.fits.pop(index, None), self.detections[index]
-        self._depths.pop(index, None)
+        self._looks.pop(index, None)
         if unlikely and self.seen.has_depth:
             before = None
             self.reasons[index] = "what it is called would stand in other things"
@@ -259,7 +265,7 @@ class KnownRoom:
             if overlap(self.detections[alone].box_px, box_px) < _ADOPTED:
                 continue
             found = self.fits.pop(alone)
-            self._depths.pop(alone, None)
+            self._looks.pop(alone, None)
             self.reasons[alone] = "it is what a box was drawn around"
             self._kept(index, called(self._around(index, ()), box_px, found, named_models(self.detections[index])))
             return True
@@ -285,13 +291,13 @@ class KnownRoom:
         found = [index for index in self.fits if index >= self._boxed and self.fits[index].guess.bottom_m == 0.0]
         # The first ones were fitted among nothing, and each to the piece of it that stood out.
         for index in found:
-            before, own, box_px = self.fits.pop(index), self._depths.pop(index), self.detections[index].box_px
+            before, own, box_px = self.fits.pop(index), self._looks.pop(index), self.detections[index].box_px
             around = self._around(index, ())
-            claimed_px = Claim.of(self.seen, own, around.other_m, before.guess.corners_m()).box_px or box_px
+            claimed_px = Claim.of(self.seen, own[0], around.other_m, before.guess.corners_m()).box_px or box_px
             if overlap(claimed_px, box_px) > _SAME_BOX and self._is_as_seen(index, around):
                 told(self._kept(index, retouched(around, box_px, before)))
                 continue
-            self.fits[index], self._depths[index] = before, own
+            self.fits[index], self._looks[index] = before, own
             self.detections[index] = replace(self.detections[index], box_px=claimed_px)
             told(self.fit_anything(index))
 
@@ -326,7 +332,7 @@ class KnownRoom:
         else:
             # What is left of a thing that was misjudged is explained by another one in it.
             is_it = not stands_in(found.guess, around.near.pieces)
-        return is_it and claim.is_borne_out(_LEAST_SEEN_PX)
+        return is_it and claim.is_borne_out(_LEAST_SEEN_PX, boxed=index < self._boxed)
 
     def _is_as_seen(self, index: int, around: Around) -> bool:
         """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""
@@ -339,13 +345,13 @@ class KnownRoom:
         return False
 
     def _is_seen_through(self, index: int) -> bool:
-        own = self._depths.pop(index)
-        claim = Claim.of(self.seen, own, self._others()[0], self.fits[index].guess.corners_m())
-        self._depths[index] = own
+        own = self._looks.pop(index)
+        claim = Claim.of(self.seen, own[0], self._others()[0], self.fits[index].guess.corners_m())
+        self._looks[index] = own
         return claim.seen_through
 
     def _claim(self, guess: Guess, around: Around) -> Claim:
-        return Claim.of(self.seen, depth_picture(guess, self.seen), around.other_m, guess.corners_m())
+        return Claim.of(self.seen, picture_of(guess, self.seen)[0], around.other_m, guess.corners_m())
 
     def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
@@ -353,12 +359,15 @@ class KnownRoom:
         return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
 
     def _others(self) -> tuple[Array, NDArray[np.int32]]:
-        """(H, W) depth of all that is known, and which of it: 0 the floor, then walls, then things."""
-        depth, owner = self._empty.copy(), self._empty_owner.copy()
-        for index, one in self._depths.items():
+        """(H, W) depth of all that is known, and of which it is: 0 the floor, then walls, then faces of things."""
+        depth, face = self._empty.copy(), self._empty_owner.copy()
+        first = 1 + len(self.walls)
+        for one, group in self._looks.values():
             nearer = one < depth
-            depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
-        return depth, owner
+            shown = group[nearer]
+            depth[nearer], face[nearer] = one[nearer], first + shown
+            first += int(shown.max(initial=-1)) + 1
+        return depth, face
 
     def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
         """(H, W) pixels in boxes of smaller things that are not fitted yet."""
@@ -389,11 +398,3 @@ class KnownRoom:
         found = [foot for box in boxes if (foot := foot_of(self.seen, box, height_m)) is not None]
         middle = foot_of(self.seen, (0.0, 0.0, float(width), height / 2), height_m)
         return np.array(found or [np.zeros(2) if middle is None else middle])
-
-    def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:
-        """Without depth, a thing's place is known no better than the height of what it stands on."""
-        if fit.spread_m is None or fit.guess.bottom_m == 0.0:
-            return fit
-        tops = tops_of(self.fits.values())
-        beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
-        return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))

@@ -111,7 +111,8 @@ def reconstruct(
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
-    for index in carried:
+    room.leave_out_what_is_inside()
+    for index in list(room.fits):
         if room.is_in_air(index):
             told(room.fit(index, None, hidden_by=()))
     return _result(room)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
 _SAME_M = 0.02  # Between the height of a top and that of what was put on it, however it was moved since.
+_EQUAL_M = 0.001
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST = 3
@@ -65,6 +67,14 @@ def is_on_one(guess: Guess, tops: Iterable[Top]) -> bool:
     at = np.array([guess.x_m, guess.y_m])
     near = (top for top in tops if abs(top.height_m - guess.bottom_m) < _SAME_M)
     return guess.bottom_m == 0.0 or any(top.is_near(at) for top in near)
+
+
+def as_exact_as_its_carrier(fit: Fit, tops: Iterable[Top]) -> Fit:
+    """Returns a fit whose place, without depth, is known no better than the height of that top which it stands on."""
+    if fit.spread_m is None or fit.guess.bottom_m == 0.0:
+        return fit
+    beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _EQUAL_M]
+    return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
 
 def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:

@@ -34,6 +34,7 @@ _HEIGHT_M = (1.2, 1.7)  # Of somebody's eyes, or of hands that hold a camera.
 _FOV_RAD = (math.radians(45.0), math.radians(70.0))
 _LOOK_AT_M = (0.45, 0.80)  # Height of what the middle of the picture shows.
 _ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts look in.
+_STEEPEST_RAD = math.radians(60.0)  # Nobody stands so near to what he asks for that he looks down at it by more.
 _TRIES = 60
 _FILLED = 0.9  # Of half the picture's width.
 _FARTHEST_M, _STEP_BACK_M = 6.0, 0.2
@@ -210,6 +211,8 @@ def _camera(
         along = points[:, :2] @ direction[:2]
         reach = np.abs(across - middle[:2] @ [-direction[1], direction[0]]) / math.tan(half)
         away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8))
+        if names:
+            away = max(away, (height_m - float(target[2])) / math.tan(_STEEPEST_RAD))
         eye = np.array([*(middle + away * direction)[:2], height_m])
         while whole and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
             away += _STEP_BACK_M

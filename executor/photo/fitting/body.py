@@ -103,17 +103,19 @@ class Body:
     def __init__(self, thing: SceneObject) -> None:
         asset = asset_for(thing)
         frames = link_frames(asset, joints_at_start(thing, asset))
-        triangles, colors = [], []
+        triangles, colors, clear = [], [], []
         for link in asset.links:
             T = frames[link.name]
             for shape in (shape for shape in link.shapes if shape.visible):
                 triangles.append(_triangles(shape) @ T[:3, :3].T + T[:3, 3])
                 colors.append(shape.color[:3])
+                clear.append(len(shape.color) > 3 and shape.color[3] < 1.0)
         corners = np.concatenate(triangles)
         self.colors = np.repeat(colors, [len(one) for one in triangles], axis=0)
         self.size_m = np.asarray(thing.extent_m)
         self.symmetric = asset.symmetric_about_z
         self.groups = _alike(self.colors, corners)
+        self.is_clear = np.repeat(clear, [len(one) for one in triangles])
         core = require("embreex.rtcore_scene", "photo")
         construction = require("embreex.mesh_construction", "photo")
         self._scene: Any = core.EmbreeScene()
@@ -125,12 +127,27 @@ class Body:
         distance = self._scene.run(*self._stretched(guess, eye_m, rays), query="DISTANCE")
         return np.where(distance > 1e6, np.inf, distance.astype(float))
 
-    def looks(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
-        """Returns the depth at which each ray meets it, and (N,) which group of like faces it meets, -1 for none."""
+    def looks(
+        self, guess: Guess, eye_m: Array, rays: Array, behind: NDArray[np.int32] | None = None
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Returns the depth at which each ray meets it, and (N,) which group of like faces it meets, -1 for none.
+
+        Args:
+            guess: The guess.
+            eye_m: (3,) where the rays begin.
+            rays: (N, 3) the rays.
+            behind: (N,) which face is behind it: it shines through faces that are clear, and so parts them.
+        """
         found = self._scene.run(*self._stretched(guess, eye_m, rays), output=1)
         hit = found["primID"] >= 0
         depth = np.where(hit, found["tfar"].astype(float), np.inf)
-        return depth, np.where(hit, self.groups[np.where(hit, found["primID"], 0)], -1)
+        face = np.where(hit, found["primID"], 0)
+        group = np.where(hit, self.groups[face], -1)
+        if behind is not None and self.is_clear.any():
+            parted = group + (self.groups.max() + 1) * (1 + behind.astype(np.int64))
+            parted = np.where(hit & self.is_clear[face], parted, group)
+            group = np.unique(np.append(parted, -1), return_inverse=True)[1][:-1] - 1
+        return depth, group
 
     def colours(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
         """Returns the depth at which each ray meets it, and (N, 3) the linear colour there, black for none."""
@@ -216,12 +233,12 @@ def as_built(guess: Guess) -> Guess:
     return guess
 
 
-def depth_picture(guess: Guess, seen: Observation) -> Array:
-    """Returns (H, W) depth of a guess in a picture, infinite where it is not."""
-    depth = np.full(seen.z_m.shape, np.inf)
+def picture_of(guess: Guess, seen: Observation) -> tuple[Array, NDArray[np.int32]]:
+    """Returns (H, W) depth of a guess in a picture, infinite where it is not, and (H, W) its groups of like faces."""
+    depth, group = np.full(seen.z_m.shape, np.inf), np.full(seen.z_m.shape, -1, dtype=np.int32)
     body = body_of(guess)
     if body is None:
-        return depth
+        return depth, group
     pixels = seen.pixels(guess.corners_m())
     window = np.s_[:, :]
     opened = float(str(dict(guess.parameters).get("open_fraction", 0.0))) > 0.0
@@ -232,8 +249,9 @@ def depth_picture(guess: Guess, seen: Observation) -> Array:
         window = np.s_[top:bottom, left:right]
     rays = seen.rays[window]
     if rays.size:
-        depth[window] = body.depth(guess, seen.eye_m, rays.reshape(-1, 3)).reshape(rays.shape[:2])
-    return depth
+        looks = body.looks(guess, seen.eye_m, rays.reshape(-1, 3))
+        depth[window], group[window] = (one.reshape(rays.shape[:2]) for one in looks)
+    return depth, group
 
 
 def is_round(entry: ModelEntry) -> bool:

@@ -147,21 +147,23 @@ def renamed(
     if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)
-    return _named(ranked[0], own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
+    return _named(ranked, own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
 
 
 def called(around: Around, box_px: tuple[float, float, float, float], found: Fit, own: Sequence[ModelEntry]) -> Fit:
     """Returns what was found by another name as one of the models that its box is called, unless that is worse."""
     _, search, fine = _likelihoods(around, box_px)
-    return _named(fine.rated(found.guess), own, search, fine) or found
+    guesses = (found.guess, *(one.guess for one in found.alternatives))
+    return _named([fine.rated(one) for one in guesses], own, search, fine) or found
 
 
-def _named(found: RatedGuess, own: Sequence[ModelEntry], search: Likelihood, fine: Likelihood) -> Fit | None:
-    """A thing as one of the models that its box is called, with the sides that were found; None where that is worse."""
-    named = best_of_models(_with_sides_of(found.guess, own, search, fine))
+def _named(found: Sequence[RatedGuess], own: Sequence[ModelEntry], search: Likelihood, fine: Likelihood) -> Fit | None:
+    """A thing as one of the models that its box is called, if one of those found or with the sides of the first is."""
+    called_so = (one for one in found if one.guess.entry in own)
+    named = best_of_models([*_with_sides_of(found[0].guess, own, search, fine), *called_so])
     if named and has_ear(named[0].guess.entry):
         named[0] = turned_by_ear(fine, named[0])
-    if not named or named[0].cost - found.cost > MISNAMED:
+    if not named or named[0].cost - found[0].cost > MISNAMED:
         return None
     return _described(fine.patch, named[0], named[1:])
 

@@ -71,7 +71,7 @@ class Likelihood:
             return math.inf
         if not colours:
             return cost + patch.cost(guess, body)
-        depth, group = body.looks(guess, patch.seen.eye_m, patch.rays)
+        depth, group = body.looks(guess, patch.seen.eye_m, patch.rays, patch.other)
         return cost + patch.depth_cost(depth) + patch.colour_cost(depth, group)
 
     def rated(self, guess: Guess, *, colours: bool = True) -> RatedGuess:
@@ -127,7 +127,7 @@ class Around:
 
     Attributes:
         seen: The picture.
-        other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
+        other_m, other: (H, W) depth of everything else that is known, and of which face, by number.
         smaller: (H, W) pixels in boxes of smaller things.
         own: (H, W) the thing's own pixels, where somebody knows them.
         near: The walls and the other furniture.

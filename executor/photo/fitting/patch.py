@@ -47,7 +47,7 @@ class Patch:
         rays: (N, 3) in the level frame.
         z_m, sigma_m: (N,) what was seen there, and its standard deviation.
         other_m: (N,) depth of everything else that is known, infinite for nothing.
-        other: (N,) which of everything else that is, by number.
+        other: (N,) which face of everything else that is, by number.
         inside: (N,) whether the pixel is in the thing's box, or of its mask where there is one.
         claim: (N,) what claiming a pixel outside the box costs.
         rgb: (N, 3) in 0 to 1.
@@ -90,7 +90,7 @@ class Patch:
         Args:
             seen: The picture.
             box_px: The box.
-            other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
+            other_m, other: (H, W) depth of everything else that is known, and of which face, by number.
             most: How many pixels, about.
             foreign: (H, W) pixels that are somebody else's, which say nothing of this thing.
             own: (H, W) the thing's own pixels, where they are known; they take the place of the box's.
@@ -203,7 +203,7 @@ class Patch:
         """Returns how badly a guess explains the colours of the box.
 
         Faces of one part that look one way should be of one colour, and so should be what is seen beside the guess of
-        one wall or one other thing.
+        one wall or one face of another thing.
 
         Args:
             depth: (N,) of the guess.

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TypeAlias
 
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess, Size, is_round
 from executor.photo.space.walls import Wall
+from executor.scenes.furnishing.usual import ABSURD
 from oag import Kind, kind_of
 
 _BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.
@@ -68,7 +70,9 @@ class Neighbourhood:
 def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     """Returns how unlikely a guess is before anything is seen, as a negative logarithm; infinite for what cannot be."""
     entry, (length, width, height) = guess.entry, guess.size_m
-    if min(guess.size_m) < _SMALLEST_M or (guess.bottom_m > 0.0 and is_large(entry) and entry.category not in CARRIED):
+    if any(not low <= value <= high for value, (low, high) in zip(guess.size_m, _possible_m(entry), strict=True)):
+        return math.inf
+    if guess.bottom_m > 0.0 and is_large(entry) and entry.category not in CARRIED:
         return math.inf
     cost = 0.0
     for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
@@ -91,6 +95,15 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
+
+
+@cache
+def _possible_m(entry: ModelEntry) -> tuple[Flat, ...]:
+    """From which to which length, width and height a thing may be of a model at all: a scene takes nothing else."""
+    spans = (entry.length, entry.width, entry.height)
+    low = (span.low * (entry.width.low if span.of_width else 1.0) for span in spans)
+    high = (span.high * (entry.width.high if span.of_width else 1.0) for span in spans)
+    return tuple((max(least / ABSURD, _SMALLEST_M), most * ABSURD) for least, most in zip(low, high, strict=True))
 
 
 def is_large(entry: ModelEntry) -> bool:

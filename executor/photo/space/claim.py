@@ -85,10 +85,15 @@ class Claim:
         """Whether more is seen through it than through what is right."""
         return self.through_share > _MOST_THROUGH
 
-    def is_borne_out(self, least_px: int) -> bool:
-        """Decides whether enough is seen of it, more than what nobody knows hides, and hardly anything through it."""
+    def is_borne_out(self, least_px: int, *, boxed: bool = False) -> bool:
+        """Decides whether enough is seen of it, more than what nobody knows hides, and hardly anything through it.
+
+        Args:
+            least_px: Fewer pixels are too few.
+            boxed: Whether somebody has drawn a box around it: something unknown may then hide as much of it.
+        """
         enough = self.seen_share >= _LEAST_SEEN or self.level_share >= _PLENTY
-        free = self.right_px >= max(least_px, self.before_px * _LEAST_FREE)
+        free = self.right_px >= max(least_px, self.before_px * (1.0 if boxed else _LEAST_FREE))
         return enough and free and not self.seen_through
 
     def is_refuted(self, box_px: Box) -> bool:

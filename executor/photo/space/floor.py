@@ -22,7 +22,7 @@ _TOLERANCES_M, _SIGMAS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0, 0.0, 0.0, 0.0), 1.
 """How near the floor its points are taken to be, ever nearer, beside noise: feet of walls and legs are above it."""
 _TRIALS = 600
 _FARTHEST_M = 7.0  # Beyond that, noise makes every plane as good.
-_STEEPEST_RAD = math.radians(65.0)  # Between the floor's normal and the picture's upward direction.
+_STEEPEST_RAD = math.radians(70.0)  # Between the floor's normal and the picture's upward direction.
 HEIGHTS_M = (0.4, 3.0)
 """Of a camera above a floor; lower planes are tables."""
 
