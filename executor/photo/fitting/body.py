@@ -254,9 +254,14 @@ def picture_of(guess: Guess, seen: Observation) -> tuple[Array, NDArray[np.int32
     return depth, group
 
 
+@cache
 def is_round(entry: ModelEntry) -> bool:
-    """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
-    return entry.length.of_width and entry.length.low == entry.length.high == 1.0
+    """Decides whether no turn of a model is told apart, whatever its size: a plate is round, and a die is not."""
+    if not entry.length.of_width or entry.length.low != 1.0 or entry.length.high != 1.0:
+        return False
+    width, unit = entry.width.high, entry.width.high if entry.height.of_width else 1.0
+    body = body_of(Guess(entry, 0.0, 0.0, 0.0, 0.0, (width, width, entry.height.high * unit)))
+    return body is not None and body.symmetric
 
 
 def has_ear(entry: ModelEntry) -> bool:

@@ -144,7 +144,8 @@ def renamed(
     dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
     ranked = best_of_models([fine.rated(found.guess), *rivals])
-    if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < MISNAMED:
+    now = fine.rated(found.guess)
+    if ranked[0].guess is found.guess or _with_look(fine, now) - _with_look(fine, ranked[0]) < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)
     return _named(ranked, own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
@@ -163,7 +164,7 @@ def _named(found: Sequence[RatedGuess], own: Sequence[ModelEntry], search: Likel
     named = best_of_models([*_with_sides_of(found[0].guess, own, search, fine), *called_so])
     if named and has_ear(named[0].guess.entry):
         named[0] = turned_by_ear(fine, named[0])
-    if not named or named[0].cost - found[0].cost > MISNAMED:
+    if not named or _with_look(fine, named[0]) - _with_look(fine, found[0]) > MISNAMED:
         return None
     return _described(fine.patch, named[0], named[1:])
 
@@ -357,8 +358,14 @@ def _by_look(fine: Likelihood, guesses: Iterable[RatedGuess]) -> list[RatedGuess
     items = [one for one in ranked if kind_of(one.guess.entry.category, 0.0) is Kind.ITEM]
     if len({one.guess.entry.category for one in items}) < 2 or items[0] is not ranked[0]:
         return ranked
-    best = min(items, key=lambda one: one.cost + _LOOK * unlike_seen(fine.patch, one.guess))
+    best = min(items, key=lambda one: _with_look(fine, one))
     return [best, *(one for one in ranked if one is not best)]
+
+
+def _with_look(fine: Likelihood, one: RatedGuess) -> float:
+    """Returns what a guess costs, and of an item how unlike its own colours it looks, too."""
+    is_item = kind_of(one.guess.entry.category, 0.0) is Kind.ITEM
+    return one.cost + (_LOOK * unlike_seen(fine.patch, one.guess) if is_item else 0.0)
 
 
 def _with_sides_of(

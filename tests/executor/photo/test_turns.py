@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.body import Guess, Size, is_round
+from executor.photo.fitting.fit import fit_thing
 from executor.photo.fitting.likelihood import Likelihood
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.fitting.turns import turned_by_ear
-from tests.executor.photo.test_fit import seen_from_above
+from tests.executor.photo.test_fit import painted_around, seen_from_above
 
 SIZE_M = (0.115, 0.08, 0.09)
 EAR_M = (SIZE_M[0] - SIZE_M[1]) / 2  # From the axis of its body to the middle of its box.
@@ -48,3 +49,12 @@ def test_a_body_that_is_too_large_hides_no_ear() -> None:
 def test_a_hidden_ear_is_in_the_middle_of_what_hides_it() -> None:
     # The camera is at the origin: an ear that points away from it is behind the body.
     assert abs(found_from(0.3, 0.3).yaw_rad) < 0.2
+
+
+def test_a_die_has_sides_though_it_is_as_long_as_it_is_wide() -> None:
+    assert [is_round(LIBRARY[model]) for model in ("plate", "can", "die", "mug")] == [True, True, False, False]
+    true = Guess(LIBRARY["die"], 1.2, 0.0, 0.35, 0.9, (0.06, 0.06, 0.06))
+    around, box = painted_around(true)
+    found = fit_thing(around, box.box_px, [true.entry], [0.9])
+    assert found is not None and found.guess.size_m[0] == pytest.approx(0.06, abs=0.002)
+    assert abs(math.remainder(found.guess.yaw_rad - true.yaw_rad, math.pi / 2)) < 0.05
