@@ -363,9 +363,9 @@ class KnownRoom:
         depth, face = self._empty.copy(), self._empty_owner.copy()
         first = 1 + len(self.walls)
         for one, group in self._looks.values():
-            nearer = one < depth
-            shown = group[nearer]
-            depth[nearer], face[nearer] = one[nearer], first + shown
+            nearer, shown = one < depth, group[one < depth]
+            # Without depth a thing's own edges in the picture are as good as its outline, and say less.
+            depth[nearer], face[nearer] = one[nearer], first + (shown if self.seen.has_depth else 0)
             first += int(shown.max(initial=-1)) + 1
         return depth, face
 
