@@ -26,7 +26,7 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, prior_cost, stands_in, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import foot_of, large_enough, named_models, points_of
+from executor.photo.fitting.starts import feet_of, large_enough, named_models, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
@@ -104,7 +104,9 @@ class KnownRoom:
             bottoms_m = self._heights(detection, points)
         under_all = [] if self.seen.has_depth else beneath(detection, self.seen.size_px)
         if under_all:
-            found: Fit | None = assumed_beneath(around, under_all, self._feet(index, usual_size_m(under_all[0])[2]))
+            others = [one.box_px for number, one in enumerate(self.detections) if number != index]
+            feet = feet_of(self.seen, others, usual_size_m(under_all[0])[2])
+            found: Fit | None = assumed_beneath(around, under_all, feet)
         else:
             found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
@@ -185,11 +187,14 @@ class KnownRoom:
 
     def leave_out_what_is_inside(self) -> None:
         """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
-        pieces = self._near().pieces
-        for index, found in list(self.fits.items()):
-            if index >= self._boxed and stands_in(found.guess, [one for one in pieces if one is not found.guess]):
-                del self.fits[index], self._looks[index]
-                self.reasons[index] = "what is left of other things, in which it would stand"
+        alone = [index for index in self.fits if index >= self._boxed]
+        for index in sorted(alone, key=lambda index: self.detections[index].area_px):
+            found = self.fits.pop(index)
+            if not stands_in(found.guess, self._near().pieces):
+                self.fits[index] = found
+                continue
+            del self._looks[index]
+            self.reasons[index] = "what is left of other things, in which it would stand"
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
@@ -363,9 +368,9 @@ class KnownRoom:
         depth, face = self._empty.copy(), self._empty_owner.copy()
         first = 1 + len(self.walls)
         for one, group in self._looks.values():
-            nearer, shown = one < depth, group[one < depth]
-            # Without depth a thing's own edges in the picture are as good as its outline, and say less.
-            depth[nearer], face[nearer] = one[nearer], first + (shown if self.seen.has_depth else 0)
+            nearer = one < depth
+            shown = group[nearer]
+            depth[nearer], face[nearer] = one[nearer], first + shown
             first += int(shown.max(initial=-1)) + 1
         return depth, face
 
@@ -390,11 +395,3 @@ class KnownRoom:
             return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
         told = None if detection.on is None else self.fits.get(detection.on)
         return heights_behind(self.seen, detection, tops, told)
-
-    def _feet(self, index: int, height_m: float) -> Array:
-        """(N, 2) where the boxes of all other things end on a level plane, or where the camera looks at it."""
-        boxes = [one.box_px for number, one in enumerate(self.detections) if number != index]
-        width, height = self.seen.size_px
-        found = [foot for box in boxes if (foot := foot_of(self.seen, box, height_m)) is not None]
-        middle = foot_of(self.seen, (0.0, 0.0, float(width), height / 2), height_m)
-        return np.array(found or [np.zeros(2) if middle is None else middle])

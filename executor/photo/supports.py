@@ -19,7 +19,7 @@ from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
 _SAME_M = 0.02  # Between the height of a top and that of what was put on it, however it was moved since.
-_EQUAL_M = 0.001
+_EQUAL_M = 0.001  # Heights that one was made of the other.
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST = 3

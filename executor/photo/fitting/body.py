@@ -234,7 +234,10 @@ def as_built(guess: Guess) -> Guess:
 
 
 def picture_of(guess: Guess, seen: Observation) -> tuple[Array, NDArray[np.int32]]:
-    """Returns (H, W) depth of a guess in a picture, infinite where it is not, and (H, W) its groups of like faces."""
+    """Returns (H, W) depth of a guess in a picture, infinite where it is not, and (H, W) its groups of like faces.
+
+    Without depth all its faces are one group: their edges are in the picture as its outline is, and hide where that is.
+    """
     depth, group = np.full(seen.z_m.shape, np.inf), np.full(seen.z_m.shape, -1, dtype=np.int32)
     body = body_of(guess)
     if body is None:
@@ -251,7 +254,7 @@ def picture_of(guess: Guess, seen: Observation) -> tuple[Array, NDArray[np.int32
     if rays.size:
         looks = body.looks(guess, seen.eye_m, rays.reshape(-1, 3))
         depth[window], group[window] = (one.reshape(rays.shape[:2]) for one in looks)
-    return depth, group
+    return depth, group if seen.has_depth else np.minimum(group, 0)
 
 
 @cache

@@ -143,8 +143,8 @@ def renamed(
     likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
     dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
-    ranked = best_of_models([fine.rated(found.guess), *rivals])
     now = fine.rated(found.guess)
+    ranked = best_of_models([now, *rivals])
     if ranked[0].guess is found.guess or _with_look(fine, now) - _with_look(fine, ranked[0]) < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)

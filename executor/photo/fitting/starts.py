@@ -240,6 +240,14 @@ def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom
     return np.asarray((seen.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
 
 
+def feet_of(seen: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:
+    """Returns (N, 2) where boxes end on a level plane; without any, where the camera looks at it, or the origin."""
+    found = [foot for box in boxes_px if (foot := foot_of(seen, box, height_m)) is not None]
+    width, height = seen.size_px
+    middle = foot_of(seen, (0.0, 0.0, float(width), height / 2), height_m)
+    return np.array(found or [np.zeros(2) if middle is None else middle])
+
+
 def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m: Sequence[float]) -> Iterator[Guess]:
     """Turned so, by the corners of some points: as high as any of some tops, and as high as it may be."""
     lower_m, top_m = tops_m

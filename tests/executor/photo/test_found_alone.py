@@ -61,6 +61,31 @@ def test_a_box_without_a_thing_adopts_what_was_found_alone() -> None:
     assert room.fits[0].guess.entry.category == "table", "as its box is called, since nobody can tell it from a desk"
 
 
+def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() -> None:
+    seen, (box,) = seen_from_above(TABLE)
+    room = KnownRoom(seen, (), [], 0.0)
+    room.discover(lambda words: None)
+    (alone,) = room.fits
+    room.leave_out_what_is_inside()
+    assert list(room.fits) == [alone]
+    # Each stands in the other: the smaller one is what is left.
+    around, index = replace(room.fits[alone].guess, size_m=(1.3, 1.3, 1.0)), len(room.detections)
+    room.detections.append(replace(box, box_px=(0.0, 0.0, 320.0, 240.0), source=STOOD_OUT))
+    room.fits[index] = Fit(around, 0.0, (), 1.0, 0.0, 100, None)
+    room.leave_out_what_is_inside()
+    assert list(room.fits) == [index] and "what is left of other things" in room.reasons[alone]
+
+
+def test_what_stood_on_something_that_is_lower_by_now_is_in_the_air() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    room = KnownRoom(seen, (), boxes, 0.0)
+    room.fit(0, [0.0], ())
+    room.fit(1, None, ())
+    assert not room.is_in_air(0) and not room.is_in_air(1)
+    room.fits[0] = replace(room.fits[0], guess=replace(room.fits[0].guess, size_m=(1.0, 0.6, 0.55)))
+    assert not room.is_in_air(0) and room.is_in_air(1)
+
+
 def test_what_was_found_alone_stands_for_what_it_covers(alone: FittedRoom) -> None:
     seen, _ = seen_from_above(TABLE, BOWL)
     shown = shown_things(seen, {"table_7": TABLE, "bowl_7": BOWL})
