@@ -132,7 +132,9 @@ class KnownRoom:
         taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
         likely = [] if points is None else large_enough(points, [found.guess.bottom_m])
         others = [entry for entry in likely if entry.category not in taken and is_large(entry) is large]
-        other = renamed(around, found, detection.box_px, named_models(detection), others)
+        if points is None or not others:
+            return self._kept(index, found)
+        other = renamed(around, found, detection.box_px, named_models(detection), others, points)
         is_named = other.guess.entry.category == detection.category
         return self._kept(index, other if is_named or self._is_there(index, other, around) else found)
 
@@ -236,7 +238,7 @@ class KnownRoom:
         if unlikely and self.seen.has_depth:
             before = None
             self.reasons[index] = "what it is called would stand in other things"
-        around = self._around(index, ())
+        around = self._around(index, range(self._boxed))
         if foreign is not None:
             around = replace(around, smaller=around.smaller | foreign)
         self._views[index] = BoxView.of(self.seen, around.other_m, around.smaller)

@@ -150,7 +150,7 @@ def _entry(obj: SceneObject) -> dict[str, object]:
 
 def _back_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
     """How far behind a wall's face its back can be for what stands behind it; below 0 where that reaches through."""
-    back_m = _WALL_M
+    back_m = wall.thick_m or _WALL_M
     for one in footprints:
         side, nearest = one.corners_m @ wall.along, float((one.corners_m @ wall.normal).max())
         middle = float(np.mean(one.corners_m @ wall.normal))

@@ -122,10 +122,12 @@ def renamed(
     box_px: tuple[float, float, float, float],
     own: Sequence[ModelEntry],
     others: Sequence[ModelEntry],
+    points: Array,
 ) -> Fit:
     """Returns a thing as one of other models where that explains it clearly better than what it is called, or as it is.
 
-    Only what is no worse by depths alone, with the sides that were found, is looked at with its options and colours.
+    Only what is no worse by depths alone, with the sides that were found or as its points lie, is looked at with its
+    options and colours.
     Where something is, all are, and what it is called once more, with the sides that are found so.
 
     Args:
@@ -134,6 +136,7 @@ def renamed(
         box_px: The thing's box.
         own: The models of what it is called.
         others: The other models.
+        points: (N, 3) that are its own.
     """
     coarse, search, fine = _likelihoods(around, box_px)
     if not others or not len(coarse.patch.z_m):
@@ -141,6 +144,11 @@ def renamed(
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
     turned = cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
     likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
+    if len(points) >= LEAST_POINTS:
+        # What is round has no sides that are worth trying out with a book's.
+        begun = (coarse.rated(guess, colours=False) for guess in starts(points, others, found.guess.bottom_m, ()))
+        near = [one.guess for one in best_of_models(begun) if one.cost < most + _FAR_WORSE][:_FINISHED]
+        likely += [descended(coarse, guess, _SKETCH, colours=False) for guess in near]
     dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
     now = fine.rated(found.guess)
@@ -266,7 +274,9 @@ def _boxes(
         begun += starts(points, entries, bottom, near.walls)
     if flat := flat_among(entries):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
-    boxes = _followed(search, [coarse.rated(guess, colours=False) for guess in begun])
+    # Where hardly anything stands out, colours tell more than depths do.
+    by_look = not len(points)
+    boxes = _followed(search, [coarse.rated(guess, colours=by_look) for guess in begun], colours=by_look)
     named = {entry.category for entry in entries}
     if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
@@ -320,10 +330,10 @@ def _compared(
     return best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
 
 
-def _followed(search: Likelihood, begun: list[RatedGuess]) -> list[RatedGuess]:
-    """Where searches end that begin at the starts which are worth it, by depths, the cheapest first."""
+def _followed(search: Likelihood, begun: list[RatedGuess], *, colours: bool = False) -> list[RatedGuess]:
+    """Where searches end that begin at the starts which are worth it, the cheapest first."""
     return by_cost(
-        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
+        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=colours), colours=colours)
         for one in _worth_following(begun)
     )
 

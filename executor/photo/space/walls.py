@@ -19,6 +19,8 @@ _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the 
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
+_THINNER_M = (0.15, 0.25)  # Behind a wall's face its top has ended; no piece of furniture is so thin.
+_LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what stands before it hides some.
 _ABOVE_FLOOR_M = 0.10
 _BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
 _NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge,
@@ -48,6 +50,7 @@ class Wall:
         span_m: From where to where it is seen, along the direction to the left of the normal.
         top_m: How high it is seen.
         residual_m: Median distance of its points.
+        thick_m: How far its top reaches behind its face, where it is looked over; 0 where no top is seen.
     """
 
     normal: Array
@@ -55,6 +58,7 @@ class Wall:
     span_m: tuple[float, float]
     top_m: float
     residual_m: float
+    thick_m: float = 0.0
 
     @property
     def along(self) -> Array:
@@ -68,15 +72,32 @@ class Wall:
 
     def depth(self, eye_m: Array, rays: Array) -> Array:
         """Returns (...) the depth at which rays from an eye meet it, infinite where they do not."""
-        across = rays[..., :2] @ self.normal
+        eye = np.array([eye_m[:2] @ self.normal, eye_m[:2] @ self.along, eye_m[2]])
+        ways = np.stack([rays[..., :2] @ self.normal, rays[..., :2] @ self.along, rays[..., 2]], axis=-1)
+        low, high = zip((self.offset_m - self.thick_m, self.offset_m), self.span_m, (0.0, self.top_m), strict=True)
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = (self.offset_m - float(eye_m[:2] @ self.normal)) / across
-        t = np.where((across < -1e-9) & (t > 0), t, np.inf)
+            first, last = (low - eye) / ways, (high - eye) / ways
+        enters, leaves = np.minimum(first, last).max(axis=-1), np.maximum(first, last).min(axis=-1)
+        return np.where((enters <= leaves) & (enters > 0.0), enters, np.inf)
+
+    def top_depth(self, eye_m: Array, rays: Array, behind_m: tuple[float, float]) -> Array:
+        """Returns (...) the depth of a level strip at the wall's top, from so far to so far behind its face; infinite beside it."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (self.top_m - eye_m[2]) / rays[..., 2]
+        t = np.where((rays[..., 2] < -1e-9) & (t > 0), t, np.inf)
         with np.errstate(invalid="ignore"):
-            side = (eye_m[:2] + rays[..., :2] * t[..., None]) @ self.along
-            height = eye_m[2] + rays[..., 2] * t
-            hit = (side >= self.span_m[0]) & (side <= self.span_m[1]) & (height >= 0.0) & (height <= self.top_m)
+            at = eye_m[:2] + rays[..., :2] * t[..., None]
+            side, behind = at @ self.along, self.offset_m - at @ self.normal
+            hit = (side >= self.span_m[0]) & (side <= self.span_m[1])
+            hit &= (behind >= behind_m[0]) & (behind <= behind_m[1])
         return np.where(hit, t, np.inf)
+
+    def is_thin(self, seen: Observation) -> bool:
+        """Whether farther things are seen where the top of furniture would go on behind such a face."""
+        depth = self.top_depth(seen.eye_m, seen.rays, _THINNER_M)
+        looked = np.isfinite(depth) & seen.measured
+        through = looked & (seen.z_m > depth + 3 * seen.bent_m)
+        return bool(looked.sum() >= _LEAST_BEHIND_PX and through.sum() >= _LOOKED_OVER * looked.sum())
 
     def to_json(self) -> dict[str, object]:
         """Returns it as plain data."""
@@ -86,6 +107,7 @@ class Wall:
             "span_m": list(self.span_m),
             "top_m": self.top_m,
             "residual_m": self.residual_m,
+            "thick_m": self.thick_m,
         }
 
 
@@ -124,7 +146,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         # Somebody may have left out a piece of furniture: its front is no wall.
-        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall)
+        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
@@ -132,7 +154,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             and _is_solid(wall, seen)
             and all(_differs(wall, other) for other in found)
         ):
-            found.append(wall)
+            found.append(_with_top(wall, seen))
         left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
     return _ended_in_corners(found) if seen.bend_share else tuple(found)
 
@@ -240,9 +262,19 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
     return through, looked, heights_m
 
 
-def _is_beyond_furniture(wall: Wall) -> bool:
-    """Whether it is longer and higher than pieces of furniture and rows of them."""
-    return wall.span_m[1] - wall.span_m[0] > _LONG_M and wall.top_m > _HIGH_M
+def _is_beyond_furniture(wall: Wall, seen: Observation) -> bool:
+    """Whether it is longer than pieces of furniture, and higher or thinner than rows of them."""
+    return wall.span_m[1] - wall.span_m[0] > _LONG_M and (wall.top_m > _HIGH_M or wall.is_thin(seen))
+
+
+def _with_top(wall: Wall, seen: Observation) -> Wall:
+    """A wall with as much of its top as is seen."""
+    depth = wall.top_depth(seen.eye_m, seen.rays, (0.0, _THINNER_M[0]))
+    on_top = seen.measured & (np.abs(seen.z_m - depth) < 3 * seen.bent_m)
+    if int(on_top.sum()) < _LEAST_BEHIND_PX:
+        return wall
+    behind_m = wall.offset_m - seen.points_m[on_top, :2] @ wall.normal
+    return replace(wall, thick_m=float(np.percentile(behind_m, 98.0)))
 
 
 def _ends_room(wall: Wall, points: Array) -> bool:
