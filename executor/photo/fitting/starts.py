@@ -38,6 +38,7 @@ _FARTHEST_M = 12.0
 _NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
+_SCALED = (1.0, 0.7)  # Of its usual size, as which an item is looked for where only its box tells that.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
@@ -219,10 +220,12 @@ def outline_starts(
     away_m = float(np.linalg.norm(foot))
     ahead = foot / max(away_m, 1e-6)
     for entry in entries:
-        length, width, height = usual_size_m(entry)
+        usual_m = usual_size_m(entry)
         # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
         reaches = [share * away_m for share in _NEARER] if is_large(entry) else [away_m]
-        for reach in reaches:
+        shares = (1.0,) if is_large(entry) else _SCALED
+        for reach, share in itertools.product(reaches, shares):
+            length, width, height = (share * side for side in usual_m)
             middle = ahead * (reach + (length + width) / 4)
             away = math.atan2(middle[1], middle[0])
             quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
