@@ -12,7 +12,6 @@ from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, picture_of
 from executor.photo.fitting.fit import (
-    LEAST_POINTS,
     MISNAMED,
     called,
     cheaper,
@@ -26,7 +25,7 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, prior_cost, stands_in, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import feet_of, large_enough, named_models, points_of
+from executor.photo.fitting.starts import LEAST_POINTS, feet_of, large_enough, named_models, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
@@ -124,16 +123,14 @@ class KnownRoom:
     def rename(self, index: int) -> str:
         """Takes a thing for what fits clearly better than what it is called, if anything does."""
         detection, found = self.detections[index], self.fits.pop(index, None)
-        if found is None or not self.seen.has_depth:
-            return self._kept(index, found)
-        self._looks.pop(index)
+        self._looks.pop(index, None)
         around = self._around(index, ())
         points = self._points(detection, around)
-        taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
-        likely = [] if points is None else large_enough(points, [found.guess.bottom_m])
-        others = [entry for entry in likely if entry.category not in taken and is_large(entry) is large]
-        if points is None or not others:
+        if found is None or points is None:
             return self._kept(index, found)
+        taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
+        likely = large_enough(points, [found.guess.bottom_m])
+        others = [entry for entry in likely if entry.category not in taken and is_large(entry) is large]
         other = renamed(around, found, detection.box_px, named_models(detection), others, points)
         is_named = other.guess.entry.category == detection.category
         return self._kept(index, other if is_named or self._is_there(index, other, around) else found)

@@ -9,13 +9,14 @@ from dataclasses import replace
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, as_built, body_of, has_ear
+from executor.photo.fitting.boxes import boxes_of_others, likely_boxes
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess, best_of_models, by_cost
 from executor.photo.fitting.options import dressed, redressed, shapes, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.spread import place_spread_m
-from executor.photo.fitting.starts import flat_among, opened_starts, outline_starts, points_of, starts
+from executor.photo.fitting.starts import LEAST_POINTS, flat_among, points_of
 from executor.photo.fitting.turns import (
     all_turns,
     boxes_beside,
@@ -30,15 +31,10 @@ from oag import Kind, kind_of
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 """How many pixels of a thing are compared to choose starts, to search, and to choose options."""
 
-_FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _NAMES = 8  # What may be called by more of them may be anything.
-LEAST_POINTS = 12  # Of a thing: fewer have neither size nor turn.
-_MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
-_FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
-_SKETCHED, _SKETCH = 30, 120
-_FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
+_SECOND, _LAST = 160, 120  # Renderings of a search.
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
@@ -79,7 +75,7 @@ def fit_thing(
     likelihoods = coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
         return None
-    boxes = _boxes(around, box_px, entries, bottoms_m, points, likelihoods)
+    boxes = likely_boxes(around, box_px, entries, bottoms_m, points, coarse, search)
     ranked = _ranked(boxes, entries, likelihoods, roughly)
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
@@ -144,11 +140,7 @@ def renamed(
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
     turned = cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
     likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
-    if len(points) >= LEAST_POINTS:
-        # What is round has no sides that are worth trying out with a book's.
-        begun = (coarse.rated(guess, colours=False) for guess in starts(points, others, found.guess.bottom_m, ()))
-        near = [one.guess for one in best_of_models(begun) if one.cost < most + _FAR_WORSE][:_FINISHED]
-        likely += [descended(coarse, guess, _SKETCH, colours=False) for guess in near]
+    likely += boxes_of_others(coarse, points, others, found.guess.bottom_m, most)
     dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
     rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
     now = fine.rated(found.guess)
@@ -252,40 +244,6 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     )
 
 
-def _boxes(
-    around: Around,
-    box_px: tuple[float, float, float, float],
-    entries: Sequence[ModelEntry],
-    bottoms_m: Sequence[float],
-    points: Array | None,
-    likelihoods: tuple[Likelihood, Likelihood, Likelihood],
-) -> list[RatedGuess]:
-    """Where searches by depths alone end, the cheapest first; what they learn of sides counts for all models."""
-    coarse, search, _ = likelihoods
-    near = around.near
-
-    def outlined(models: Sequence[ModelEntry], bottom_m: float) -> Iterable[Guess]:
-        return outline_starts(around.seen, box_px, models, bottom_m, near.headings_rad)
-
-    if points is None:
-        return _outlined(coarse, search, [guess for bottom in bottoms_m for guess in outlined(entries, bottom)])
-    begun: list[Guess] = []
-    for bottom in bottoms_m:
-        begun += starts(points, entries, bottom, near.walls)
-    if flat := flat_among(entries):
-        begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
-    # Where hardly anything stands out, colours tell more than depths do.
-    by_look = not len(points)
-    boxes = _followed(search, [coarse.rated(guess, colours=by_look) for guess in begun], colours=by_look)
-    named = {entry.category for entry in entries}
-    if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
-        # A door that stands wide open makes the points' rectangle another thing's.
-        out = search.patch.own_points_m
-        ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
-        boxes = by_cost([*boxes, *_followed(search, [coarse.rated(guess, colours=False) for guess in ajar])])
-    return boxes
-
-
 def _ranked(
     boxes: list[RatedGuess],
     entries: Sequence[ModelEntry],
@@ -328,38 +286,6 @@ def _compared(
     ]
     likely = [one for one in best_of_models(ended) if one.cost < best.cost + _WORTH_A_LOOK / 2]
     return best_of_models([*ranked, *ended, *(_polished(fine, one) for one in likely[:_POLISHED])])
-
-
-def _followed(search: Likelihood, begun: list[RatedGuess], *, colours: bool = False) -> list[RatedGuess]:
-    """Where searches end that begin at the starts which are worth it, the cheapest first."""
-    return by_cost(
-        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=colours), colours=colours)
-        for one in _worth_following(begun)
-    )
-
-
-def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
-    """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
-    likely = [one for one in by_cost(map(coarse.rated, begun))[:_SKETCHED] if math.isfinite(one.cost)]
-    rough = by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
-    return by_cost(
-        search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=True))
-        for one in distinct(rough)[:_FOLLOWED]
-    )
-
-
-def _explains(search: Likelihood, boxes: Sequence[RatedGuess]) -> bool:
-    """Whether the first of some guesses explains most of what stands out, and may be right."""
-    body = body_of(boxes[0].guess) if boxes else None
-    return body is not None and search.patch.explained(boxes[0].guess, body) > _MOSTLY
-
-
-def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
-    """The cheapest start of each model, then those of other turns and heights; those that are far worse left out."""
-    found = cheapest_turns(begun)
-    models = best_of_models(found)
-    first = [*models, *(one for one in found if all(one is not model for model in models))]
-    return [one for one in first if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
 
 
 def _by_look(fine: Likelihood, guesses: Iterable[RatedGuess]) -> list[RatedGuess]:

@@ -24,9 +24,11 @@ from oag import Kind, kind_of
 
 _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
-_APART_M, _AJAR = 0.1, (0.3, 0.6, 0.9)  # Places and openings at which what stands open is looked for.
+_APART_M, _AJAR = 0.1, (0.2, 0.35, 0.5, 0.65, 0.8, 0.95)  # Places and openings at which what stands open is looked for.
 _SAME_RAD = math.radians(6.0)
-_LEAST_PX = 12
+LEAST_POINTS = 12
+"""Of a thing: fewer have neither size nor turn."""
+
 _GAP_M = 0.05
 _HEADINGS = 8
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
@@ -84,7 +86,7 @@ def points_of(
     worth[0] = 0.0
     best = int(worth.argmax())
     chosen = pieces == best
-    if int(chosen.sum()) < _LEAST_PX:
+    if int(chosen.sum()) < LEAST_POINTS:
         return np.asarray(points[out])
     # Pieces near it belong to it too: legs, a door that stands open, what a rod divides.
     low, high = points[chosen].min(axis=0) - _GAP_M, points[chosen].max(axis=0) + _GAP_M
@@ -134,7 +136,7 @@ def opened_starts(
         bottom_m: Height of what the thing stands on.
         walls: Whose directions furniture often has.
     """
-    if len(points) < _LEAST_PX:
+    if len(points) < LEAST_POINTS:
         return
     flat = points[:, :2]
     for entry in entries:
@@ -176,7 +178,7 @@ def flat_among(entries: Iterable[ModelEntry]) -> list[ModelEntry]:
 
 def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
     """Returns the models that may look as large as some points (N, 3) that stand on one of some heights."""
-    if len(points) < _LEAST_PX:
+    if len(points) < LEAST_POINTS:
         return flat_among(LIBRARY.values())
     flat = points[:, :2] - np.median(points[:, :2], axis=0)
     _, _, axes = np.linalg.svd(flat, full_matrices=False)

@@ -137,6 +137,15 @@ def cheapest_turns(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     return list(best.values())
 
 
+def cheapest_openings(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """Returns the cheapest guess of each model, hinge side, and way that it stands open, the cheapest first."""
+    best: dict[tuple[object, ...], RatedGuess] = {}
+    for one in by_cost(guesses):
+        told = dict(one.guess.parameters)
+        best.setdefault((one.guess.entry.model, told.get("hinge"), told.get("open_fraction")), one)
+    return list(best.values())
+
+
 def turned_by_ear(fine: Likelihood, found: RatedGuess) -> RatedGuess:
     """Returns a thing turned as its ear is seen; as far between all turns that hide it as they are alike.
 

@@ -81,7 +81,13 @@ class Wall:
         return np.where((enters <= leaves) & (enters > 0.0), enters, np.inf)
 
     def top_depth(self, eye_m: Array, rays: Array, behind_m: tuple[float, float]) -> Array:
-        """Returns (...) the depth of a level strip at the wall's top, from so far to so far behind its face; infinite beside it."""
+        """Returns (...) the depth of a level strip at the wall's top, infinite beside it.
+
+        Args:
+            eye_m: (3,) where rays begin.
+            rays: (..., 3) where they go.
+            behind_m: From how far behind the wall's face the strip reaches how far.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             t = (self.top_m - eye_m[2]) / rays[..., 2]
         t = np.where((rays[..., 2] < -1e-9) & (t > 0), t, np.inf)

@@ -42,14 +42,21 @@ def drawn(
     top_m: float = 9.0,
     left_m: float = math.inf,
     behind_m: float = math.inf,
+    thick_m: float = 0.0,
 ) -> Depth:
-    """Returns the depth of a floor, walls across and one along, with noise that grows with the square of the depth."""
+    """Returns the depth of a floor, walls across and one along, with noise that grows with the square of the depth.
+
+    The first wall across has a top that is as deep as `thick_m`.
+    """
     rays = rays_in_room()
     with np.errstate(divide="ignore"):
         z = np.where(rays[..., 2] < -1e-6, -HEIGHT_M / rays[..., 2], np.inf) if floor else np.full(SIZE[::-1], np.inf)
         if wall_m is not None:
             across = np.where(rays[..., 0] > 1e-6, wall_m / rays[..., 0], np.inf)
             z = np.minimum(z, np.where(HEIGHT_M + rays[..., 2] * across < top_m, across, np.inf))
+            above = np.where(rays[..., 2] < -1e-6, (top_m - HEIGHT_M) / rays[..., 2], np.inf)
+            behind = rays[..., 0] * above - wall_m
+            z = np.minimum(z, np.where((above > 0.0) & (behind > 0.0) & (behind < thick_m), above, np.inf))
             along = np.where(rays[..., 1] > 1e-6, left_m / rays[..., 1], np.inf)
             z = np.minimum(z, np.where(rays[..., 0] * along < wall_m, along, np.inf))
             z = np.minimum(z, np.where(rays[..., 0] > 1e-6, behind_m / rays[..., 0], np.inf))
@@ -119,10 +126,18 @@ def test_a_thing_is_seen_as_before_until_something_before_it_is_known() -> None:
     assert not BoxView.of(seen, np.full(seen.z_m.shape, np.inf), ~nobody).is_like(before, box_px)
 
 
-def test_the_front_of_what_nobody_has_put_a_box_around_is_no_wall() -> None:
-    seen, _ = observe(PICTURE, drawn(wall_m=2.5, top_m=0.8, behind_m=3.5), CAMERA)
+def test_the_front_of_what_nobody_has_put_a_box_around_is_a_wall_where_it_is_thin() -> None:
     somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
-    assert [round(wall.offset_m, 1) for wall in find_walls(seen, (somewhere,))] == [-3.5]
+    row, wall = (drawn(wall_m=2.5, top_m=0.8, behind_m=3.5, thick_m=thick_m) for thick_m in (0.6, 0.1))
+    (behind,) = find_walls(observe(PICTURE, row, CAMERA)[0], (somewhere,))
+    assert behind.offset_m == pytest.approx(-3.5, abs=0.02)
+    seen, _ = observe(PICTURE, wall, CAMERA)
+    _, low = sorted(find_walls(seen, (somewhere,)), key=lambda one: one.offset_m)
+    assert (low.offset_m, low.top_m, low.thick_m) == pytest.approx((-2.5, 0.8, 0.1), abs=0.03)
+    behind_face_m = low.offset_m - seen.points_m[..., :2] @ low.normal
+    on_top = (np.abs(behind_face_m - 0.05) < 0.03) & (np.abs(seen.points_m[..., 2] - 0.8) < 0.05)
+    explained = np.abs(low.depth(seen.eye_m, seen.rays) - seen.z_m) < 0.05
+    assert on_top.sum() > 100 and explained[on_top].mean() > 0.95
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])
