@@ -12,10 +12,17 @@ from executor.photo.fitting.body import Guess, as_built, body_of, has_ear
 from executor.photo.fitting.boxes import boxes_of_others, likely_boxes
 from executor.photo.fitting.colours import coloured, seen_colour, unlike_seen
 from executor.photo.fitting.descent import descended
-from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess, best_of_models, by_cost
+from executor.photo.fitting.likelihood import (
+    Around,
+    Fit,
+    Likelihood,
+    RatedGuess,
+    best_of_models,
+    by_cost,
+    place_spread_m,
+)
 from executor.photo.fitting.options import dressed, redressed, shapes, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import LEAST_POINTS, flat_among, points_of
 from executor.photo.fitting.turns import (
     all_turns,
