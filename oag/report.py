@@ -58,6 +58,11 @@ class Report:
     def __bool__(self) -> bool:
         return self.verdict is Verdict.PROVED
 
+    @property
+    def sure_fix(self) -> Fix | None:
+        """The first fix that proves the plan and states no fact of the scene; None where there is none."""
+        return next((fix for fix in self.fixes if fix.proves and not fix.assumption), None)
+
     @cached_property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Everything to be said of the plan: errors first, then warnings and notes, each in the order of the plan."""

@@ -69,7 +69,7 @@ def repaired(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> Rollout:
     report = graph.verify()
     if report:
         return checked(unit, pair, graph)
-    fix = next((fix for fix in report.fixes if fix.proves and not fix.assumption), None)
+    fix = report.sure_fix
     if fix is None:
         raise PlanRefused(report)
     task = replace(fix.apply(graph.task), scene=graph.task.scene)

@@ -121,11 +121,20 @@ def _attempted(unit: DrawnRoom, pair: ScenePair, shot: Shot, detector: MockedDet
 
 
 def _executed(graph: ObjectActionGraph, pair: ScenePair, seed: int, evolved: bool) -> dict[str, Any]:
-    """What becomes of a plan in the true room, at once, and revised by self-evolution where it fails."""
+    """What becomes of a plan in the true room, at once, and revised where it fails.
+
+    What fails in physics self-evolution revises; what is refuted takes the checker's first fix that proves it and
+    states no fact of the room.
+    """
     try:
         done = rollout(graph, pair.scene, seed, vary=False)
     except PlanRefused as refused:
-        return _ended("true plan", str(refused))
+        fix, ended = refused.report.sure_fix, _ended("true plan", str(refused))
+        if fix is None:
+            return ended
+        mended = compose(replace(fix.apply(graph.task), scene=pair.scene), scene=pair.scene)
+        story = evolve(mended, pair.scene, seed, vary=False)
+        return {**ended, "evolved": story.succeeded, "revisions": 1 + story.revisions, "fix": fix.summary}
     if done.succeeded:
         stage = ("rehearsal", "it succeeded after self-evolution") if evolved else ("", "")
         return {**_ended(*stage), "transferred": not evolved, "evolved": True}

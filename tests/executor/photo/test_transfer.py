@@ -18,7 +18,7 @@ from executor.bench.photo.drawn import DrawnRoom, drawn, each_once
 from executor.bench.photo.transfer import renamed, transfer_rows
 from executor.scenes.pair import ScenePair
 from executor.scenes.reading import load_scene
-from oag import Scene, compose
+from oag import ObjectActionGraph, Scene, compose
 
 QUERY = "put the glass into the refrigerator"
 
@@ -53,6 +53,24 @@ def test_a_plan_that_was_revised_in_its_rehearsal_counts_as_evolved_only(monkeyp
     told = executed(monkeypatch, at_once=True, evolved=False, rehearsed=False)
     assert (told["transferred"], told["evolved"]) == (False, True)
     assert executed(monkeypatch, at_once=True, evolved=False)["transferred"]
+
+
+def test_a_plan_that_is_refuted_in_the_true_room_takes_the_proved_fix(monkeypatch: pytest.MonkeyPatch) -> None:
+    true = load_scene("kitchen_t1")
+    right = llm.propose(QUERY, true).task
+    elsewhere = bddl.parse_formula("(ontop glass_0 refrigerator_0)")
+    picked = replace(right.subtasks[1], init=elsewhere, support_init="refrigerator_0")
+    wrong = replace(right, subtasks=(right.subtasks[0], picked, *right.subtasks[2:]))
+    proved: list[bool] = []
+
+    def evolve(graph: ObjectActionGraph, *given: Any, **more: Any) -> SimpleNamespace:
+        proved.append(bool(graph.verify()))
+        return SimpleNamespace(succeeded=True, revisions=0)
+
+    monkeypatch.setattr(transfer, "evolve", evolve)
+    told = transfer._executed(compose(wrong, scene=true), ScenePair("T1-1", "T1", QUERY, true, right), 0, False)
+    assert proved == [True] and "table_0" in told["fix"]
+    assert (told["stage"], told["transferred"], told["evolved"], told["revisions"]) == ("true plan", False, True, 1)
 
 
 def called_otherwise(scene: Scene) -> tuple[Scene, dict[str, str]]:
