@@ -20,6 +20,7 @@ _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _THINNER_M = (0.15, 0.25)  # Behind a wall's face its top has ended; no piece of furniture is so thin.
+_THINNEST_M = 0.03
 _LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what stands before it hides some.
 _ABOVE_FLOOR_M = 0.10
 _BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
@@ -279,8 +280,9 @@ def _with_top(wall: Wall, seen: Observation) -> Wall:
     on_top = seen.measured & (np.abs(seen.z_m - depth) < 3 * seen.bent_m)
     if int(on_top.sum()) < _LEAST_BEHIND_PX:
         return wall
-    behind_m = wall.offset_m - seen.points_m[on_top, :2] @ wall.normal
-    return replace(wall, thick_m=float(np.percentile(behind_m, 98.0)))
+    thick_m = float(np.percentile(wall.offset_m - seen.points_m[on_top, :2] @ wall.normal, 98.0))
+    # Where the picture ends below a wall's top, noise puts some of its face behind itself.
+    return replace(wall, thick_m=thick_m) if thick_m > _THINNEST_M else wall
 
 
 def _ends_room(wall: Wall, points: Array) -> bool:
