@@ -297,6 +297,9 @@ def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
         made = scene["objects"]["wall_0"]  # type: ignore[index]
         assert made["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
         assert made["position"][0] + made["bbox_extent"][0] / 2 == pytest.approx(back_m, abs=1e-3)
+    for seen_m, thick_m in ((0.0, 0.08), (0.12, 0.12)):
+        lone = scene_json({}, (replace(wall, thick_m=seen_m),), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
+        assert lone["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
 
 
 def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:

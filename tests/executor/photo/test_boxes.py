@@ -1,0 +1,72 @@
+"""Searches begin where a thing may be: as small as a hand holds, open as far as it stands, round where points lie."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.assets.library import LIBRARY
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess
+from executor.photo.fitting.boxes import boxes_of_others
+from executor.photo.fitting.fit import COARSE_PX
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess
+from executor.photo.fitting.patch import Patch
+from executor.photo.fitting.prior import Neighbourhood, usual_size_m
+from executor.photo.fitting.starts import outline_starts
+from executor.photo.fitting.turns import cheapest_openings
+from executor.photo.reconstruct import reconstruct
+from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
+
+
+def coarse_around(index: int) -> tuple[Likelihood, Array]:
+    """Returns what guesses of the table or the bowl are judged by, the other one being known, and its points."""
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    alone, _ = seen_from_above(TABLE) if index else seen_from_above(BOWL)
+    known_m = np.where(alone.z_m > 0.0, alone.z_m, np.inf)
+    other, nobody = np.zeros(seen.z_m.shape, dtype=np.int32), np.zeros(seen.z_m.shape, dtype=bool)
+    patch = Patch.around(seen, boxes[index].box_px, known_m, other, COARSE_PX, nobody, None)
+    points = seen.points_m[boxes[index].pixels(seen.size_px)]
+    return Likelihood(patch, Neighbourhood(())), points[points[:, 2] > BOWL.bottom_m + 0.01]
+
+
+def test_an_item_is_looked_for_as_small_as_it_is_scaled_to_the_hand() -> None:
+    small = Guess(LIBRARY["half_apple"], 2.3, 0.1, 0.0, 0.7, (0.05, 0.05, 0.024))
+    seen, (box,) = seen_from_above(small)
+    begun = list(outline_starts(seen, box.box_px, [small.entry], 0.7))
+    nearest = min(begun, key=lambda one: abs(one.size_m[1] - 0.05))
+    assert nearest.size_m == pytest.approx(small.size_m, abs=0.003)
+    assert (nearest.x_m, nearest.y_m) == pytest.approx((2.3, 0.1), abs=0.03)
+    of_table = outline_starts(seen, box.box_px, [TABLE.entry], 0.0)
+    assert {one.size_m for one in of_table} == {usual_size_m(TABLE.entry)}
+
+
+def test_of_what_stands_open_every_hinge_side_and_opening_is_followed() -> None:
+    fridge = Guess(LIBRARY["fridge_one_door"], 2.4, 0.2, 0.3, 0.0, (0.7, 0.6, 1.3))
+    ways = [(hinge, share) for hinge in ("left", "right") for share in (0.2, 0.5)]
+    rated = [
+        RatedGuess(replace(fridge, x_m=2.0 + cost).with_parameters(hinge=hinge, open_fraction=share), cost)
+        for number, (hinge, share) in enumerate(ways)
+        for cost in (float(number), 9.0)
+    ]
+    kept = cheapest_openings(rated)
+    assert [one.cost for one in kept] == [0.0, 1.0, 2.0, 3.0]
+    told = [dict(one.guess.parameters) for one in kept]
+    assert [(one["hinge"], one["open_fraction"]) for one in told] == ways
+
+
+def test_a_bowl_is_a_rival_where_its_points_lie_and_not_as_large_as_what_it_was_called() -> None:
+    coarse, points = coarse_around(1)
+    (found,) = boxes_of_others(coarse, points, [BOWL.entry], BOWL.bottom_m, 100.0)
+    assert (found.x_m, found.y_m, found.size_m[1]) == pytest.approx((BOWL.x_m, BOWL.y_m, BOWL.size_m[1]), abs=0.02)
+    assert boxes_of_others(coarse, points[:5], [BOWL.entry], BOWL.bottom_m, 100.0) == []
+    assert boxes_of_others(coarse, points, [BOWL.entry], BOWL.bottom_m, -1e4) == [], "what is far worse is no rival"
+
+
+@pytest.mark.slow
+def test_a_bowl_that_was_called_a_book_is_a_bowl() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    found = reconstruct(seen, [boxes[0], replace(boxes[1], label="book", category="book")], ()).things[1].fit
+    assert found.guess.entry is BOWL.entry and found.guess.size_m == pytest.approx(BOWL.size_m, abs=0.01)
