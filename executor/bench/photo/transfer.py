@@ -214,7 +214,10 @@ def transfer_rows(units: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     for name, members in (("all pairs", units), ("all is seen", seen)):
         rows += [
             (f"{name}: planned in the reconstruction", _share(members, lambda unit: bool(unit["transferred"]))),
-            (f"{name}: the same, with self-evolution", _share(members, lambda unit: bool(unit["evolved"]))),
+            (
+                f"{name}: the same, with self-evolution and proved fixes",
+                _share(members, lambda unit: bool(unit["evolved"])),
+            ),
             (
                 f"{name}: planned in the true room",
                 _share(members, lambda unit: bool(unit["in_true_room"]["succeeded"])),

@@ -130,8 +130,7 @@ def renamed(
     """Returns a thing as one of other models where that explains it clearly better than what it is called, or as it is.
 
     Only what is no worse by depths alone, with the sides that were found or as its points lie, is looked at with its
-    options and colours.
-    Where something is, all are, and what it is called once more, with the sides that are found so.
+    options and colours. Where something is, all are, and what it is called once more, with the sides that are found so.
 
     Args:
         around: What else is known.

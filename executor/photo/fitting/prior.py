@@ -153,7 +153,9 @@ def _is_blocked(guess: Guess, around: Neighbourhood, ahead: Flat) -> bool:
     before = guess.x_m - before_m * ahead[0], guess.y_m - before_m * ahead[1]
     for wall in around.walls:
         across, along, offset_m, (low_m, high_m) = _plane(wall)
-        if _dot(before, across) < offset_m < _dot(middle, across) and low_m < _dot(before, along) < high_m:
+        # It may also stand in the room beyond, into which the camera looks over the wall.
+        parted = (_dot(before, across) < offset_m) is not (_dot(middle, across) < offset_m)
+        if parted and low_m < _dot(before, along) < high_m:
             return True
     return guess.bottom_m == 0.0 and any(_is_over(piece, *before) for piece in around.pieces)
 

@@ -142,7 +142,8 @@ def cheapest_openings(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     best: dict[tuple[object, ...], RatedGuess] = {}
     for one in by_cost(guesses):
         told = dict(one.guess.parameters)
-        best.setdefault((one.guess.entry.model, told.get("hinge"), told.get("open_fraction")), one)
+        if math.isfinite(one.cost):
+            best.setdefault((one.guess.entry.model, told.get("hinge"), told.get("open_fraction")), one)
     return list(best.values())
 
 

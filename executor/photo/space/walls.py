@@ -20,8 +20,8 @@ _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _THINNER_M = (0.15, 0.25)  # Behind a wall's face its top has ended; no piece of furniture is so thin.
-_THINNEST_M = 0.03
-_LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what stands before it hides some.
+_LEAST_THICK_M = 0.03  # Where the picture ends below a wall's top, noise puts some of its face behind itself.
+_LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what nobody has boxed hides some.
 _ABOVE_FLOOR_M = 0.10
 _BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
 _NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge,
@@ -99,13 +99,6 @@ class Wall:
             hit &= (behind >= behind_m[0]) & (behind <= behind_m[1])
         return np.where(hit, t, np.inf)
 
-    def is_thin(self, seen: Observation) -> bool:
-        """Whether farther things are seen where the top of furniture would go on behind such a face."""
-        depth = self.top_depth(seen.eye_m, seen.rays, _THINNER_M)
-        looked = np.isfinite(depth) & seen.measured
-        through = looked & (seen.z_m > depth + 3 * seen.bent_m)
-        return bool(looked.sum() >= _LEAST_BEHIND_PX and through.sum() >= _LOOKED_OVER * looked.sum())
-
     def to_json(self) -> dict[str, object]:
         """Returns it as plain data."""
         return {
@@ -129,12 +122,13 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
     """
     rng = np.random.default_rng(seed)
     points, sigma = seen.points_m, seen.bent_m
-    free = seen.measured & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
+    beside = seen.measured.copy()
     for thing in things:
         x0, y0, x1, y1 = thing.box_px
         over_x, over_y = _BESIDE * (x1 - x0), _BESIDE * (y1 - y0)
         left_px, top_px = max(0, round(x0 - over_x)), max(0, round(y0 - over_y))
-        free[top_px : round(y1 + over_y), left_px : round(x1 + over_x)] = False
+        beside[top_px : round(y1 + over_y), left_px : round(x1 + over_x)] = False
+    free = beside & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
     left, sigma_left = points[free], sigma[free]
     least, enough = max(_LEAST_POINTS, _LEAST_SHARE * len(left)), _SHARE * len(left)
     straight = _straight(seen)[free]
@@ -153,7 +147,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         # Somebody may have left out a piece of furniture: its front is no wall.
-        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen)
+        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen, beside)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
@@ -269,9 +263,17 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
     return through, looked, heights_m
 
 
-def _is_beyond_furniture(wall: Wall, seen: Observation) -> bool:
+def _is_beyond_furniture(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
     """Whether it is longer than pieces of furniture, and higher or thinner than rows of them."""
-    return wall.span_m[1] - wall.span_m[0] > _LONG_M and (wall.top_m > _HIGH_M or wall.is_thin(seen))
+    return wall.span_m[1] - wall.span_m[0] > _LONG_M and (wall.top_m > _HIGH_M or _is_thin(wall, seen, beside))
+
+
+def _is_thin(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
+    """Whether farther things are seen where the top of furniture would go on behind such a face, outside all boxes."""
+    depth = wall.top_depth(seen.eye_m, seen.rays, _THINNER_M)
+    looked = np.isfinite(depth) & beside
+    through = looked & (seen.z_m > depth + 3 * seen.bent_m)
+    return bool(looked.sum() >= _LEAST_BEHIND_PX and through.sum() >= _LOOKED_OVER * looked.sum())
 
 
 def _with_top(wall: Wall, seen: Observation) -> Wall:
@@ -281,8 +283,7 @@ def _with_top(wall: Wall, seen: Observation) -> Wall:
     if int(on_top.sum()) < _LEAST_BEHIND_PX:
         return wall
     thick_m = float(np.percentile(wall.offset_m - seen.points_m[on_top, :2] @ wall.normal, 98.0))
-    # Where the picture ends below a wall's top, noise puts some of its face behind itself.
-    return replace(wall, thick_m=thick_m) if thick_m > _THINNEST_M else wall
+    return replace(wall, thick_m=thick_m) if thick_m > _LEAST_THICK_M else wall
 
 
 def _ends_room(wall: Wall, points: Array) -> bool:

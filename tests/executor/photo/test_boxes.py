@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -50,6 +51,9 @@ def test_of_what_stands_open_every_hinge_side_and_opening_is_followed() -> None:
         RatedGuess(replace(fridge, x_m=2.0 + cost).with_parameters(hinge=hinge, open_fraction=share), cost)
         for number, (hinge, share) in enumerate(ways)
         for cost in (float(number), 9.0)
+    ]
+    rated += [
+        RatedGuess(fridge.with_parameters(hinge="left", open_fraction=0.95), math.inf),  # Into a wall.
     ]
     kept = cheapest_openings(rated)
     assert [one.cost for one in kept] == [0.0, 1.0, 2.0, 3.0]

@@ -272,6 +272,9 @@ def test_nothing_stands_open_into_a_wall() -> None:
     opened = fridge.with_parameters(open_fraction=0.5)
     assert 25.0 <= prior_cost(fridge, Neighbourhood((wall,))) < math.inf == prior_cost(opened, Neighbourhood((wall,)))
     assert prior_cost(replace(opened, yaw_rad=0.0), Neighbourhood((wall,))) < 25.0
+    beyond = replace(opened, x_m=3.4)
+    assert prior_cost(replace(beyond, yaw_rad=0.0), Neighbourhood((wall,))) == math.inf
+    assert prior_cost(beyond, Neighbourhood((wall,))) < math.inf, "its back is at the wall that the camera looks over"
 
 
 def test_a_box_is_the_same_whichever_of_its_sides_is_the_front() -> None:

@@ -140,5 +140,5 @@ def test_the_table_tells_where_plans_ended() -> None:
     ]
     rows = dict(transfer_rows(units))
     assert rows["all pairs: planned in the reconstruction"] == "33.3 % (1 of 3)"
-    assert rows["all is seen: the same, with self-evolution"] == "100.0 % (2 of 2)"
+    assert rows["all is seen: the same, with self-evolution and proved fixes"] == "100.0 % (2 of 2)"
     assert rows["all is seen, ended at: execution"] == "1" and "all is seen, ended at: query" not in rows

@@ -68,7 +68,7 @@ def _tell_pair(unit: Mapping[str, Any]) -> None:
         tell(f"  {unit['pair']:28} {unit['not_drawn'].splitlines()[0]}")
         return
     end = "succeeded" if unit["transferred"] else f"{unit['stage']}: {unit['why'].splitlines()[0]}"
-    after = ", succeeded with self-evolution" if unit["evolved"] and not unit["transferred"] else ""
+    after = ", succeeded when revised" if unit["evolved"] and not unit["transferred"] else ""
     straight = "" if unit["in_true_room"]["succeeded"] else "; failed in the true room as well"
     tell(f"  {unit['pair']:28} {end}{after}{straight}")
 
