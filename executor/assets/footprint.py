@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from executor.assets.library import asset_for
-from executor.assets.model import Region
+from executor.assets.model import Region, Shape
 from executor.assets.transforms import corners, joint_transform
 from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
 from oag import SceneObject
@@ -26,6 +26,7 @@ EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
 )
 """Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
 
+_UPRIGHT = 0.9  # Of a hinge's axis.
 _TOUCH_M = 1e-6  # Rounding: one thing may stand on another.
 
 
@@ -131,15 +132,39 @@ def solid_parts(obj: SceneObject) -> list[Footprint]:
     asset = asset_for(obj)
     offset_of = {joint.child: np.asarray(joint.position_m) for joint in asset.joints}
     R = rotation_z(yaw_of(obj))
+    frames = {
+        link.name: transform(R, R @ offset_of.get(link.name, np.zeros(3)) + np.asarray(obj.position))
+        for link in asset.links
+    }
+    return [_part(shape, frames[link.name]) for link in asset.links for shape in link.shapes if shape.collides]
+
+
+def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint]:
+    """Returns boxes of the parts of an upright object's doors as they swing on upright hinges.
+
+    Args:
+        obj: The object.
+        most_rad: How far each door is opened, unless it ends before.
+        steps: In how many steps.
+    """
+    asset = asset_for(obj)
+    links = {link.name: link for link in asset.links}
     parts = []
-    for link in asset.links:
-        for shape in (shape for shape in link.shapes if shape.collides):
-            low, high = corners(shape, np.eye(3))
-            half_x, half_y, half_z = (float(value) for value in (high - low) / 2)
-            centre = offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m) + (low + high) / 2
-            x, y, z = (float(value) for value in R @ centre + np.asarray(obj.position))
-            parts.append(Footprint(x, y, yaw_of(obj), half_x, half_y, z - half_z, z + half_z))
+    for joint in asset.joints:
+        if joint.kind == "revolute" and abs(joint.axis[2]) > _UPRIGHT:
+            low, high = joint.limits
+            for position in np.linspace(low, min(high, low + most_rad), steps):
+                T = link_frame(obj, joint.child, joint.fraction(float(position)))
+                parts += [_part(shape, T) for shape in links[joint.child].shapes if shape.collides]
     return parts
+
+
+def _part(shape: Shape, T: Array) -> Footprint:
+    """Returns the box of a shape of a link whose pose (4, 4) in the world is upright."""
+    low, high = corners(shape, np.eye(3))
+    half_x, half_y, half_z = (float(value) for value in (high - low) / 2)
+    x, y, z = (float(value) for value in T[:3, :3] @ (np.asarray(shape.position_m) + (low + high) / 2) + T[:3, 3])
+    return Footprint(x, y, math.atan2(T[1, 0], T[0, 0]), half_x, half_y, z - half_z, z + half_z)
 
 
 def deepest_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> float:

@@ -32,7 +32,7 @@ from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import straightened
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
-from executor.photo.space.walls import Wall
+from executor.photo.space.walls import Wall, depth_of_empty, seen_anew
 from executor.photo.supports import as_exact_as_its_carrier, heights_behind, heights_under, is_on_one, tops_of
 from llm.sight.forms import overlap
 from oag import Kind, kind_of
@@ -42,6 +42,7 @@ _UNLIKELY = 10.0
 
 _IMPOSSIBLE = 30.0  # Of what stands wholly in something: it is called wrongly.
 _NOTHING = "nothing in its box stands out from what is around it"
+_AS_FITTED_M = 0.05  # Off what was fitted roughly, pixels are of it.
 _UNFIT = "no model fits its box, wherever it may stand"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
@@ -72,12 +73,15 @@ class KnownRoom:
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
-        self._empty = seen.floor_z_m
-        self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
-        for number, wall in enumerate(walls, start=1):
-            depth = wall.depth(seen.eye_m, seen.rays)
-            self._empty_owner[depth < self._empty] = number
-            self._empty = np.minimum(self._empty, depth)
+        self._empty, self._empty_owner = depth_of_empty(seen, walls)
+
+    def look_for_walls(self) -> None:
+        """Looks for walls in boxes, too, now that it is known which of their pixels are of things."""
+        depth_m, face = self._others()
+        fitted = (face > len(self.walls)) & (np.abs(self.seen.z_m - depth_m) < _AS_FITTED_M + 3 * self.seen.bent_m)
+        left = [one for index, one in enumerate(self.detections) if index not in self.fits]
+        self.walls = seen_anew(self.walls, self.seen, left, fitted)
+        self._empty, self._empty_owner = depth_of_empty(self.seen, self.walls)
 
     def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
         """Fits one thing, anew when it was fitted before, and says what came of it.

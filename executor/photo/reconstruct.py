@@ -81,6 +81,8 @@ def reconstruct(
     carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
     for index in standing:
         room.fit(index, [0.0], hidden_by=boxes)
+    if seen.has_depth and not seen.bend_share:
+        room.look_for_walls()
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in sorted(standing, key=room.unlikeliness, reverse=True):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.footprint import Footprint, region_frame
+from executor.assets.footprint import Footprint, region_frame, swept_parts
 from executor.assets.library import asset_for
+from executor.geometry import rotation_z
 from executor.photo.fitting.body import Guess, is_round
 from executor.photo.fitting.prior import AT_WALLS
 from executor.photo.space.walls import Wall
@@ -23,9 +25,10 @@ _CLEAR_M = 0.001
 _SHAVED_M = 0.08
 """Two pieces in a row that overlap by less are both made narrower: it is their sides that were misjudged."""
 
+_OPENED_RAD, _SWING_STEPS = math.pi / 2, 16  # As doors are opened where people live.
 _NOISE_RAD = math.radians(3.0)  # What depths at 5 m leave unknown of a cabinet's turn.
 _PARALLEL = math.sin(math.radians(8.0))
-_EDGE_M = 0.004
+_EDGE_M, _EDGE_STEPS = 0.004, 24
 _HIGHER_M = 0.002
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
 _TOLD_M = 0.005
@@ -53,6 +56,8 @@ def tidied(
         for number, key in enumerate(large):
             for other in large[number + 1 :]:
                 room[key], room[other] = _apart(room[key], room[other])
+    for key, other in itertools.permutations(large, 2):
+        room[other] = _beside_its_doors(room[key], room[other])
     for key in small:
         room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key}, same_height_m)
     for _ in range(_ROUNDS):
@@ -112,13 +117,44 @@ def _apart(first: Guess, second: Guess) -> tuple[Guess, Guess]:
         return first, second
     aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
     away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
-    in_row = abs(math.sin(first.yaw_rad - second.yaw_rad)) < _PARALLEL and math.cos(first.yaw_rad - second.yaw_rad) > 0
+    in_row = _stand_alike(first, second)
     # Where one of them is turned a little, its corner is deeper in the other one than its side.
     over_m = max((first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)), deep_m) + _CLEAR_M
     if in_row and over_m < _SHAVED_M:
         sign = math.copysign(1.0, float(away @ aside))
         return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
     return _pushed(first, second)
+
+
+def _stand_alike(first: Guess, second: Guess) -> bool:
+    """Whether two stand as in a row."""
+    turned = first.yaw_rad - second.yaw_rad
+    return abs(math.sin(turned)) < _PARALLEL and math.cos(turned) > 0
+
+
+def _beside_its_doors(guess: Guess, other: Guess) -> Guess:
+    """Another piece in a row, narrower where a door swings into its side, which the thing with the door often hides."""
+    near_m = (guess.size_m[1] + other.size_m[1]) / 2 + _SHAVED_M
+    away = np.array([other.x_m - guess.x_m, other.y_m - guess.y_m])
+    aside = np.array([-math.sin(other.yaw_rad), math.cos(other.yaw_rad)])
+    if not _stand_alike(guess, other) or abs(float(away @ aside)) > near_m:
+        return other
+    side, theirs = -math.copysign(1.0, float(away @ aside)), _footprint(other)
+    into_m = max(
+        (_reach_m(part, theirs, side) for part in swept_parts(guess.as_object(), _OPENED_RAD, _SWING_STEPS)),
+        default=0.0,
+    )
+    return _narrower(other, into_m + _CLEAR_M, side) if 0.0 < into_m < _SHAVED_M else other
+
+
+def _reach_m(part: Footprint, other: Footprint, side: float) -> float:
+    """How far a part reaches into a thing from one of its sides, +1 its own +y; 0 where it does not."""
+    if part.depth_m(other) <= 0.0:
+        return 0.0
+    along = np.linspace(part.corners_m, np.roll(part.corners_m, 1, axis=0), _EDGE_STEPS).reshape(-1, 2)
+    local = (along - [other.x_m, other.y_m]) @ rotation_z(other.yaw_rad)[:2, :2]
+    inside = (np.abs(local) < [other.half_x_m, other.half_y_m]).all(axis=1)
+    return float((other.half_y_m - side * local[inside, 1]).max(initial=0.0))
 
 
 def _narrower(guess: Guess, by_m: float, side: float) -> Guess:

@@ -19,6 +19,7 @@ _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the 
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
+_BEYOND_END_M, _NEARER_M = (0.03, 0.13), 0.03
 _THINNER_M = (0.15, 0.25)  # Behind a wall's face its top has ended; no piece of furniture is so thin.
 _LEAST_THICK_M = 0.03  # Where the picture ends below a wall's top, noise puts some of its face behind itself.
 _LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what nobody has boxed hides some.
@@ -111,18 +112,22 @@ class Wall:
         }
 
 
-def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> tuple[Wall, ...]:
+def find_walls(
+    seen: Observation, things: Sequence[Sighting], fitted: NDArray[np.bool_] | None = None, seed: int = 0
+) -> tuple[Wall, ...]:
     """Returns the walls that are seen, the largest first.
 
     Args:
         seen: The observation.
-        things: What stands in the room; their boxes are left out, since furniture has upright planes too. Where there
-            are none, a wall is what nearly all that is seen is on one side of.
+        things: What stands in the room; their boxes are left out, since furniture has upright planes too.
+        fitted: (H, W) pixels of other things, none of which is in them. Where there are no things, and none were
+            fitted, a wall is what nearly all that is seen is on one side of.
         seed: Of the random planes that are tried.
     """
     rng = np.random.default_rng(seed)
     points, sigma = seen.points_m, seen.bent_m
-    beside = seen.measured.copy()
+    beside = seen.measured.copy() if fitted is None else seen.measured & ~fitted
+    furnished = bool(things) or fitted is not None
     for thing in things:
         x0, y0, x1, y1 = thing.box_px
         over_x, over_y = _BESIDE * (x1 - x0), _BESIDE * (y1 - y0)
@@ -147,7 +152,7 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
         # Somebody may have left out a piece of furniture: its front is no wall.
-        is_large = bool(things) and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen, beside)
+        is_large = furnished and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen, beside)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
@@ -158,6 +163,27 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
             found.append(_with_top(wall, seen))
         left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
     return _ended_in_corners(found) if seen.bend_share else tuple(found)
+
+
+def seen_anew(
+    walls: Sequence[Wall], seen: Observation, things: Sequence[Sighting], fitted: NDArray[np.bool_]
+) -> tuple[Wall, ...]:
+    """Returns walls as they are seen when it is known which pixels are of furniture, and those that are not seen so.
+
+    Args:
+        walls: As they were found outside all boxes: one that is low, or right behind something, may be in a box.
+        seen: The observation.
+        things: Those that were not fitted.
+        fitted: (H, W) pixels of those that were.
+    """
+    found = find_walls(seen, things, fitted)
+    return (*found, *(wall for wall in walls if all(_differs(wall, other) for other in found)))
+
+
+def depth_of_empty(seen: Observation, walls: Sequence[Wall]) -> tuple[Array, NDArray[np.int32]]:
+    """Returns (H, W) depth of a room without things, and of which it is: 0 the floor, then the walls."""
+    depth = np.stack([seen.floor_z_m, *(wall.depth(seen.eye_m, seen.rays) for wall in walls)])
+    return depth.min(axis=0), depth.argmin(axis=0).astype(np.int32)
 
 
 def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array, float] | None:
@@ -265,7 +291,22 @@ def _seen_through(wall: Wall, seen: Observation) -> tuple[NDArray[np.bool_], NDA
 
 def _is_beyond_furniture(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
     """Whether it is longer than pieces of furniture, and higher or thinner than rows of them."""
-    return wall.span_m[1] - wall.span_m[0] > _LONG_M and (wall.top_m > _HIGH_M or _is_thin(wall, seen, beside))
+    is_long = wall.span_m[1] - wall.span_m[0] > _LONG_M or _has_no_end(wall, seen)
+    return is_long and (wall.top_m > _HIGH_M or _is_thin(wall, seen, beside))
+
+
+def _has_no_end(wall: Wall, seen: Observation) -> bool:
+    """Whether something is before either end, or the picture ends there: nobody knows how long it is."""
+    (low, high), (least, most) = wall.span_m, _BEYOND_END_M
+    ends = (low - most, low - least), (high + least, high + most)
+    return all(_is_hidden(replace(wall, span_m=end), seen) for end in ends)
+
+
+def _is_hidden(wall: Wall, seen: Observation) -> bool:
+    depth = wall.depth(seen.eye_m, seen.rays)
+    looked = np.isfinite(depth) & seen.measured
+    nearer = looked & (seen.z_m < depth - _NEARER_M - 3 * seen.bent_m)
+    return bool(nearer.sum() >= _LOOKED_OVER * looked.sum())
 
 
 def _is_thin(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
