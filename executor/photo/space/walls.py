@@ -305,8 +305,8 @@ def _has_no_end(wall: Wall, seen: Observation) -> bool:
 def _is_hidden(wall: Wall, seen: Observation) -> bool:
     depth = wall.depth(seen.eye_m, seen.rays)
     looked = np.isfinite(depth) & seen.measured
-    nearer = looked & (seen.z_m < depth - _NEARER_M - 3 * seen.bent_m)
-    return bool(nearer.sum() >= _LOOKED_OVER * looked.sum())
+    farther = looked & (seen.z_m >= depth - _NEARER_M - 3 * seen.bent_m)
+    return bool(farther.sum() < max(_LEAST_BEHIND_PX, (1.0 - _LOOKED_OVER) * looked.sum()))
 
 
 def _is_thin(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
