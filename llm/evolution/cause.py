@@ -113,6 +113,11 @@ class RootCause:
         return first_of(self._own, UnmeantContact)
 
     @property
+    def unplanned(self) -> Unplanned | None:
+        """What kept a plan from being found, where none was."""
+        return first_of(self._own, Unplanned)
+
+    @property
     def residual_m(self) -> float | None:
         """How far the hand stayed off."""
         kinds = OutOfReach | FollowedInPart | Unplanned | HandMeasured

@@ -23,7 +23,7 @@ from llm.evolution.corrections.edits import (
     without,
 )
 from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
-from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.corrections.joints import as_far_as_free, joint_short, joint_stalled, narrower, opened_little
 from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
 
@@ -75,6 +75,8 @@ def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
 
 def _no_way(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
+    if cause.unplanned is not None and cause.unplanned.joint is not None:
+        yield from as_far_as_free(flow, step, cause.unplanned.free_to_fraction)
     if flow[step].primitive in _CHOOSES_A_STANCE:
         # A place to stand is chosen for all that follows: where there is none, a number after it may ask for too much.
         yield from open_numbers(flow)

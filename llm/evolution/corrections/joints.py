@@ -16,6 +16,7 @@ _LET_GO = (Primitive.UNGRASP, Primitive.RETREAT, Primitive.NAVIGATE_TO_TARGET)
 HOLD_AGAIN = tuple(map(Action, (*_LET_GO, Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)))
 """Lets go of a handle and takes hold of it again."""
 
+_BEFORE = 0.03  # Of a joint's range, so much before it meets something.
 _OPENED = "leave the joint limits to the geometric planner"
 
 
@@ -79,6 +80,16 @@ def _less_far(cause: RootCause, flow: ActionFlow) -> Changes:
         for less in (0.04, 0.12):
             words = f"open to {reached - less:.2f}, since it came to {reached:.2f}"
             yield with_parameter(flow, cause.step, (0.0, reached - less)), words
+
+
+def as_far_as_free(flow: ActionFlow, step: int, free_to: float | None) -> Changes:
+    """Yields flows that open the next joint to before what is in its way, where that is known, else less far."""
+    later = next((later for later in range(step, len(flow)) if flow[later].primitive in ARTICULATIONS), None)
+    if later is not None and free_to is not None and flow[later].primitive is Primitive.ARTICULATE_OPEN:
+        before = math.floor(100.0 * free_to) / 100.0 - _BEFORE
+        if before > 0.0:
+            yield with_parameter(flow, later, (0.0, before)), f"open to {before:.2f}: it is free to {free_to:.2f}"
+    yield from narrower(flow, step)
 
 
 def narrower(flow: ActionFlow, step: int) -> Changes:
