@@ -18,7 +18,7 @@ from executor.photo.refusal import PhotoRefused
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
-from executor.photo.space.walls import find_walls
+from executor.photo.space.walls import depth_of_empty, find_walls, seen_anew
 
 SIZE = (200, 150)
 CAMERA = Intrinsics(170.0, 170.0, 100.0, 75.0, "drawn")
@@ -138,6 +138,34 @@ def test_the_front_of_what_nobody_has_put_a_box_around_is_a_wall_where_it_is_thi
     on_top = (np.abs(behind_face_m - 0.05) < 0.03) & (np.abs(seen.points_m[..., 2] - 0.8) < 0.05)
     explained = np.abs(low.depth(seen.eye_m, seen.rays) - seen.z_m) < 0.05
     assert on_top.sum() > 100 and explained[on_top].mean() > 0.95
+
+
+def test_a_wall_in_a_box_is_found_when_it_is_known_which_pixels_are_of_the_thing() -> None:
+    seen, _ = observe(PICTURE, drawn(), CAMERA)
+    thing = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
+    nothing = np.zeros(seen.z_m.shape, dtype=bool)
+    (far,) = find_walls(seen, ())
+    assert find_walls(seen, (thing,)) == ()
+    for known in ((), (replace(far, offset_m=far.offset_m + 0.05, top_m=1.0),)):
+        (wall,) = seen_anew(known, seen, (), nothing)
+        assert (wall.offset_m, wall.top_m) == pytest.approx((far.offset_m, far.top_m), abs=0.01)
+    assert seen_anew((far,), seen, (thing,), nothing) == (far,), "one that is not seen again stays"
+    on_wall = np.abs(seen.points_m[..., 0] - 4.0) < 0.1
+    assert seen_anew((), seen, (), on_wall) == (), "what was fitted is no wall"
+    depth, owner = depth_of_empty(seen, (far,))
+    assert (owner[on_wall] == 1).mean() > 0.95 and (owner[~on_wall] == 0).mean() > 0.95
+    assert depth == pytest.approx(np.minimum(seen.floor_z_m, far.depth(seen.eye_m, seen.rays)))
+
+
+def test_a_low_wall_that_goes_on_behind_what_hides_its_ends_may_be_of_any_length() -> None:
+    low, before, far = (drawn(x, noise=0.0005, top_m=1.0, behind_m=3.0, thick_m=0.1) for x in (2.2, 2.0, 3.0))
+    rays = rays_in_room()
+    aside = np.abs(rays[..., 1]) > 0.3 * rays[..., 0]
+    hidden, seen_to_end = (replace(low, z_m=np.where(aside, other.z_m, low.z_m)) for other in (before, far))
+    for depth, offsets_m in ((hidden, [-3.0, -2.2]), (seen_to_end, [-3.0])):
+        seen, _ = observe(PICTURE, depth, CAMERA)
+        found = find_walls(seen, (), fitted=aside)
+        assert sorted(wall.offset_m for wall in found) == pytest.approx(offsets_m, abs=0.02)
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])

@@ -20,6 +20,7 @@ from oag.revision.measurements import (
     MoveMeasured,
     SupportDrive,
     UnmeantContact,
+    Unplanned,
 )
 from tests.oag.paper import scene, task_json
 
@@ -41,6 +42,7 @@ _PLAIN: tuple[Measurement, ...] = (
     MoveMeasured(eef_moved_m=0.0),
     UnmeantContact("panda_hand", "something", "body", 9.0),
     GripLoss(time_s=1.0),
+    Unplanned(),
 )
 
 

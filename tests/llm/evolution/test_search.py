@@ -288,3 +288,15 @@ def test_where_no_stance_serves_a_flow_its_numbers_are_opened_then_it_drives_the
     assert len({str(revision) for revision in revisions}) == 4
     lifts = [sum(action == {"7": 0.05} for action in revision[:-1]) for revision in revisions]
     assert max(lifts) <= 1, revisions
+
+
+@pytest.mark.parametrize(("free_to", "opened_to"), [(0.62, 0.59), (None, 0.7)])
+def test_a_door_that_has_no_way_is_opened_less_far(free_to: float | None, opened_to: float) -> None:
+    flow = tuple(
+        replace(action, parameter=(0.0, 0.76)) if action.primitive is oag.Primitive.ARTICULATE_OPEN else action
+        for action in flow_of("T1", 0)
+    )
+    unplanned = {"joint": "door_hinge", "free_to_fraction": free_to}
+    attempt = failed(flow, 0, "no-collision-free-path", failure_measurements=unplanned)
+    revision = revise("T1", 0, attempt)
+    assert oag.flow_to_json(revision.flow) == [1, 2, 3, {"4": [0.0, opened_to]}, 5]
