@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.assets.footprint import Footprint, yaw_of
+from executor.assets.footprint import Footprint, deepest_m, solid_parts, swept_parts, yaw_of
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
@@ -223,6 +223,22 @@ def test_what_overlaps_is_taken_apart() -> None:
     assert len(notes) == 2
     askew, _ = tidied({"a": cabinet, "b": replace(beside, y_m=0.89, yaw_rad=0.06)}, ())
     assert Footprint.of(askew["a"].as_object()).depth_m(Footprint.of(askew["b"].as_object())) <= 0.0
+
+
+@pytest.mark.parametrize(("hinge", "away"), [("left", 1.0), ("right", -1.0)])
+def test_what_stands_beside_a_door_leaves_it_room_to_open(hinge: str, away: float) -> None:
+    entry, size_m = LIBRARY["fridge_one_door"], (0.7, 0.6, 1.6)
+    fridge = Guess(entry, 2.4, 0.0, -0.06 * away, 0.0, size_m).with_parameters(hinge=hinge)
+    counter = Guess(LIBRARY["counter_plain"], 2.1, away * 0.825, 0.0, 0.0, (0.7, 1.0, 0.9))
+    door, shut = swept_parts(fridge.as_object(), math.pi / 2, 30), solid_parts(fridge.as_object())
+    before, on_other_side = solid_parts(counter.as_object()), replace(counter, y_m=-counter.y_m)
+    assert deepest_m(shut, before) == 0.0 < 0.005 < deepest_m(door, before)
+    found, _ = tidied({"fridge": fridge, "counter": counter, "other": on_other_side}, ())
+    assert (found["fridge"], found["other"]) == (fridge, on_other_side)
+    beside = found["counter"]
+    assert deepest_m(door, solid_parts(beside.as_object())) < 0.002
+    far_side_m = beside.y_m + away * beside.size_m[1] / 2
+    assert far_side_m == pytest.approx(away * 1.325) and 0.95 < beside.size_m[1] < 1.0
 
 
 def test_something_round_stands_at_a_wall_however_it_is_turned() -> None:
