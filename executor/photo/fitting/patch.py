@@ -55,7 +55,7 @@ class Patch:
         weight: How many independent measurements a mean over the pixels stands for.
         has_depth: Whether depths were measured; else box and colours are all that speaks for a guess.
         unlike_beside: (N,) without depth, how far a pixel's colour is from all that are seen around the box.
-        edges: Without depth, where borders of things may be; None with it.
+        edges: Where borders of things may be; None with depth that is not bent, which tells that better.
     """
 
     seen: Observation
@@ -103,7 +103,7 @@ class Patch:
         step = max(1, int(math.sqrt((right - left) * (bottom - top) / most)))
         rows, columns = np.mgrid[top + step // 2 : bottom : step, left + step // 2 : right : step]
         rows, columns = rows.ravel(), columns.ravel()
-        has_depth = seen.has_depth
+        has_depth, by_edges = seen.has_depth, not seen.has_depth or seen.bend_share > 0.0
         keep = seen.measured[rows, columns] if has_depth else np.ones(len(rows), dtype=bool)
         if foreign is not None:
             keep &= ~foreign[rows, columns]
@@ -132,7 +132,7 @@ class Patch:
             math.sqrt(max(1, len(rows))) * 6.0,
             has_depth,
             np.zeros(0) if has_depth else unlike_beside(seen.rgb, box_px, seen.rgb[rows, columns] / 255.0),
-            None if has_depth or not len(rows) else Edges.between(seen.edge_strength, rows, columns, step),
+            Edges.between(seen.edge_strength, rows, columns, step) if by_edges and len(rows) else None,
         )
 
     @property
@@ -214,6 +214,7 @@ class Patch:
             return 0.0
         if not self.has_depth:
             return self._picture_cost(depth, group)
+        borders = self._borders_cost(depth, group)
         z = self._unbent(depth)[0][inside]
         depth, group = depth[inside], group[inside]
         slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
@@ -223,7 +224,7 @@ class Patch:
         explained = kind != _UNEXPLAINED
         costs, colours = _of_one_colour(self.rgb[inside][explained], kind[explained])
         costs += _COLOUR_MOST * float((~explained).sum())
-        return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind))
+        return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind)) + borders
 
     def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
         """Without depth: the colours of faces, those that are left to others, and edges, where borders are."""
@@ -233,7 +234,13 @@ class Patch:
         costs += float(np.minimum(0.5 * (self.unlike_beside[beside] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum())
         costs += float(self.claim[own].sum())
         cost = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
-        return cost if self.edges is None else cost + self.edges.cost(np.where(own, group, _BEYOND - self.other))
+        return cost + self._borders_cost(depth, group)
+
+    def _borders_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
+        """How badly borders of a guess's faces, and between what is left to others, fit the picture's edges."""
+        if self.edges is None:
+            return 0.0
+        return self.edges.cost(np.where(depth < self.other_m, group, _BEYOND - self.other))
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
