@@ -16,6 +16,7 @@ from executor.photo.fitting.turns import cheapest_openings, cheapest_turns, dist
 
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _SKETCHED, _SKETCH, _SEARCH = 30, 120, 240  # Starts that are followed roughly, and renderings of a search.
+_TURNS = 20  # Of these, the first are of as many models and turns.
 _MOSTLY = 0.9  # Of its pixels, what is shut and right explains, but for handles and edges.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _RIVALS = 6  # Models of other names that are followed.
@@ -89,7 +90,10 @@ def boxes_of_others(
 
 def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
     """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
-    likely = [one for one in by_cost(map(coarse.rated, begun))[:_SKETCHED] if math.isfinite(one.cost)]
+    rated = [one for one in by_cost(map(coarse.rated, begun)) if math.isfinite(one.cost)]
+    # One model's many starts would take the places of all others.
+    first = cheapest_turns(rated)[:_TURNS]
+    likely = [*first, *(one for one in rated if all(one is not other for other in first))][:_SKETCHED]
     rough = by_cost(coarse.rated(descended(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
     return by_cost(_searched(search, distinct(rough)[:_FOLLOWED], colours=True))
 

@@ -220,10 +220,11 @@ def outline_starts(
     foot = foot_of(seen, box_px, bottom_m)
     if foot is None:
         return
-    away_m = float(np.linalg.norm(foot))
-    ahead = foot / max(away_m, 1e-6)
+    away_m, x0, y0, x1, y1 = float(np.linalg.norm(foot)), *box_px
+    # Upright edges are not so in a picture from above: the middle of the box is straight above that of the thing.
+    ahead = seen.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
+    ahead = ahead / float(np.linalg.norm(ahead))
     to_left = np.array([-ahead[1], ahead[0]])
-    x0, y0, x1, y1 = box_px
     width_px, height_px = seen.size_px
     # What the picture's border cuts goes on there.
     beyond = [side for side, cut in ((1.0, x0 < _CUT * width_px), (-1.0, x1 > (1.0 - _CUT) * width_px)) if cut]
@@ -236,7 +237,11 @@ def outline_starts(
         if is_large(entry) and y1 > (1.0 - _CUT) * height_px:
             # Where its far edge is, tells how far off it is.
             far = foot_of(seen, (x0, y0, x1, y0), bottom_m + usual_m[2])
-            reaches += [] if far is None else [float(np.linalg.norm(far)) - share * (usual_m[0] + usual_m[1]) / 2 for share in (1.0, 1.2)]
+            reaches += (
+                []
+                if far is None
+                else [float(np.linalg.norm(far)) - share * (usual_m[0] + usual_m[1]) / 2 for share in (1.0, 1.2)]
+            )
         for reach, share, aside in itertools.product(reaches, shares, asides):
             length, width, height = (share * side for side in usual_m)
             middle = ahead * (reach + (length + width) / 4) + to_left * aside * (length + width) / 2
