@@ -254,7 +254,7 @@ def picture_of(guess: Guess, seen: Observation) -> tuple[Array, NDArray[np.int32
     if rays.size:
         looks = body.looks(guess, seen.eye_m, rays.reshape(-1, 3))
         depth[window], group[window] = (one.reshape(rays.shape[:2]) for one in looks)
-    return depth, group if seen.has_depth else np.minimum(group, 0)
+    return depth, np.minimum(group, 0) if seen.by_sight else group
 
 
 @cache

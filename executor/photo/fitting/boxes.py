@@ -54,7 +54,7 @@ def likely_boxes(
     if flat := flat_among(entries):
         begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
     # Where hardly anything stands out, colours tell more than depths do.
-    by_look = not len(points)
+    by_look = around.seen.by_sight or not len(points)
     followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
     boxes = by_cost(_searched(search, followed, colours=by_look))
     named = {entry.category for entry in entries}

@@ -200,7 +200,7 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
     now = fine.rated(found.guess)
     beside = (*around.near.headings_rad, *(piece.yaw_rad for piece in around.near.pieces))
     others = (turned for box in boxes_beside(found.guess, beside) for turned in (box, *all_turns(box, entries)))
-    likely = by_cost(coarse.rated(guess, colours=not around.seen.has_depth) for guess in others)[:_LIKELY]
+    likely = by_cost(coarse.rated(guess, colours=around.seen.by_sight) for guess in others)[:_LIKELY]
     tried = by_cost(search.rated(shape) for one in likely for shape in shapes(one.guess))
     best: dict[tuple[object, ...], RatedGuess] = {}
     for one in tried:
@@ -259,7 +259,7 @@ def _ranked(
     """The best of every model and turn of some boxes, with their options and colours, the best first."""
     coarse, search, fine = likelihoods
     turned = [
-        coarse.rated(guess, colours=not coarse.patch.has_depth)
+        coarse.rated(guess, colours=coarse.patch.seen.by_sight)
         for one in distinct(boxes)[:_TURNED]
         for guess in all_turns(one.guess, entries)
     ]

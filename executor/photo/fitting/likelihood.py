@@ -59,7 +59,7 @@ class Likelihood:
     def box_cost(self, guess: Guess) -> float:
         """Returns what its box and what is likely before anything is seen say; infinite for what cannot be."""
         cost = self.patch.box_cost(guess) + prior_cost(guess, self.near)
-        return cost if self.patch.has_depth else cost + usual_size_cost(guess)
+        return cost + usual_size_cost(guess) if self.patch.seen.by_sight else cost
 
     def cost(self, guess: Guess, body: Body | None = None, *, colours: bool = True) -> float:
         """Returns what a guess costs, infinite for what cannot be built.

@@ -29,6 +29,7 @@ _WITHIN = 0.3  # Of how far depths are bent over the picture: how far they are b
 _EVEN = np.array([1.0, 7.0, 7.0])
 """Of that, too: how far they are in the middle of it, and how much more for each unit of a ray to the left and up."""
 
+_BENT_WEIGHT = 0.1  # Of what bent depths say, which are all wrong together, beside the picture.
 _BENT = (4.0, 2.0)  # Standard deviations: what is farther off, at first and then, is something else.
 _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
@@ -54,8 +55,9 @@ class Patch:
         mine: (N,) whether something nearer than everything else was seen in the box.
         weight: How many independent measurements a mean over the pixels stands for.
         has_depth: Whether depths were measured; else box and colours are all that speaks for a guess.
-        unlike_beside: (N,) without depth, how far a pixel's colour is from all that are seen around the box.
-        edges: Where borders of things may be; None with depth that is not bent, which tells that better.
+        unlike_beside: (N,) where the picture tells more than depths, how far a pixel's colour is from all that are seen
+            around the box.
+        edges: Then, too, where borders of things may be; else None.
     """
 
     seen: Observation
@@ -103,7 +105,7 @@ class Patch:
         step = max(1, int(math.sqrt((right - left) * (bottom - top) / most)))
         rows, columns = np.mgrid[top + step // 2 : bottom : step, left + step // 2 : right : step]
         rows, columns = rows.ravel(), columns.ravel()
-        has_depth, by_edges = seen.has_depth, not seen.has_depth or seen.bend_share > 0.0
+        has_depth = seen.has_depth
         keep = seen.measured[rows, columns] if has_depth else np.ones(len(rows), dtype=bool)
         if foreign is not None:
             keep &= ~foreign[rows, columns]
@@ -131,8 +133,8 @@ class Patch:
             mine,
             math.sqrt(max(1, len(rows))) * 6.0,
             has_depth,
-            np.zeros(0) if has_depth else unlike_beside(seen.rgb, box_px, seen.rgb[rows, columns] / 255.0),
-            Edges.between(seen.edge_strength, rows, columns, step) if by_edges and len(rows) else None,
+            unlike_beside(seen.rgb, box_px, seen.rgb[rows, columns] / 255.0) if seen.by_sight else np.zeros(0),
+            Edges.between(seen.edge_strength, rows, columns, step) if seen.by_sight and len(rows) else None,
         )
 
     @property
@@ -156,7 +158,7 @@ class Patch:
         square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
         cost = self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
-        return cost + bend_cost
+        return _BENT_WEIGHT * (cost + bend_cost) if self.seen.bend_share else cost
 
     def _unbent(self, depth: Array) -> tuple[Array, float]:
         """(N,) depths put right evenly around a guess that has these, where they are bent, and what that costs.
@@ -212,9 +214,8 @@ class Patch:
         inside = self.inside
         if int(inside.sum()) < 20:
             return 0.0
-        if not self.has_depth:
+        if self.seen.by_sight:
             return self._picture_cost(depth, group)
-        borders = self._borders_cost(depth, group)
         z = self._unbent(depth)[0][inside]
         depth, group = depth[inside], group[inside]
         slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
@@ -224,23 +225,17 @@ class Patch:
         explained = kind != _UNEXPLAINED
         costs, colours = _of_one_colour(self.rgb[inside][explained], kind[explained])
         costs += _COLOUR_MOST * float((~explained).sum())
-        return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind)) + borders
+        return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind))
 
     def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
-        """Without depth: the colours of faces, those that are left to others, and edges, where borders are."""
+        """Where the picture tells more than depths: the colours of faces, those that are left to others, and edges, where borders are."""
         own = depth < self.other_m
         shown, beside = self.inside & own, self.inside & ~own
         costs, colours = _of_one_colour(self.rgb[shown], group[shown])
         costs += float(np.minimum(0.5 * (self.unlike_beside[beside] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum())
         costs += float(self.claim[own].sum())
         cost = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
-        return cost + self._borders_cost(depth, group)
-
-    def _borders_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
-        """How badly borders of a guess's faces, and between what is left to others, fit the picture's edges."""
-        if self.edges is None:
-            return 0.0
-        return self.edges.cost(np.where(depth < self.other_m, group, _BEYOND - self.other))
+        return cost if self.edges is None else cost + self.edges.cost(np.where(own, group, _BEYOND - self.other))
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
@@ -250,7 +245,7 @@ class Patch:
         if not all(map(math.isfinite, (*low, *high))):
             return 4 * _BOX_MOST
         x0, y0, x1, y1 = self.box_px
-        cost, most_cost = 0.0, _BOX_MOST if self.has_depth else _BOX_ALONE
+        cost, most_cost = 0.0, _BOX_ALONE if self.seen.by_sight else _BOX_MOST
         for first, last, begin, end, most in ((x0, x1, low[0], high[0], width), (y0, y1, low[1], high[1], height)):
             sigma = (last - first) * _CLAIM_SIGMA + 1.0
             for over in (first - min(max(begin, 0.0), most), min(max(end, 0.0), most) - last):

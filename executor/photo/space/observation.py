@@ -85,6 +85,11 @@ class Observation:
         """(H, W) standard deviation of each depth."""
         return self.noise.sigma_m(self.z_m)
 
+    @property
+    def by_sight(self) -> bool:
+        """Whether colours and edges tell places better than depths do: there are none, or they are bent."""
+        return self.bend_share > 0.0 or not self.has_depth
+
     @cached_property
     def edge_strength(self) -> tuple[Array, Array]:
         """(H, W) how much the picture differs to the right, and below, see `edge_strength`."""
