@@ -20,20 +20,38 @@ from executor.photo.fitting.fit import (
     renamed,
     retouched,
     shaken,
+    sharpened,
 )
 from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
-from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, prior_cost, stands_in, usual_size_m
+from executor.photo.fitting.prior import (
+    CARRIED,
+    Neighbourhood,
+    is_large,
+    is_outgrown,
+    prior_cost,
+    stands_in,
+    usual_size_m,
+)
 from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import LEAST_POINTS, feet_of, large_enough, named_models, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
+from executor.photo.space.layers import Layers
 from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import straightened
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
-from executor.photo.space.walls import Wall, depth_of_empty, seen_anew
-from executor.photo.supports import as_exact_as_its_carrier, heights_behind, heights_under, is_on_one, tops_of
+from executor.photo.space.walls import Wall
+from executor.photo.supports import (
+    EQUAL_M,
+    SAME_M,
+    as_exact_as_its_carrier,
+    heights_behind,
+    heights_under,
+    is_on_one,
+    tops_of,
+)
 from llm.sight.forms import overlap
 from oag import Kind, kind_of
 
@@ -42,8 +60,8 @@ _UNLIKELY = 10.0
 
 _IMPOSSIBLE = 30.0  # Of what stands wholly in something: it is called wrongly.
 _NOTHING = "nothing in its box stands out from what is around it"
-_AS_FITTED_M = 0.05  # Off what was fitted roughly, pixels are of it.
 _UNFIT = "no model fits its box, wherever it may stand"
+_ON_NOTHING = "nothing was found that it stands on"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
@@ -65,23 +83,24 @@ class KnownRoom:
     def __init__(
         self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
     ) -> None:
-        self.seen, self.walls, self.detections, self.scale_share = seen, walls, list(detections), scale_share
+        self.seen, self.detections, self.scale_share = seen, list(detections), scale_share
         self._boxed = len(self.detections)  # Whatever is detected after these, nobody has put a box around.
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
-        self._looks: dict[int, tuple[Array, NDArray[np.int32]]] = {}
+        self._layers = Layers(seen, walls)
+        self._sharp: set[Guess] = set()  # Those that were fitted to every pixel.
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
-        self._empty, self._empty_owner = depth_of_empty(seen, walls)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The walls."""
+        return self._layers.walls
 
     def look_for_walls(self) -> None:
         """Looks for walls in boxes, too, now that it is known which of their pixels are of things."""
-        depth_m, face = self._others()
-        fitted = (face > len(self.walls)) & (np.abs(self.seen.z_m - depth_m) < _AS_FITTED_M + 3 * self.seen.bent_m)
-        left = [one for index, one in enumerate(self.detections) if index not in self.fits]
-        self.walls = seen_anew(self.walls, self.seen, left, fitted)
-        self._empty, self._empty_owner = depth_of_empty(self.seen, self.walls)
+        self._layers.look_for_walls([one for index, one in enumerate(self.detections) if index not in self.fits])
 
     def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
         """Fits one thing, anew when it was fitted before, and says what came of it.
@@ -92,8 +111,7 @@ class KnownRoom:
             hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
         """
         detection = self.detections[index]
-        self._looks.pop(index, None)
-        before = self.fits.pop(index, None)
+        before = self._taken(index)
         around = self._around(index, hidden_by)
         as_seen = self._is_as_seen(index, around)
         if before is not None and as_seen and prior_cost(before.guess, around.near) < _UNLIKELY:
@@ -114,7 +132,7 @@ class KnownRoom:
             found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
             nothing = _NOTHING if self.seen.has_depth else _UNFIT
-            self.reasons[index] = nothing if bottoms_m else "it is on nothing"
+            self.reasons[index] = nothing if bottoms_m else _ON_NOTHING
             found = before
         elif self.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
@@ -122,12 +140,14 @@ class KnownRoom:
         elif self.seen.has_depth and self._claim(found.guess, around).is_refuted(detection.box_px):
             self.reasons[index] = "no such thing fits in its box, through which farther things are seen"
             found = None
+        elif not self.seen.has_depth and self._is_on_nothing(found.guess):
+            self.reasons[index] = _ON_NOTHING
+            found = None
         return self._kept(index, None if found is None else as_exact_as_its_carrier(found, tops_of(self.fits.values())))
 
     def rename(self, index: int) -> str:
         """Takes a thing for what fits clearly better than what it is called, if anything does."""
-        detection, found = self.detections[index], self.fits.pop(index, None)
-        self._looks.pop(index, None)
+        detection, found = self.detections[index], self._taken(index)
         around = self._around(index, ())
         points = self._points(detection, around)
         if found is None or points is None:
@@ -144,8 +164,13 @@ class KnownRoom:
         name = self.detections[index].label or "thing"
         if found is None:
             return f"{name}: {self.reasons[index]}"
-        self.fits[index], self._looks[index] = found, picture_of(found.guess, self.seen)
+        self.fits[index], self._layers.looks[index] = found, picture_of(found.guess, self.seen)
         return f"{name}: {found.guess.entry.model}"
+
+    def _taken(self, index: int) -> Fit | None:
+        """Takes a thing out of the room, and returns how it was fitted, if it was."""
+        self._layers.looks.pop(index, None)
+        return self.fits.pop(index, None)
 
     def is_doubtful(self, index: int) -> bool:
         """Decides whether a box may be called wrongly.
@@ -184,9 +209,22 @@ class KnownRoom:
         return cost > _UNLIKELY or found.explained < least_explained or self._is_seen_through(index)
 
     def is_in_air(self, index: int) -> bool:
-        """Decides whether what a thing was put on has been taken for something else since."""
+        """Decides whether what a thing was put on has been taken for something else since.
+
+        By sight, a top that is a little higher has what stands on it elsewhere.
+        """
+        found, within_m = self.fits.get(index), EQUAL_M if self.seen.by_sight else SAME_M
+        return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()), within_m)
+
+    def sharpen(self, index: int) -> str:
+        """Fits a piece of furniture to every pixel, where it is the picture that tells its place."""
         found = self.fits.get(index)
-        return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()))
+        if found is None or not self.seen.by_sight or found.guess in self._sharp:
+            return self._kept(index, found)
+        self._taken(index)
+        found = sharpened(self._around(index, ()), self.detections[index].box_px, found)
+        self._sharp.add(found.guess)
+        return self._kept(index, found)
 
     def leave_out_what_is_inside(self) -> None:
         """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
@@ -196,15 +234,14 @@ class KnownRoom:
             if not stands_in(found.guess, self._near().pieces):
                 self.fits[index] = found
                 continue
-            del self._looks[index]
+            del self._layers.looks[index]
             self.reasons[index] = "what is left of other things, in which it would stand"
 
     def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
         """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
         before = self.fits[index]
         self.fit(index, [0.0], hidden_by)
-        found = self.fits.pop(index, None)
-        self._looks.pop(index, None)
+        found = self._taken(index)
         self._tried[index] = self._near().pieces
         if found is None or found is before:
             return self._kept(index, before)
@@ -215,7 +252,7 @@ class KnownRoom:
         found = self.fits.get(index)
         if found is None or not is_large(found.guess.entry):
             return self._kept(index, found)
-        del self.fits[index], self._looks[index]
+        self._taken(index)
         around, detection = self._around(index, ()), self.detections[index]
         if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
             likely = named_models(detection)
@@ -234,8 +271,7 @@ class KnownRoom:
             foreign: (H, W) pixels that are of other things, though nobody knows yet of which.
         """
         unlikely = self.unlikeliness(index) > _IMPOSSIBLE
-        before, detection = self.fits.pop(index, None), self.detections[index]
-        self._looks.pop(index, None)
+        before, detection = self._taken(index), self.detections[index]
         if unlikely and self.seen.has_depth:
             before = None
             self.reasons[index] = "what it is called would stand in other things"
@@ -252,7 +288,7 @@ class KnownRoom:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not self._is_there(index, found, around):
             found = None
-        if found is not None and found.explained < _LEAST_ALONE:
+        if found is not None and (found.explained < _LEAST_ALONE or self._is_far_fetched(found, before)):
             found = None
         if found is None:
             found = before
@@ -266,6 +302,15 @@ class KnownRoom:
             self.reasons.setdefault(index, "no model explains it")
         return self._kept(index, found)
 
+    def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
+        """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""
+        return not self.seen.has_depth and before is None and (found.cost > 0.0 or self._is_on_nothing(found.guess))
+
+    @staticmethod
+    def _is_on_nothing(guess: Guess) -> bool:
+        """Whether a thing would have to be too large to stand on the floor: nobody has found what it stands on."""
+        return guess.bottom_m == 0.0 and not is_large(guess.entry) and is_outgrown(guess)
+
     def adopt(self, index: int) -> bool:
         """Gives a box that has no thing what was found alone and fills it; returns whether there is any."""
         box_px = self.detections[index].box_px
@@ -273,7 +318,7 @@ class KnownRoom:
             if overlap(self.detections[alone].box_px, box_px) < _ADOPTED:
                 continue
             found = self.fits.pop(alone)
-            self._looks.pop(alone, None)
+            del self._layers.looks[alone]
             self.reasons[alone] = "it is what a box was drawn around"
             self._kept(index, called(self._around(index, ()), box_px, found, named_models(self.detections[index])))
             return True
@@ -284,7 +329,7 @@ class KnownRoom:
         tried: list[NDArray[np.bool_]] = []
         parted = True
         while len(tried) < _MOST_FOUND:
-            pieces = standing_out(self.seen, self._others()[0], self.walls, parted=parted)
+            pieces = standing_out(self.seen, self._layers.together()[0], self.walls, parted=parted)
             piece = next((one for one in pieces if not any(are_alike(one, other) for other in tried)), None)
             if piece is None and not parted:
                 break
@@ -299,13 +344,13 @@ class KnownRoom:
         found = [index for index in self.fits if index >= self._boxed and self.fits[index].guess.bottom_m == 0.0]
         # The first ones were fitted among nothing, and each to the piece of it that stood out.
         for index in found:
-            before, own, box_px = self.fits.pop(index), self._looks.pop(index), self.detections[index].box_px
+            before, own, box_px = self.fits.pop(index), self._layers.looks.pop(index), self.detections[index].box_px
             around = self._around(index, ())
             claimed_px = Claim.of(self.seen, own[0], around.other_m, before.guess.corners_m()).box_px or box_px
             if overlap(claimed_px, box_px) > _SAME_BOX and self._is_as_seen(index, around):
                 told(self._kept(index, retouched(around, box_px, before)))
                 continue
-            self.fits[index], self._looks[index] = before, own
+            self.fits[index], self._layers.looks[index] = before, own
             self.detections[index] = replace(self.detections[index], box_px=claimed_px)
             told(self.fit_anything(index))
 
@@ -314,13 +359,13 @@ class KnownRoom:
         if not self.seen.bend_share:
             return
         beside = self.seen.measured & ~self._in_boxes(range(len(self.detections)))
-        known_m = np.where(beside, self._others()[0], np.inf)
+        known_m = np.where(beside, self._layers.together()[0], np.inf)
         self.seen = replace(self.seen, z_m=straightened(self.seen.z_m, known_m))
 
     def _around(self, index: int, hidden_by: Iterable[int]) -> Around:
         """All that a search for one thing has to know besides it."""
         smaller, own = self._smaller(index, hidden_by), self.detections[index].mask
-        return Around(self.seen, *self._others(), smaller, self._near(), self.scale_share, own)
+        return Around(self.seen, *self._layers.together(), smaller, self._near(), self.scale_share, own)
 
     def _points(self, detection: Sighting, around: Around) -> Array | None:
         """(N, 3) that are most likely a thing's own; None where there is no depth."""
@@ -353,9 +398,9 @@ class KnownRoom:
         return False
 
     def _is_seen_through(self, index: int) -> bool:
-        own = self._looks.pop(index)
-        claim = Claim.of(self.seen, own[0], self._others()[0], self.fits[index].guess.corners_m())
-        self._looks[index] = own
+        own = self._layers.looks.pop(index)
+        claim = Claim.of(self.seen, own[0], self._layers.together()[0], self.fits[index].guess.corners_m())
+        self._layers.looks[index] = own
         return claim.seen_through
 
     def _claim(self, guess: Guess, around: Around) -> Claim:
@@ -365,17 +410,6 @@ class KnownRoom:
         guesses = [fit.guess for fit in self.fits.values()]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
         return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
-
-    def _others(self) -> tuple[Array, NDArray[np.int32]]:
-        """(H, W) depth of all that is known, and of which it is: 0 the floor, then walls, then faces of things."""
-        depth, face = self._empty.copy(), self._empty_owner.copy()
-        first = 1 + len(self.walls)
-        for one, group in self._looks.values():
-            nearer = one < depth
-            shown = group[nearer]
-            depth[nearer], face[nearer] = one[nearer], first + shown
-            first += int(shown.max(initial=-1)) + 1
-        return depth, face
 
     def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
         """(H, W) pixels in boxes of smaller things that are not fitted yet."""

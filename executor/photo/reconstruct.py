@@ -91,6 +91,8 @@ def reconstruct(
         if room.is_unlikely(index, RIGHT):
             told(room.fit_again(index, hidden_by=carried))
     room.straighten()
+    for index in standing:
+        told(room.sharpen(index))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
     for index in boxes:
@@ -113,6 +115,8 @@ def reconstruct(
     for index in standing:
         if room.is_unlikely(index):
             told(room.fit_again(index, hidden_by=()))
+    for index in standing:
+        told(room.sharpen(index))
     room.leave_out_what_is_inside()
     for index in list(room.fits):
         if room.is_in_air(index):

@@ -18,8 +18,9 @@ from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
 
-_SAME_M = 0.02  # Between the height of a top and that of what was put on it, however it was moved since.
-_EQUAL_M = 0.001  # Heights that one was made of the other.
+SAME_M, EQUAL_M = 0.02, 0.001
+"""Between the height of a top and that of what was put on it, however it was moved since, or which one was made of."""
+
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST = 3
@@ -62,10 +63,10 @@ def tops_of(fits: Iterable[Fit]) -> Iterator[Top]:
                 yield Top(fit, *region_frame(carrier, region))
 
 
-def is_on_one(guess: Guess, tops: Iterable[Top]) -> bool:
-    """Decides whether a guess stands on the floor, or on one of some tops."""
+def is_on_one(guess: Guess, tops: Iterable[Top], within_m: float = SAME_M) -> bool:
+    """Decides whether a guess stands on the floor, or within so much of the height of one of some tops."""
     at = np.array([guess.x_m, guess.y_m])
-    near = (top for top in tops if abs(top.height_m - guess.bottom_m) < _SAME_M)
+    near = (top for top in tops if abs(top.height_m - guess.bottom_m) < within_m)
     return guess.bottom_m == 0.0 or any(top.is_near(at) for top in near)
 
 
@@ -73,7 +74,7 @@ def as_exact_as_its_carrier(fit: Fit, tops: Iterable[Top]) -> Fit:
     """Returns a fit whose place, without depth, is known no better than the height of that top which it stands on."""
     if fit.spread_m is None or fit.guess.bottom_m == 0.0:
         return fit
-    beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _EQUAL_M]
+    beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < EQUAL_M]
     return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
 

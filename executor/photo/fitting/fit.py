@@ -35,8 +35,8 @@ from executor.photo.fitting.turns import (
 )
 from oag import Kind, kind_of
 
-COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
-"""How many pixels of a thing are compared to choose starts, to search, and to choose options."""
+COARSE_PX, SEARCH_PX, FINE_PX, SHARP_PX = 250, 700, 5000, 40_000
+"""How many pixels of a thing are compared to choose starts, to search, to choose options, and at the end by sight."""
 
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
@@ -182,6 +182,14 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )
     return _described(fine.patch, best, others) or found
+
+
+def sharpened(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
+    """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height."""
+    _, _, fine = _likelihoods(around, box_px)
+    patch = Patch.around(around.seen, box_px, around.other_m, around.other, SHARP_PX, around.smaller, around.own)
+    guess = descended(Likelihood(patch, around.near), found.guess, _LAST, colours=True, reach=0.3)
+    return replace(found, guess=guess, cost=fine.cost(guess))
 
 
 def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit, entries: Sequence[ModelEntry]) -> Fit:

@@ -228,7 +228,7 @@ class Patch:
         return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind))
 
     def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
-        """Where the picture tells more than depths: the colours of faces, those that are left to others, and edges, where borders are."""
+        """By sight: the colours of faces, those that are left to others, and edges, where borders are."""
         own = depth < self.other_m
         shown, beside = self.inside & own, self.inside & ~own
         costs, colours = _of_one_colour(self.rgb[shown], group[shown])
