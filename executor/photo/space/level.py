@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -32,8 +33,11 @@ _ON_RAD, _LINE_RAD = (math.radians(2.0), math.radians(1.2), math.radians(0.8), m
 """Off its direction, what a line may be, ever less, and what one mostly is."""
 
 _ASKEW_RAD = math.radians(2.0)  # What is about known of which way is up is off by this much.
-_LEAST_MEETING = 5
-_ROUNDS = 4
+_LEAST_MEETING, _LEAST_LINES, _LEAST_TOLD = 5, 8, 0.25
+"""Level lines that have a direction; lines that tell what is up, and their part of the length of all."""
+
+_MEETINGS, _TRIED = 40, 8  # Directions in which lines meet that are looked at, and how many are followed.
+_DOWN_RAD = np.radians(np.arange(-10.0, 51.0, 2.0))  # Whoever takes a picture holds his camera about level.
 _TOLD_RAD = math.radians(4.0)  # Off the horizon: a line on it can go anywhere.
 _LEAST_ALIGNED = 0.35  # Of the lines' lengths: where no two directions stand out, furniture is not known to have one.
 _HELD_SHARE = 0.02  # How exactly people know how high they hold a camera.
@@ -52,8 +56,67 @@ class UprightSeen:
     lines: int
 
 
+@dataclass(frozen=True)
+class _Lines:
+    """The lines of a picture, the longest first.
+
+    Attributes:
+        normals: (N, 3) of their planes through the camera.
+        length: (N,) in pixels.
+        may_be_upright: (N,) whether they lean no more than upright ones do.
+    """
+
+    normals: Array
+    length: Array
+    may_be_upright: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, picture: Photograph, camera: Intrinsics) -> _Lines:
+        ends, length = _line_ends(picture)
+        order = np.argsort(-length, kind="stable")
+        ends, length = ends[order], length[order]
+        along = ends[:, 1] - ends[:, 0]
+        leans = np.abs(np.arctan2(along[:, 0], along[:, 1]))
+        return cls(_through_camera(ends, camera), length, np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD)
+
+    def aligned_px(self, up: Array, spread_rad: float) -> float:
+        """Returns how long all are together that go upright or in two level directions, but for about some angle."""
+        off = np.abs(self.normals @ self.ways(up).T).min(axis=1)
+        return float(self.length @ np.exp(-0.5 * (off / spread_rad) ** 2))
+
+    def ways(self, up: Array) -> Array:
+        """Returns (1 or 3, 3) what is up, and the two level directions in which most lines go, if they do."""
+        R = level_rotation(up)
+        heading_rad = self.heading_rad(R)
+        quarters = [] if heading_rad is None else [heading_rad, heading_rad + math.pi / 2]
+        return np.array([up, *(R.T @ [math.cos(turn), math.sin(turn), 0.0] for turn in quarters)])
+
+    def heading_rad(self, R: Array) -> float | None:
+        """One of two directions, square to each other, in which most level lines go; None where none stands out."""
+        normals = self.normals @ R.T
+        # A level line is in its plane through the camera and in a level one.
+        along = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+        told = np.linalg.norm(along, axis=1)
+        good = (told > math.sin(_TOLD_RAD)) & (np.abs(normals[:, 2]) > math.sin(_MEET_RAD))
+        if int(good.sum()) < _LEAST_MEETING:
+            return None
+        turns = np.arctan2(along[good, 1], along[good, 0]) % (math.pi / 2)
+        weight = self.length[good]
+        tried = np.arange(0.0, math.pi / 2, _MEET_RAD / 2)
+        off = np.abs((turns[None, :] - tried[:, None] + math.pi / 4) % (math.pi / 2) - math.pi / 4)
+        with_it = (off < 2 * _MEET_RAD) @ weight
+        best = int(np.argmax(with_it))
+        if with_it[best] < _LEAST_ALIGNED * weight.sum():
+            return None
+        on = off[best] < 2 * _MEET_RAD
+        return float(np.angle(np.sum(weight[on] * np.exp(4j * turns[on]))) / 4)
+
+
 def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = None) -> UprightSeen:
     """Returns which way is up, by the picture's upright lines and its level ones.
+
+    Of the directions in which upright lines meet, and those of a camera that is held level, it is that by which most
+    lines go upright or in two level directions, square to each other.
 
     Args:
         picture: The picture.
@@ -61,57 +124,61 @@ def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = 
         about: (3,) which way is up within some degrees, where depths tell it.
 
     Raises:
-        PhotoRefused: Nothing else tells it, and too few lines meet in a point above or below.
+        PhotoRefused: Nothing else tells it, and too few lines go in such directions.
         MissingExtra: OpenCV is not installed.
     """
-    return _squared(picture, camera, _meeting(picture, camera) if about is None else about)
+    lines = _Lines.of(picture, camera)
+    if about is not None:
+        return _squared(lines, about)
+    found = [_squared(lines, up) for up in _likely(lines)] if len(lines.length) else []
+    aligned_px = [lines.aligned_px(one.up, _LINE_RAD) for one in found]
+    best = int(np.argmax(aligned_px)) if found else -1
+    if best < 0 or found[best].lines < _LEAST_LINES or aligned_px[best] < _LEAST_TOLD * lines.length.sum():
+        raise _unlevelled(picture, found[best].lines if found else 0)
+    return found[best]
 
 
-def _meeting(picture: Photograph, camera: Intrinsics) -> Array:
-    """Which way is up by upright lines alone, which meet there."""
-    normals, length = _planes(picture, camera)
+def _likely(lines: _Lines) -> list[Array]:
+    """Directions (3,) that may be up, the likeliest first."""
+    normals, length = (one[lines.may_be_upright][:_MOST_LINES] for one in (lines.normals, lines.length))
     first, second = np.triu_indices(len(normals), 1)
     meetings = np.cross(normals[first], normals[second])
     size = np.linalg.norm(meetings, axis=1)
     meetings = meetings[size > 1e-3] / size[size > 1e-3, None]
     meetings = np.where(meetings[:, 1:2] > 0.0, -meetings, meetings)
     meetings = meetings[-meetings[:, 1] > math.cos(_STEEPEST_RAD)]
-    if not len(meetings):
-        raise _unlevelled(picture, 0)
     near = np.abs(meetings @ normals.T) < math.sin(_MEET_RAD)
-    up = meetings[int(np.argmax(near @ length))]
-    for _ in range(_ROUNDS):
-        on = np.abs(normals @ up) < math.sin(_MEET_RAD)
-        _, _, axes = np.linalg.svd(normals[on] * np.sqrt(length[on])[:, None])
-        up = axes[2] if axes[2][1] < 0.0 else -axes[2]
-    on = np.abs(normals @ up) < math.sin(_MEET_RAD)
-    count = int(on.sum())
-    if count < _LEAST_MEETING:
-        raise _unlevelled(picture, count)
-    return np.asarray(up)
+    by_meeting = meetings[np.argsort(-(near @ length), kind="stable")]
+    held = [np.array([0.0, -math.cos(down), -math.sin(down)]) for down in _DOWN_RAD]
+    apart = _apart(by_meeting, _MEETINGS)
+    return sorted([*apart, *held], key=lambda up: -lines.aligned_px(up, _MEET_RAD / 2))[:_TRIED]
 
 
-def _squared(picture: Photograph, camera: Intrinsics, up: Array) -> UprightSeen:
+def _apart(ways: Array, most: int) -> list[Array]:
+    """The first of some directions (N, 3) that are no nearer to each other than lines that meet."""
+    found: list[Array] = []
+    while len(ways) and len(found) < most:
+        found.append(ways[0])
+        ways = ways[ways @ ways[0] < math.cos(_MEET_RAD)]
+    return found
+
+
+def _squared(lines: _Lines, up: Array) -> UprightSeen:
     """Which way is up, of which some degrees are known, by all lines: level ones mostly go in two directions.
 
     Upright lines in the middle of a picture hardly tell how far a camera looks down; level ones do.
     """
-    ends, length = _lines(picture)
-    if not len(length):
+    if not len(lines.length):
         return UprightSeen(up, 0)
-    normals = _through_camera(ends, camera)
-    R = level_rotation(up)
-    heading_rad = heading_of_lines(picture, camera, R)
-    quarters = [] if heading_rad is None else [heading_rad, heading_rad + math.pi / 2]
-    ways = np.array([up, *(R.T @ [math.cos(turn), math.sin(turn), 0.0] for turn in quarters)])
-    weight = length / np.median(length) / _LINE_RAD
+    ways = lines.ways(up)
+    weight = lines.length / np.median(lines.length) / _LINE_RAD
     turned, count = np.zeros(3), 0
     for most_rad in _ON_RAD:
-        off = np.abs(normals @ Rotation.from_rotvec(turned).apply(ways).T)
+        off = np.abs(lines.normals @ Rotation.from_rotvec(turned).apply(ways).T)
         which, by_size = np.argmin(off, axis=1), np.sort(off, axis=1)
         # A line that may go in two of the directions tells of neither.
         on = (by_size[:, 0] < math.sin(most_rad)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
-        turned, count = _turned(normals[on], ways[which[on]], weight[on], turned), int(on.sum())
+        turned, count = _turned(lines.normals[on], ways[which[on]], weight[on], turned), int(on.sum())
     return UprightSeen(np.asarray(Rotation.from_rotvec(turned).apply(up)), count)
 
 
@@ -187,39 +254,10 @@ def _floor(up: Array, height_m: float, spread_share: float, source: str) -> Floo
 
 def heading_of_lines(picture: Photograph, camera: Intrinsics, R: Array) -> float | None:
     """One of two directions, square to each other, in which most level lines go; None where none stands out."""
-    ends, length = _lines(picture)
-    normals = _through_camera(ends, camera) @ R.T
-    # A level line is in its plane through the camera and in a level one.
-    along = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
-    told = np.linalg.norm(along, axis=1)
-    good = (told > math.sin(_TOLD_RAD)) & (np.abs(normals[:, 2]) > math.sin(_MEET_RAD))
-    if int(good.sum()) < _LEAST_MEETING:
-        return None
-    turns = np.arctan2(along[good, 1], along[good, 0]) % (math.pi / 2)
-    weight = length[good]
-    tried = np.arange(0.0, math.pi / 2, _MEET_RAD / 2)
-    off = np.abs((turns[None, :] - tried[:, None] + math.pi / 4) % (math.pi / 2) - math.pi / 4)
-    with_it = (off < 2 * _MEET_RAD) @ weight
-    best = int(np.argmax(with_it))
-    if with_it[best] < _LEAST_ALIGNED * weight.sum():
-        return None
-    on = off[best] < 2 * _MEET_RAD
-    return float(np.angle(np.sum(weight[on] * np.exp(4j * turns[on]))) / 4)
+    return _Lines.of(picture, camera).heading_rad(R)
 
 
-def _planes(picture: Photograph, camera: Intrinsics) -> tuple[Array, Array]:
-    """The longest lines that are about upright: (N, 3) normals of their planes through the camera, (N,) pixels."""
-    ends, length = _lines(picture)
-    along = ends[:, 1] - ends[:, 0]
-    leans = np.abs(np.arctan2(along[:, 0], along[:, 1]))
-    good = np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD
-    order = np.argsort(-length[good], kind="stable")[:_MOST_LINES]
-    if len(order) < _LEAST_MEETING:
-        raise _unlevelled(picture, len(order))
-    return _through_camera(ends[good][order], camera), length[good][order]
-
-
-def _lines(picture: Photograph) -> tuple[Array, Array]:
+def _line_ends(picture: Photograph) -> tuple[Array, Array]:
     """(N, 2, 2) ends of the lines in a picture, and (N,) how long they are; in pixels."""
     cv2 = require("cv2", "photo")
     found = cv2.createLineSegmentDetector().detect(cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY))[0]
@@ -238,5 +276,5 @@ def _through_camera(ends: Array, camera: Intrinsics) -> Array:
 
 
 def _unlevelled(picture: Photograph, lines: int) -> PhotoRefused:
-    problem = f"{lines} upright lines are seen in it, which does not tell what is level"
+    problem = f"{lines} lines of it are upright or go in two level directions, which does not tell what is level"
     return PhotoRefused("floor", picture.source, problem, "give depths, or lay a ChArUco board on the floor (--board)")

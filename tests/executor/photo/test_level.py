@@ -94,7 +94,7 @@ def test_a_board_on_the_floor_tells_both() -> None:
 def test_what_is_not_level_or_not_on_the_floor_is_refused() -> None:
     grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
     upright = UprightSeen(UP, 9)
-    with pytest.raises(PhotoRefused, match="0 upright lines"):
+    with pytest.raises(PhotoRefused, match="0 lines of it are upright"):
         find_upright(grey, CAMERA)
     about = find_upright(grey, CAMERA, about=UP)
     assert about.lines == 0 and about.up == pytest.approx(UP)
