@@ -43,6 +43,7 @@ _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, tha
 _NAMES = 8  # What may be called by more of them may be anything.
 _SECOND, _LAST = 160, 120  # Renderings of a search.
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
+_DISTANCES = (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
@@ -188,7 +189,8 @@ def sharpened(around: Around, box_px: tuple[float, float, float, float], found: 
     """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height."""
     _, _, fine = _likelihoods(around, box_px)
     patch = Patch.around(around.seen, box_px, around.other_m, around.other, SHARP_PX, around.smaller, around.own)
-    guess = descended(Likelihood(patch, around.near), found.guess, _LAST, colours=True, reach=0.3)
+    polished = _polished(fine, fine.rated(found.guess)).guess
+    guess = descended(Likelihood(patch, around.near), polished, _LAST, colours=True, reach=0.3)
     return replace(found, guess=guess, cost=fine.cost(guess))
 
 
@@ -326,6 +328,14 @@ def _with_sides_of(
     return [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]]
 
 
+def _farther(guess: Guess, share: float, eye_m: Array) -> Guess:
+    """A thing so much farther off and larger that its top looks the same: where its foot is hidden, little tells."""
+    length, width, height = guess.size_m
+    top_m = float(eye_m[2]) - share * (float(eye_m[2]) - guess.bottom_m - height)
+    size = round(share * length, 4), round(share * width, 4), round(top_m - guess.bottom_m, 4)
+    return replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=size)
+
+
 def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
     """Searched from where a search ended, with the options that were chosen there, as long as that gains something.
 
@@ -335,7 +345,9 @@ def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
         # What is thin before a wall, such as a headboard, is no slope that a search goes down.
         length, width, height = best.guess.size_m
         taller = (replace(best.guess, size_m=(length, width, round(share * height, 4))) for share in _HEIGHTS)
-        best = min([best, *(fine.rated(one) for one in taller)], key=lambda one: one.cost)
+        farther = (_farther(best.guess, share, fine.patch.seen.eye_m) for share in _DISTANCES)
+        others = [*taller, *farther] if fine.patch.seen.by_sight else taller
+        best = min([best, *(fine.rated(one) for one in others)], key=lambda one: one.cost)
     for _ in range(_ROUNDS):
         again = redressed(fine, with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5)))
         gained = best.cost - again.cost
