@@ -24,9 +24,9 @@ from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.inputs.annotations import FLOOR
 from executor.photo.overlay import outlined, shown_things
 from executor.photo.pipeline import Given, Result
-from executor.photo.reconstruct import FittedThing
 from executor.photo.refusal import PhotoRefused
 from executor.photo.report import photo_page
+from executor.photo.room.reconstruct import FittedThing
 from executor.photo.scene import MadeScene, provenance
 from executor.photo.variations import COUNT
 from executor.results.run_folder import FolderUnusable, ResultsExist

@@ -16,8 +16,8 @@ from executor.photo.inputs.captures import is_capture, read_capture
 from executor.photo.inputs.depth import Depth, DepthSource
 from executor.photo.inputs.picture import Photograph, read_picture
 from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
-from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.refusal import PhotoRefused
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import MadeScene, scene_of
 from executor.photo.space.floor import FloorSeen, observe
 from executor.photo.space.level import (

@@ -10,7 +10,7 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.inputs.depth import Depth
 from executor.photo.overlay import cut, outlined, shown_things
 from executor.photo.pipeline import Result
-from executor.photo.reconstruct import FittedThing
+from executor.photo.room.reconstruct import FittedThing
 from executor.photo.space.floor import FloorSeen
 from executor.photo.space.observation import Noise
 from executor.photo.variations import RoomVariation

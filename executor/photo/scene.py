@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.assets.footprint import Footprint
 from executor.photo.fitting.body import Guess
-from executor.photo.reconstruct import FittedRoom, FittedThing
+from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import SAME_HEIGHT_M, tidied
 from executor.scenes.furnishing.furnish import furnished

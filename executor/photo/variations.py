@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from executor.photo.reconstruct import FittedRoom
+from executor.photo.room.reconstruct import FittedRoom
 from executor.photo.scene import MadeScene, made_of
 
 COUNT = 2

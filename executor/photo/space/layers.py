@@ -47,11 +47,13 @@ class Layers:
         self.walls = seen_anew(self.walls, self.seen, left, fitted)
         self._empty = depth_of_empty(self.seen, self.walls)
 
-    def together(self) -> Look:
-        """Returns the depth of all, and of which face it is: 0 the floor, then walls, then faces of things."""
+    def together(self, besides: int | None = None) -> Look:
+        """Returns the depth of all besides one, and of which face it is: 0 the floor, then walls, then faces of things."""
         depth, face = self._empty[0].copy(), self._empty[1].copy()
         first = 1 + len(self.walls)
-        for own_m, own_face in self.looks.values():
+        for index, (own_m, own_face) in self.looks.items():
+            if index == besides:
+                continue
             nearer = own_m < depth
             shown = own_face[nearer]
             depth[nearer], face[nearer] = own_m[nearer], first + shown

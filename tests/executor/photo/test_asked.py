@@ -19,7 +19,7 @@ from executor.photo.inputs.annotations import FLOOR
 from executor.photo.perception.asked import asks, sent_picture
 from executor.photo.perception.candidates import FoundBox, sorted_out
 from executor.photo.pipeline import Given
-from executor.photo.reconstruct import reconstruct
+from executor.photo.room.reconstruct import reconstruct
 from llm import Conversation, connect
 from llm.wire.profiles import BoxForm
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above

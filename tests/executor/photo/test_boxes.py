@@ -18,7 +18,7 @@ from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.starts import outline_starts
 from executor.photo.fitting.turns import cheapest_openings
-from executor.photo.reconstruct import reconstruct
+from executor.photo.room.reconstruct import reconstruct
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
 

@@ -23,11 +23,11 @@ from executor.photo.fitting.starts import opened_starts, starts
 from executor.photo.fitting.turns import is_same_box
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
-from executor.photo.reconstruct import FittedRoom, reconstruct
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
+from executor.photo.room.supports import is_on_one, tops_of
 from executor.photo.scene import scene_json, scene_of
 from executor.photo.space.observation import Noise, Observation
 from executor.photo.space.walls import Wall
-from executor.photo.supports import is_on_one, tops_of
 from executor.photo.tidy import tidied
 from executor.photo.variations import variations_of
 from executor.scenes.cousins import from_cousins

@@ -11,9 +11,10 @@ import pytest
 from executor.assets.library import LIBRARY
 from executor.bench.photo.matching import matched
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.known import STOOD_OUT, KnownRoom
 from executor.photo.overlay import shown_things
-from executor.photo.reconstruct import FittedRoom, reconstruct
+from executor.photo.room.fitter import STOOD_OUT, RoomFitter
+from executor.photo.room.known import KnownRoom
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.space.standing_out import box_of, standing_out
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
@@ -53,18 +54,19 @@ def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
 def test_a_box_without_a_thing_adopts_what_was_found_alone() -> None:
     seen, boxes = seen_from_above(TABLE)
     room = KnownRoom(seen, (), boxes, 0.0)
-    assert not room.adopt(0)
+    fitter = RoomFitter(room)
+    assert not fitter.adopt(0)
     room.detections.append(replace(boxes[0], label="", category=None, source=STOOD_OUT))
     desk = replace(TABLE, entry=LIBRARY["desk_four_legs"])
     room.fits[1] = Fit(desk, 0.0, (), 1.0, 0.0, 100, None)
-    assert room.adopt(0) and list(room.fits) == [0]
+    assert fitter.adopt(0) and list(room.fits) == [0]
     assert room.fits[0].guess.entry.category == "table", "as its box is called, since nobody can tell it from a desk"
 
 
 def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() -> None:
     seen, (box,) = seen_from_above(TABLE)
     room = KnownRoom(seen, (), [], 0.0)
-    room.discover(lambda words: None)
+    RoomFitter(room).discover(lambda words: None)
     (alone,) = room.fits
     room.leave_out_what_is_inside()
     assert list(room.fits) == [alone]
@@ -79,8 +81,9 @@ def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() ->
 def test_what_stood_on_something_that_is_lower_by_now_is_in_the_air() -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
     room = KnownRoom(seen, (), boxes, 0.0)
-    room.fit(0, [0.0], ())
-    room.fit(1, None, ())
+    fitter = RoomFitter(room)
+    fitter.fit(0, [0.0], ())
+    fitter.fit(1, None, ())
     assert not room.is_in_air(0) and not room.is_in_air(1)
     room.fits[0] = replace(room.fits[0], guess=replace(room.fits[0].guess, size_m=(1.0, 0.6, 0.55)))
     assert not room.is_in_air(0) and room.is_in_air(1)

@@ -10,7 +10,8 @@ from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.prior import CARRIED
 from executor.photo.fitting.starts import stands_on_floor
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.known import RIGHT, KnownRoom
+from executor.photo.room.fitter import RIGHT, RoomFitter
+from executor.photo.room.known import KnownRoom
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
@@ -73,6 +74,7 @@ def reconstruct(
         alone: Whether with depth things are looked for that nobody has put a box around.
     """
     room = KnownRoom(seen, walls, detections, scale_share)
+    fitter = RoomFitter(room)
     boxes = range(len(detections))
     standing = [index for index in boxes if stands_on_floor(detections[index])]
     carried = [index for index in boxes if index not in standing]
@@ -80,47 +82,47 @@ def reconstruct(
     standing.sort(key=lambda index: -detections[index].area_px)
     carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
     for index in standing:
-        room.fit(index, [0.0], hidden_by=boxes)
+        fitter.fit(index, [0.0], hidden_by=boxes)
     if seen.has_depth and not seen.bend_share:
         room.look_for_walls()
     for index in standing:
-        told(room.fit(index, [0.0], hidden_by=carried))
+        told(fitter.fit(index, [0.0], hidden_by=carried))
     for index in sorted(standing, key=room.unlikeliness, reverse=True):
-        told(room.shake(index))
+        told(fitter.shake(index))
     for index in standing:
-        if room.is_unlikely(index, RIGHT):
-            told(room.fit_again(index, hidden_by=carried))
+        if fitter.is_unlikely(index, RIGHT):
+            told(fitter.fit_again(index, hidden_by=carried))
     room.straighten()
     for index in standing:
-        told(room.sharpen(index))
+        told(fitter.sharpen(index))
     for index in carried:
-        told(room.fit(index, None, hidden_by=carried))
+        told(fitter.fit(index, None, hidden_by=carried))
     for index in boxes:
         # What hardly explains its box has sides that are of no use for others.
         if not room.is_doubtful(index):
-            told(room.rename(index))
+            told(fitter.rename(index))
     # Where two stand in each other, the less likely one is the wrong one.
     for index in sorted(boxes, key=room.unlikeliness, reverse=True):
         if room.is_doubtful(index):
-            told(room.fit_anything(index))
+            told(fitter.fit_anything(index))
     if seen.has_depth and alone:
-        room.discover(told)
+        fitter.discover(told)
         for index in boxes:
-            if index not in room.fits and not room.adopt(index):
-                told(room.fit(index, None, hidden_by=carried))
+            if index not in room.fits and not fitter.adopt(index):
+                told(fitter.fit(index, None, hidden_by=carried))
             if room.is_doubtful(index):
-                told(room.fit_anything(index))
+                told(fitter.fit_anything(index))
     for index in sorted(room.fits, key=room.unlikeliness, reverse=True):
-        told(room.shake(index))
+        told(fitter.shake(index))
     for index in standing:
-        if room.is_unlikely(index):
-            told(room.fit_again(index, hidden_by=()))
+        if fitter.is_unlikely(index):
+            told(fitter.fit_again(index, hidden_by=()))
     for index in standing:
-        told(room.sharpen(index))
+        told(fitter.sharpen(index))
     room.leave_out_what_is_inside()
     for index in list(room.fits):
         if room.is_in_air(index):
-            told(room.fit(index, None, hidden_by=()))
+            told(fitter.fit(index, None, hidden_by=()))
     return _result(room)
 
 

@@ -1,0 +1,279 @@
+"""How one thing more is fitted among what is known of a room, and what nobody has put a box around is found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.assets.library import LIBRARY
+from executor.photo.fitting.body import Guess
+from executor.photo.fitting.fit import (
+    MISNAMED,
+    called,
+    cheaper,
+    fit_anything,
+    fit_thing,
+    renamed,
+    retouched,
+    shaken,
+    sharpened,
+)
+from executor.photo.fitting.likelihood import Around, Fit
+from executor.photo.fitting.options import with_parts
+from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_size_m
+from executor.photo.fitting.rim import assumed_beneath, beneath
+from executor.photo.fitting.starts import feet_of, large_enough, named_models
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.room.known import IMPOSSIBLE, UNLIKELY, KnownRoom
+from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
+from executor.photo.space.box_view import BoxView
+from executor.photo.space.standing_out import are_alike, box_of, standing_out
+from llm.sight.forms import overlap
+
+_NOTHING = "nothing in its box stands out from what is around it"
+_UNFIT = "no model fits its box, wherever it may stand"
+_ON_NOTHING = "nothing was found that it stands on"
+_LEAST_EXPLAINED = 0.25
+"""Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
+
+_LEAST_ALONE = 0.6  # Right names explain nine tenths and more.
+RIGHT = 0.9  # What explains less may be turned otherwise.
+_RIVALS = 6  # Models that what nobody has called so may be as well.
+_MOST_FOUND = 40
+_MISNAMED_BY_SIGHT = 60.0  # Less, without depth, another name has to cost: what has legs hides and costs little.
+_SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
+STOOD_OUT = "stands out of the depths"
+"""Who found what nobody has put a box around."""
+
+
+class RoomFitter:
+    """Fits the things of a room, one after the other, each among all that is known when its turn comes.
+
+    Args:
+        room: What is known, which grows.
+    """
+
+    def __init__(self, room: KnownRoom) -> None:
+        self.room = room
+        self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
+        self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
+        self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
+        self._sharp: set[Guess] = set()  # Those that were fitted to every pixel.
+
+    def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
+        """Fits one thing, anew when it was fitted before, and says what came of it.
+
+        Args:
+            index: Which detection.
+            bottoms_m: Heights that it may stand on; None: the floor, and tops of what was fitted.
+            hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
+        """
+        room = self.room
+        detection = room.detections[index]
+        before = room.take(index)
+        around = room.around(index, hidden_by)
+        as_seen = self._is_as_seen(index, around)
+        if before is not None and as_seen and prior_cost(before.guess, around.near) < UNLIKELY:
+            return room.keep(index, retouched(around, detection.box_px, before))
+        entries = named_models(detection)
+        if not room.seen.has_depth:
+            # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
+            entries = with_parts(entries, detection.doors, detection.drawers)
+        points = room.points(detection, around)
+        if bottoms_m is None:
+            bottoms_m = room.heights_m(detection, points)
+        under_all = [] if room.seen.has_depth else beneath(detection, room.seen.size_px)
+        if under_all:
+            others = [one.box_px for number, one in enumerate(room.detections) if number != index]
+            feet = feet_of(room.seen, others, usual_size_m(under_all[0])[2])
+            found: Fit | None = assumed_beneath(around, under_all, feet)
+        else:
+            found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
+        if found is None:
+            nothing = _NOTHING if room.seen.has_depth else _UNFIT
+            room.reasons[index] = nothing if bottoms_m else _ON_NOTHING
+            found = before
+        elif room.seen.has_depth and found.explained < _LEAST_EXPLAINED:
+            room.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
+            found = None
+        elif room.seen.has_depth and room.claim(found.guess, around).is_refuted(detection.box_px):
+            room.reasons[index] = "no such thing fits in its box, through which farther things are seen"
+            found = None
+        elif room.is_on_nothing(found.guess):
+            room.reasons[index] = _ON_NOTHING
+            found = None
+        if found is not None:
+            found = as_exact_as_its_carrier(found, tops_of(room.fits.values()))
+        return room.keep(index, found)
+
+    def rename(self, index: int) -> str:
+        """Takes a thing for what fits clearly better than what it is called, if anything does."""
+        room = self.room
+        detection, found = room.detections[index], room.take(index)
+        around = room.around(index)
+        points = room.points(detection, around)
+        if found is None or points is None:
+            return room.keep(index, found)
+        taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
+        likely = large_enough(points, [found.guess.bottom_m])
+        others = [entry for entry in likely if entry.category not in taken and is_large(entry) is large]
+        other = renamed(around, found, detection.box_px, named_models(detection), others, points)
+        is_named = other.guess.entry.category == detection.category
+        return room.keep(index, other if is_named or room.is_there(index, other, around) else found)
+
+    def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
+        """Decides whether what is known now speaks against a fit, or it explains less of its pixels than this share."""
+        room = self.room
+        if index not in room.fits or not room.seen.has_depth:
+            return False
+        if self._tried.get(index) == room.pieces_beside(index):
+            return False
+        explained = room.fits[index].explained
+        return room.unlikeliness(index) > UNLIKELY or explained < least_explained or room.is_seen_through(index)
+
+    def sharpen(self, index: int) -> str:
+        """Fits a piece of furniture to every pixel, where it is the picture that tells its place."""
+        room = self.room
+        found = room.fits.get(index)
+        if found is None or not room.seen.by_sight or found.guess in self._sharp:
+            return room.keep(index, found)
+        room.take(index)
+        found = sharpened(room.around(index), room.detections[index].box_px, found)
+        self._sharp.add(found.guess)
+        return room.keep(index, found)
+
+    def fit_again(self, index: int, hidden_by: Sequence[int]) -> str:
+        """Fits one thing anew among all that is known now, and keeps what was there where that is the cheaper one."""
+        room = self.room
+        before = room.fits[index]
+        self.fit(index, [0.0], hidden_by)
+        found = room.take(index)
+        self._tried[index] = room.pieces_beside(index)
+        if found is None or found is before:
+            return room.keep(index, before)
+        around, box_px = room.around(index, hidden_by), room.detections[index].box_px
+        return room.keep(index, cheaper(around, box_px, found, before))
+
+    def shake(self, index: int) -> str:
+        """Looks for what explains a piece of furniture better and is not near it, among all that is known now."""
+        room = self.room
+        found = room.fits.get(index)
+        if found is None or not is_large(found.guess.entry):
+            return room.keep(index, found)
+        room.take(index)
+        around, detection = room.around(index), room.detections[index]
+        if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
+            likely = named_models(detection)
+            if found.guess.entry.category != detection.category:
+                rivals = (found.guess.entry, *(one.guess.entry for one in found.alternatives[:_RIVALS]))
+                likely = [one for one in rivals if is_large(one)]
+            found = shaken(around, detection.box_px, found, likely)
+            self._shaken[index] = frozenset((found.guess, *around.near.pieces))
+        return room.keep(index, found)
+
+    def fit_anything(self, index: int, foreign: NDArray[np.bool_] | None = None) -> str:
+        """Fits one thing by every model, and keeps that where it costs clearly less than what the box is called.
+
+        Args:
+            index: Which detection.
+            foreign: (H, W) pixels that are of other things, though nobody knows yet of which.
+        """
+        room = self.room
+        unlikely = room.unlikeliness(index) > IMPOSSIBLE
+        before, detection = room.take(index), room.detections[index]
+        if unlikely and room.seen.has_depth:
+            before = None
+            room.reasons[index] = "what it is called would stand in other things"
+        around = room.around(index, range(room.boxed))
+        if foreign is not None:
+            around = replace(around, smaller=around.smaller | foreign)
+        self._views[index] = BoxView.of(room.seen, around.other_m, around.smaller)
+        points = room.points(detection, around)
+        # Where something hides its foot, it may stand on the floor as well.
+        places = sorted({0.0, *(room.heights_m(detection, points))})
+        entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
+        found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
+        if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
+            found = called(around, detection.box_px, found, named_models(detection))
+        if found is not None and not room.is_there(index, found, around):
+            found = None
+        if found is not None and (found.explained < _LEAST_ALONE or self._is_far_fetched(found, before)):
+            found = None
+        if found is None:
+            found = before
+        elif before is not None and detection.category is None:
+            found = cheaper(around, detection.box_px, before, found)
+        elif before is not None and not (room.seen.has_depth and room.claim(before.guess, around).seen_through):
+            by = MISNAMED if room.seen.has_depth else _MISNAMED_BY_SIGHT
+            found = cheaper(around, detection.box_px, before, found, by)
+        if found is None:
+            room.reasons.setdefault(index, "no model explains it")
+        return room.keep(index, found)
+
+    def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
+        """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""
+        room = self.room
+        far_fetched = found.cost > 0.0 or room.is_on_nothing(found.guess)
+        return not room.seen.has_depth and before is None and far_fetched
+
+    def adopt(self, index: int) -> bool:
+        """Gives a box that has no thing what was found alone and fills it; returns whether there is any."""
+        room = self.room
+        box_px = room.detections[index].box_px
+        for alone in [one for one in room.fits if one >= room.boxed]:
+            if overlap(room.detections[alone].box_px, box_px) < _ADOPTED:
+                continue
+            found = room.take(alone)
+            room.reasons[alone] = "it is what a box was drawn around"
+            if found is not None:
+                room.keep(index, called(room.around(index), box_px, found, named_models(room.detections[index])))
+            return True
+        return False
+
+    def discover(self, told: Callable[[str], None]) -> None:
+        """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
+        room = self.room
+        tried: list[NDArray[np.bool_]] = []
+        parted = True
+        while len(tried) < _MOST_FOUND:
+            pieces = standing_out(room.seen, room.depth_m, room.walls, parted=parted)
+            piece = next((one for one in pieces if not any(are_alike(one, other) for other in tried)), None)
+            if piece is None and not parted:
+                break
+            if piece is None:
+                # What is no row after all, since nothing fits its parts, is looked at whole.
+                parted = False
+                continue
+            tried.append(piece)
+            room.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
+            others = [one for one in pieces if one is not piece]
+            told(self.fit_anything(len(room.detections) - 1, np.any(others, axis=0) if others else None))
+        alone = [index for index in room.fits if index >= room.boxed]
+        found = [index for index in alone if room.fits[index].guess.bottom_m == 0.0]
+        # The first ones were fitted among nothing, and each to the piece of it that stood out.
+        for index in found:
+            box_px = room.detections[index].box_px
+            claimed_px = room.claimed_px(index) or box_px
+            before = room.fits[index]
+            room.take(index)
+            around = room.around(index)
+            if overlap(claimed_px, box_px) > _SAME_BOX and self._is_as_seen(index, around):
+                told(room.keep(index, retouched(around, box_px, before)))
+                continue
+            room.keep(index, before)
+            room.detections[index] = replace(room.detections[index], box_px=claimed_px)
+            told(self.fit_anything(index))
+
+    def _is_as_seen(self, index: int, around: Around) -> bool:
+        """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""
+        room = self.room
+        if not room.seen.has_depth:
+            return False
+        view, before = BoxView.of(room.seen, around.other_m, around.smaller), self._views.get(index)
+        if before is not None and view.is_like(before, room.detections[index].box_px):
+            return True
+        self._views[index] = view
+        return False

@@ -1,0 +1,204 @@
+"""What is known of a room so far, and what that says of one thing more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess, picture_of
+from executor.photo.fitting.likelihood import Around, Fit
+from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, is_outgrown, prior_cost, stands_in
+from executor.photo.fitting.starts import LEAST_POINTS, points_of
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.room.supports import EQUAL_M, SAME_M, heights_behind, heights_under, is_on_one, tops_of
+from executor.photo.space.claim import Claim
+from executor.photo.space.layers import Layers
+from executor.photo.space.observation import Observation
+from executor.photo.space.rescale import straightened
+from executor.photo.space.walls import Wall
+from oag import Kind, kind_of
+
+UNLIKELY, IMPOSSIBLE = 10.0, 30.0
+"""Prior cost of what stands in a wall, in others, or with its front against something, and hardly of a right fit; and
+of what stands wholly in something: it is called wrongly."""
+
+_DOUBTFUL = 0.75  # Right names explain nine tenths and more.
+_LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
+_BESIDE_BOX, _UNLIKE = 25.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
+
+
+class KnownRoom:
+    """What is known so far: the fits, and the depth and face that each of them has in every pixel.
+
+    Attributes:
+        seen: The picture; its depths may be put right on the way.
+        detections: The boxes, and after them what was found without one.
+        boxed: How many boxes somebody has drawn.
+        fits: index of a detection -> how it was fitted.
+        reasons: index -> why it was not.
+        scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
+    """
+
+    def __init__(
+        self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
+    ) -> None:
+        self.seen, self.detections, self.scale_share = seen, list(detections), scale_share
+        self.boxed = len(self.detections)
+        self.fits: dict[int, Fit] = {}
+        self.reasons: dict[int, str] = {}
+        self._layers = Layers(seen, walls)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The walls."""
+        return self._layers.walls
+
+    @property
+    def depth_m(self) -> Array:
+        """(H, W) depth of all that is known."""
+        return self._layers.together()[0]
+
+    def keep(self, index: int, found: Fit | None) -> str:
+        """Keeps a fit, and says what it is, or why there is none."""
+        name = self.detections[index].label or "thing"
+        if found is None:
+            return f"{name}: {self.reasons[index]}"
+        self.fits[index], self._layers.looks[index] = found, picture_of(found.guess, self.seen)
+        return f"{name}: {found.guess.entry.model}"
+
+    def take(self, index: int) -> Fit | None:
+        """Takes a thing out of the room, and returns how it was fitted, if it was."""
+        self._layers.looks.pop(index, None)
+        return self.fits.pop(index, None)
+
+    def look_for_walls(self) -> None:
+        """Looks for walls in boxes, too, now that it is known which of their pixels are of things."""
+        self._layers.look_for_walls([one for index, one in enumerate(self.detections) if index not in self.fits])
+
+    def straighten(self) -> None:
+        """Puts depths that are bent right by all that is known, as the floor did."""
+        if not self.seen.bend_share:
+            return
+        beside = self.seen.measured & ~self._in_boxes(range(len(self.detections)))
+        self.seen = replace(self.seen, z_m=straightened(self.seen.z_m, np.where(beside, self.depth_m, np.inf)))
+
+    def leave_out_what_is_inside(self) -> None:
+        """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
+        alone = [index for index in self.fits if index >= self.boxed]
+        for index in sorted(alone, key=lambda index: self.detections[index].area_px):
+            if stands_in(self.fits[index].guess, self._near(index).pieces):
+                self.take(index)
+                self.reasons[index] = "what is left of other things, in which it would stand"
+
+    def is_doubtful(self, index: int) -> bool:
+        """Decides whether a box may be called wrongly.
+
+        With depth, what it is called explains too little, is seen through, or is in other things; without, it does not
+        fill its box, or looks otherwise.
+        """
+        if index not in self.fits:
+            return True
+        found = self.fits[index]
+        if not self.seen.has_depth:
+            # What furniture carries is as far off as that is, and fits no better.
+            carried = self.detections[index].category in CARRIED
+            return not carried and (found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE)
+        return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.unlikeliness(index) > IMPOSSIBLE
+
+    def unlikeliness(self, index: int) -> float:
+        """Returns how much speaks against a fit before anything is seen, among all that is known now."""
+        found = self.fits.get(index)
+        return 0.0 if found is None else prior_cost(found.guess, self._near(index))
+
+    def is_in_air(self, index: int) -> bool:
+        """Decides whether what a thing was put on has been taken for something else since.
+
+        By sight, a top that is a little higher has what stands on it elsewhere.
+        """
+        found, within_m = self.fits.get(index), EQUAL_M if self.seen.by_sight else SAME_M
+        return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()), within_m)
+
+    def is_on_nothing(self, guess: Guess) -> bool:
+        """Decides whether by sight a thing would have to be too large to stand on the floor, and on nothing else."""
+        small = not is_large(guess.entry) and is_outgrown(guess)
+        return not self.seen.has_depth and guess.bottom_m == 0.0 and small
+
+    def is_seen_through(self, index: int) -> bool:
+        """Decides whether farther things are seen where a fit says that it is."""
+        own_m, _ = self._layers.looks[index]
+        return Claim.of(self.seen, own_m, self._others_m(index), self.fits[index].guess.corners_m()).seen_through
+
+    def claimed_px(self, index: int) -> tuple[float, float, float, float] | None:
+        """Returns the box of what is seen of a fit, None where nothing is."""
+        own_m, _ = self._layers.looks[index]
+        return Claim.of(self.seen, own_m, self._others_m(index), self.fits[index].guess.corners_m()).box_px
+
+    def is_there(self, index: int, found: Fit, around: Around) -> bool:
+        """Decides whether a fit that nobody has named is seen wherever it says, and is what a box was drawn around."""
+        if not self.seen.has_depth:
+            return True
+        claim = self.claim(found.guess, around)
+        if index < self.boxed:
+            is_it = claim.fills(self.detections[index].box_px)
+        else:
+            # What is left of a thing that was misjudged is explained by another one in it.
+            is_it = not stands_in(found.guess, around.near.pieces)
+        return is_it and claim.is_borne_out(_LEAST_SEEN_PX, boxed=index < self.boxed)
+
+    def claim(self, guess: Guess, around: Around) -> Claim:
+        """Returns what a guess says of the picture's pixels."""
+        return Claim.of(self.seen, picture_of(guess, self.seen)[0], around.other_m, guess.corners_m())
+
+    def around(self, index: int, hidden_by: Iterable[int] = ()) -> Around:
+        """Returns all that a search for a thing that was taken out has to know besides it.
+
+        Args:
+            index: Which one.
+            hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
+        """
+        own = self.detections[index]
+        smaller = (one for one in hidden_by if one != index and self.detections[one].area_px < own.area_px)
+        foreign = self._in_boxes(smaller)
+        return Around(self.seen, *self._layers.together(), foreign, self._near(), self.scale_share, own.mask)
+
+    def points(self, detection: Sighting, around: Around) -> Array | None:
+        """Returns (N, 3) that are most likely a thing's own; None where there is no depth."""
+        if not self.seen.has_depth:
+            return None
+        if detection.mask is not None:
+            return np.asarray(self.seen.points_m[detection.mask & self.seen.measured])
+        return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
+
+    def heights_m(self, detection: Sighting, points: Array | None) -> list[float]:
+        """Returns heights that a thing may stand on: those under its points, or without depth behind its box's end."""
+        tops = list(tops_of(self.fits.values()))
+        if points is not None:
+            of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
+            return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
+        told = None if detection.on is None else self.fits.get(detection.on)
+        return heights_behind(self.seen, detection, tops, told)
+
+    def pieces_beside(self, index: int) -> tuple[Guess, ...]:
+        """Returns the furniture besides a thing."""
+        return self._near(index).pieces
+
+    def _near(self, besides: int | None = None) -> Neighbourhood:
+        guesses = [fit.guess for index, fit in self.fits.items() if index != besides]
+        pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
+        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
+
+    def _others_m(self, index: int) -> Array:
+        """(H, W) depth of all that is known besides a thing."""
+        return self._layers.together(besides=index)[0]
+
+    def _in_boxes(self, indices: Iterable[int]) -> NDArray[np.bool_]:
+        """(H, W) pixels in boxes of those of some things that are not fitted yet."""
+        mask = np.zeros(self.seen.z_m.shape, dtype=bool)
+        for index in indices:
+            if index not in self.fits:
+                mask |= self.detections[index].pixels(self.seen.size_px)
+        return mask
