@@ -38,7 +38,7 @@ _BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
 _NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
-_CUT, _ASIDE = 0.02, (0.25, 0.5)
+_CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
 _SCALED = (1.0, 0.7)  # Of its usual size, as which an item is looked for where only its box tells that.
@@ -220,35 +220,46 @@ def outline_starts(
     foot = foot_of(seen, box_px, bottom_m)
     if foot is None:
         return
-    away_m, x0, y0, x1, y1 = float(np.linalg.norm(foot)), *box_px
-    # Upright edges are not so in a picture from above: the middle of the box is straight above that of the thing.
+    for entry in entries:
+        for share in (1.0,) if is_large(entry) else _SCALED:
+            length, width, height = (share * side for side in usual_size_m(entry))
+            size = (length, width, height)
+            for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
+                away = math.atan2(y, x)
+                quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
+                for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+                    yield Guess(entry, x, y, turned, bottom_m, size)
+
+
+def _middles_m(
+    seen: Observation,
+    box_px: tuple[float, float, float, float],
+    foot_m: float,
+    size_m: Size,
+    bottom_m: float,
+    *,
+    large: bool,
+) -> Iterator[tuple[float, float]]:
+    """Where the middle of a thing may be whose box ends so far off: behind its box's middle, or beyond a border."""
+    x0, y0, x1, y1 = box_px
+    width_px, height_px = seen.size_px
+    # Upright edges lean in a picture from above: above the middle of a box's end is something else.
     ahead = seen.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
     ahead = ahead / float(np.linalg.norm(ahead))
-    to_left = np.array([-ahead[1], ahead[0]])
-    width_px, height_px = seen.size_px
-    # What the picture's border cuts goes on there.
-    beyond = [side for side, cut in ((1.0, x0 < _CUT * width_px), (-1.0, x1 > (1.0 - _CUT) * width_px)) if cut]
-    for entry in entries:
-        usual_m = usual_size_m(entry)
+    half_m = (size_m[0] + size_m[1]) / 4
+    reaches, asides = [foot_m], [0.0]
+    if large:
         # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
-        reaches = [share * away_m for share in _NEARER] if is_large(entry) else [away_m]
-        shares = (1.0,) if is_large(entry) else _SCALED
-        asides = [0.0, *(side * share for side in beyond for share in _ASIDE)] if is_large(entry) else [0.0]
-        if is_large(entry) and y1 > (1.0 - _CUT) * height_px:
-            # Where its far edge is, tells how far off it is.
-            far = foot_of(seen, (x0, y0, x1, y0), bottom_m + usual_m[2])
-            reaches += (
-                []
-                if far is None
-                else [float(np.linalg.norm(far)) - share * (usual_m[0] + usual_m[1]) / 2 for share in (1.0, 1.2)]
-            )
-        for reach, share, aside in itertools.product(reaches, shares, asides):
-            length, width, height = (share * side for side in usual_m)
-            middle = ahead * (reach + (length + width) / 4) + to_left * aside * (length + width) / 2
-            away = math.atan2(middle[1], middle[0])
-            quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
-            for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
-                yield Guess(entry, float(middle[0]), float(middle[1]), turned, bottom_m, (length, width, height))
+        reaches = [share * foot_m for share in _NEARER]
+        asides += [share for share in _ASIDE if x0 < _CUT * width_px]
+        asides += [-share for share in _ASIDE if x1 > (1.0 - _CUT) * width_px]
+        far = foot_of(seen, (x0, y0, x1, y0), bottom_m + size_m[2])
+        if far is not None and y1 > (1.0 - _CUT) * height_px:
+            # Its far edge tells more.
+            reaches += [float(np.linalg.norm(far)) - share * half_m for share in (2.0, 2.4)]
+    for reach, aside in itertools.product(reaches, asides):
+        along, across = reach + half_m, 2.0 * half_m * aside
+        yield float(along * ahead[0] - across * ahead[1]), float(along * ahead[1] + across * ahead[0])
 
 
 def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:

@@ -207,7 +207,7 @@ class RoomFitter:
         elif before is not None and detection.category is None:
             found = cheaper(around, detection.box_px, before, found)
         elif before is not None and not (room.seen.has_depth and room.claim(before.guess, around).seen_through):
-            by = MISNAMED if room.seen.has_depth else _MISNAMED_BY_SIGHT
+            by = MISNAMED if room.seen.has_depth else max(MISNAMED, _MISNAMED_BY_SIGHT - 2.0 * before.beside_box)
             found = cheaper(around, detection.box_px, before, found, by)
         if found is None:
             room.reasons.setdefault(index, "no model explains it")

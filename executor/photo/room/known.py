@@ -28,7 +28,7 @@ of what stands wholly in something: it is called wrongly."""
 
 _DOUBTFUL = 0.75  # Right names explain nine tenths and more.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
-_BESIDE_BOX, _UNLIKE = 25.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
+_BESIDE_BOX, _UNLIKE = 15.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
 
 
 class KnownRoom:

@@ -48,7 +48,7 @@ class Layers:
         self._empty = depth_of_empty(self.seen, self.walls)
 
     def together(self, besides: int | None = None) -> Look:
-        """Returns the depth of all besides one, and of which face it is: 0 the floor, then walls, then faces of things."""
+        """Returns the depth of all besides one, and of which face it is: 0 the floor, then walls, then things."""
         depth, face = self._empty[0].copy(), self._empty[1].copy()
         first = 1 + len(self.walls)
         for index, (own_m, own_face) in self.looks.items():
