@@ -73,8 +73,9 @@ def _detailed_by(guess: Guess, details: Sequence[Quantity], shares: Sequence[flo
 
 def dressed(likelihood: Likelihood, guess: Guess) -> Guess:
     """Returns a guess with its handles where depths have them, so that a search does not shrink from wrong ones."""
-    best = min((likelihood.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
-    return _detailed(likelihood, best, colours=False).guess
+    colours = likelihood.patch.seen.by_sight
+    best = min((likelihood.rated(one, colours=colours) for one in shapes(guess)), key=lambda one: one.cost)
+    return _detailed(likelihood, best, colours=colours).guess
 
 
 def shapes(guess: Guess) -> Iterator[Guess]:
