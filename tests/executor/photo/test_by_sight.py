@@ -75,3 +75,13 @@ def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
     higher = replace(TABLE, size_m=(1.0, 0.6, 0.71))
     room.fits[0] = replace(room.fits[0], guess=higher)
     assert room.is_in_air(1), "what is moved so little moves what stands on it, by sight"
+
+
+def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    bent = replace(seen, z_m=1.02 * seen.z_m, bend_share=0.02, heading_rad=TABLE.yaw_rad)
+    (table,) = reconstruct(bent, boxes, (), alone=False).things
+    guess = table.fit.guess
+    assert guess.entry.model == "table_four_legs"
+    # By its depths it is 4.4 cm farther off.
+    assert math.dist((guess.x_m, guess.y_m), (TABLE.x_m, TABLE.y_m)) < 0.015

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,15 @@ def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) 
 def test_level_lines_tell_how_far_a_camera_looks_down_where_upright_ones_do_not() -> None:
     # By its upright lines alone it is 0.25 degrees off.
     assert off_deg(find_upright(drawn((4.2, 0.4), (3.5, -0.3), (2.8, 0.3)), CAMERA).up) < 0.1
+
+
+def test_up_is_square_to_other_lines_and_not_where_most_meet(picture: Photograph) -> None:
+    cv2 = pytest.importorskip("cv2")
+    rgb, meet = picture.rgb.copy(), np.array([1000.0, -900.0])
+    for x in range(50, 610, 90):
+        ends = [meet + (np.array([x, 470.0]) - meet) * (row - meet[1]) / (470.0 - meet[1]) for row in (5.0, 115.0)]
+        cv2.line(rgb, *(tuple(np.round(end * 16).astype(int).tolist()) for end in ends), (230,) * 3, 2, cv2.LINE_AA, 4)
+    assert off_deg(find_upright(replace(picture, rgb=rgb), CAMERA).up) < 0.3
 
 
 def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:
