@@ -245,7 +245,7 @@ def _middles_m(
     width_px, height_px = seen.size_px
     # Upright edges lean in a picture from above: above the middle of a box's end is something else.
     ahead = seen.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
-    ahead = ahead / float(np.linalg.norm(ahead))
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-6)
     half_m = (size_m[0] + size_m[1]) / 4
     reaches, asides = [foot_m], [0.0]
     if large:
