@@ -16,7 +16,7 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round
 from executor.photo.fitting.options import shapes
-from executor.photo.fitting.prior import CARRIED, is_large, usual_size_m
+from executor.photo.fitting.prior import AT_WALLS, CARRIED, is_large, usual_size_m
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
@@ -30,7 +30,7 @@ LEAST_POINTS = 12
 """Of a thing: fewer have neither size nor turn."""
 
 _GAP_M = 0.05
-_HEADINGS = 8
+_HEADINGS, _ASKEW_HEADINGS = 8, 24
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 # What is behind a pillow or a seat may be another piece in depths.
@@ -225,9 +225,11 @@ def outline_starts(
             length, width, height = (share * side for side in usual_size_m(entry))
             size = (length, width, height)
             for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
+                # Tables stand as they like in a room, cabinets along its walls.
+                count = 4 if entry.category in AT_WALLS or not is_large(entry) else _ASKEW_HEADINGS
+                turns = [heading + 2 * math.pi * step / count for heading in headings_rad for step in range(count)]
                 away = math.atan2(y, x)
-                quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
-                for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+                for turned in turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
                     yield Guess(entry, x, y, turned, bottom_m, size)
 
 
