@@ -158,7 +158,8 @@ class Patch:
         square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
         cost = self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
-        return _BENT_WEIGHT * (cost + bend_cost) if self.seen.bend_share else cost
+        cost += bend_cost
+        return _BENT_WEIGHT * cost if self.seen.by_sight else cost
 
     def _unbent(self, depth: Array) -> tuple[Array, float]:
         """(N,) depths put right evenly around a guess that has these, where they are bent, and what that costs.

@@ -29,7 +29,7 @@ _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly s
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
-_OUTGROWN = 1.25
+_OUTGROWN = 8.0  # Of what is of any size that its model has, sizes cost 4.5 at most.
 OF_RANGE = 0.29
 """Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
 
@@ -113,8 +113,9 @@ def is_large(entry: ModelEntry) -> bool:
 
 
 def is_outgrown(guess: Guess) -> bool:
-    """Decides whether a guess is much wider than its model ever is, as is what seems farther off than it is."""
-    return guess.size_m[1] > _OUTGROWN * guess.entry.width.high
+    """Decides whether a guess is much larger than its model ever is, as is what seems farther off than it is."""
+    larger = guess.size_m[1] > usual_size_m(guess.entry)[1]
+    return larger and usual_size_cost(guess) > _OUTGROWN
 
 
 def usual_size_m(entry: ModelEntry) -> Size:

@@ -138,7 +138,7 @@ class RoomFitter:
         """Fits a piece of furniture to every pixel, where it is the picture that tells its place."""
         room = self.room
         found = room.fits.get(index)
-        if found is None or not room.seen.by_sight or found.guess in self._sharp:
+        if found is None or room.seen.is_exact or found.guess in self._sharp:
             return room.keep(index, found)
         room.take(index)
         found = sharpened(room.around(index), room.detections[index].box_px, found)
@@ -187,7 +187,8 @@ class RoomFitter:
         if unlikely and room.seen.has_depth:
             before = None
             room.reasons[index] = "what it is called would stand in other things"
-        around = room.around(index, range(room.boxed))
+        # What it may be at all, depths tell better than the picture even where they are bent.
+        around = room.around(index, range(room.boxed), by_depth=True)
         if foreign is not None:
             around = replace(around, smaller=around.smaller | foreign)
         self._views[index] = BoxView.of(room.seen, around.other_m, around.smaller)

@@ -51,6 +51,7 @@ class KnownRoom:
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._layers = Layers(seen, walls)
+        self._sighted = replace(seen, sight_first=True)
 
     @property
     def walls(self) -> tuple[Wall, ...]:
@@ -85,6 +86,7 @@ class KnownRoom:
             return
         beside = self.seen.measured & ~self._in_boxes(range(len(self.detections)))
         self.seen = replace(self.seen, z_m=straightened(self.seen.z_m, np.where(beside, self.depth_m, np.inf)))
+        self._sighted = replace(self.seen, sight_first=True)
 
     def leave_out_what_is_inside(self) -> None:
         """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
@@ -119,7 +121,7 @@ class KnownRoom:
 
         By sight, a top that is a little higher has what stands on it elsewhere.
         """
-        found, within_m = self.fits.get(index), EQUAL_M if self.seen.by_sight else SAME_M
+        found, within_m = self.fits.get(index), SAME_M if self.seen.is_exact else EQUAL_M
         return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()), within_m)
 
     def is_on_nothing(self, guess: Guess) -> bool:
@@ -153,17 +155,19 @@ class KnownRoom:
         """Returns what a guess says of the picture's pixels."""
         return Claim.of(self.seen, picture_of(guess, self.seen)[0], around.other_m, guess.corners_m())
 
-    def around(self, index: int, hidden_by: Iterable[int] = ()) -> Around:
+    def around(self, index: int, hidden_by: Iterable[int] = (), *, by_depth: bool = False) -> Around:
         """Returns all that a search for a thing that was taken out has to know besides it.
 
         Args:
             index: Which one.
             hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
+            by_depth: Whether depths tell its place though they are not exact, and the picture would tell it better.
         """
         own = self.detections[index]
         smaller = (one for one in hidden_by if one != index and self.detections[one].area_px < own.area_px)
         foreign = self._in_boxes(smaller)
-        return Around(self.seen, *self._layers.together(), foreign, self._near(), self.scale_share, own.mask)
+        seen = self.seen if by_depth or self.seen.is_exact else self._sighted
+        return Around(seen, *self._layers.together(), foreign, self._near(), self.scale_share, own.mask)
 
     def points(self, detection: Sighting, around: Around) -> Array | None:
         """Returns (N, 3) that are most likely a thing's own; None where there is no depth."""

@@ -83,7 +83,7 @@ def reconstruct(
     carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
     for index in standing:
         fitter.fit(index, [0.0], hidden_by=boxes)
-    if seen.has_depth and not seen.bend_share:
+    if seen.is_exact:
         room.look_for_walls()
     for index in standing:
         told(fitter.fit(index, [0.0], hidden_by=carried))

@@ -48,6 +48,7 @@ class Observation:
         bend_share: How far off depths slowly go over the picture, as a share of themselves, see `Depth`.
         heading_rad: Without depth, or where it is bent, one of the directions in which most lines of the room go, up
             to quarter turns.
+        sight_first: Whether colours and edges tell places though there are depths.
     """
 
     rgb: NDArray[np.uint8]
@@ -59,6 +60,7 @@ class Observation:
     K: Intrinsics
     heading_rad: float | None = None
     bend_share: float = 0.0
+    sight_first: bool = False
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -86,9 +88,14 @@ class Observation:
         return self.noise.sigma_m(self.z_m)
 
     @property
+    def is_exact(self) -> bool:
+        """Whether depths tell places better than colours and edges do: there are some, and they are not bent."""
+        return self.has_depth and not self.bend_share
+
+    @property
     def by_sight(self) -> bool:
-        """Whether colours and edges tell places better than depths do: there are none, or they are bent."""
-        return self.bend_share > 0.0 or not self.has_depth
+        """Whether colours and edges tell places."""
+        return self.sight_first or not self.has_depth
 
     @cached_property
     def edge_strength(self) -> tuple[Array, Array]:
