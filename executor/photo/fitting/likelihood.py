@@ -21,6 +21,7 @@ from executor.photo.space.observation import Observation
 _STEPS = np.array([0.02, 0.02, 0.05, 0.01, 0.01, 0.01])  # Metres and radians, over which costs are about quadratic.
 _LOOSEST = 1e-3  # Of the sharpest direction: what is looser is not known at all.
 _MOST_M = 1.0
+_FARTHEST_M = 10.0  # In a room.
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,10 @@ class Likelihood:
     def box_cost(self, guess: Guess) -> float:
         """Returns what its box and what is likely before anything is seen say; infinite for what cannot be."""
         cost = self.patch.box_cost(guess) + prior_cost(guess, self.near)
-        return cost + usual_size_cost(guess) if self.patch.seen.by_sight else cost
+        if not self.patch.seen.by_sight:
+            return cost
+        # Near the horizon, a little of the picture is many metres.
+        return cost + usual_size_cost(guess) if math.hypot(guess.x_m, guess.y_m) < _FARTHEST_M else math.inf
 
     def cost(self, guess: Guess, body: Body | None = None, *, colours: bool = True) -> float:
         """Returns what a guess costs, infinite for what cannot be built.

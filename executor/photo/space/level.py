@@ -33,7 +33,7 @@ _ON_RAD, _LINE_RAD = (math.radians(2.0), math.radians(1.2), math.radians(0.8), m
 """Off its direction, what a line may be, ever less, and what one mostly is."""
 
 _ASKEW_RAD = math.radians(2.0)  # What is about known of which way is up is off by this much.
-_LEAST_MEETING, _LEAST_LINES, _LEAST_TOLD = 5, 8, 0.25
+_LEAST_MEETING, _LEAST_LINES, _LEAST_TOLD = 5, 5, 0.25
 """Level lines that have a direction; lines that tell what is up, and their part of the length of all."""
 
 _MEETINGS, _TRIED = 40, 8  # Directions in which lines meet that are looked at, and how many are followed.
