@@ -138,7 +138,7 @@ class RoomFitter:
         """Fits a piece of furniture to every pixel, where it is the picture that tells its place."""
         room = self.room
         found = room.fits.get(index)
-        if found is None or room.seen.is_exact or found.guess in self._sharp:
+        if found is None or found.assumed or room.seen.is_exact or found.guess in self._sharp:
             return room.keep(index, found)
         room.take(index)
         found = sharpened(room.around(index), room.detections[index].box_px, found)

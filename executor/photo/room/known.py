@@ -106,9 +106,9 @@ class KnownRoom:
             return True
         found = self.fits[index]
         if not self.seen.has_depth:
-            # What furniture carries is as far off as that is, and fits no better.
-            carried = self.detections[index].category in CARRIED
-            return not carried and (found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE)
+            # What furniture carries is as far off as that is, and fits no better; of what is assumed nothing is seen.
+            told = self.detections[index].category in CARRIED or bool(found.assumed)
+            return not told and (found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE)
         return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.unlikeliness(index) > IMPOSSIBLE
 
     def unlikeliness(self, index: int) -> float:
