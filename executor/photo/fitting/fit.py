@@ -42,8 +42,9 @@ _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, 
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _NAMES = 8  # What may be called by more of them may be anything.
 _SECOND, _LAST = 160, 120  # Renderings of a search.
-_HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)
-_DISTANCES = (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
+_HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
+"""Shares of furniture's height, and by sight of how far off it is, that are tried before it is polished."""
+
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.

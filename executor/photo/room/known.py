@@ -131,13 +131,11 @@ class KnownRoom:
 
     def is_seen_through(self, index: int) -> bool:
         """Decides whether farther things are seen where a fit says that it is."""
-        own_m, _ = self._layers.looks[index]
-        return Claim.of(self.seen, own_m, self._others_m(index), self.fits[index].guess.corners_m()).seen_through
+        return self._claim_of(index).seen_through
 
     def claimed_px(self, index: int) -> tuple[float, float, float, float] | None:
         """Returns the box of what is seen of a fit, None where nothing is."""
-        own_m, _ = self._layers.looks[index]
-        return Claim.of(self.seen, own_m, self._others_m(index), self.fits[index].guess.corners_m()).box_px
+        return self._claim_of(index).box_px
 
     def is_there(self, index: int, found: Fit, around: Around) -> bool:
         """Decides whether a fit that nobody has named is seen wherever it says, and is what a box was drawn around."""
@@ -195,9 +193,10 @@ class KnownRoom:
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
         return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
 
-    def _others_m(self, index: int) -> Array:
-        """(H, W) depth of all that is known besides a thing."""
-        return self._layers.together(besides=index)[0]
+    def _claim_of(self, index: int) -> Claim:
+        """What a fit says of the picture's pixels, among all else that is known."""
+        (own_m, _), (others_m, _) = self._layers.looks[index], self._layers.together(besides=index)
+        return Claim.of(self.seen, own_m, others_m, self.fits[index].guess.corners_m())
 
     def _in_boxes(self, indices: Iterable[int]) -> NDArray[np.bool_]:
         """(H, W) pixels in boxes of those of some things that are not fitted yet."""

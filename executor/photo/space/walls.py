@@ -303,6 +303,7 @@ def _has_no_end(wall: Wall, seen: Observation) -> bool:
 
 
 def _is_hidden(wall: Wall, seen: Observation) -> bool:
+    """Whether what is nearer is seen nearly wherever it would be, or hardly a pixel looks at it."""
     depth = wall.depth(seen.eye_m, seen.rays)
     looked = np.isfinite(depth) & seen.measured
     farther = looked & (seen.z_m >= depth - _NEARER_M - 3 * seen.bent_m)
