@@ -32,6 +32,8 @@ _DIGITS = 3  # Triangles are made anew for every millimetre.
 _KEPT = 500
 _AROUND_PX = 12  # Of a box's corners: feet and rims reach a little out of it.
 _CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+_RING = [(math.cos(turn) / 2, math.sin(turn) / 2) for turn in np.linspace(0.0, 2 * math.pi, 24, endpoint=False)]
+_RINGS = np.array([(x, y, z) for z in (-0.5, 0.5) for x, y in _RING])
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _NORMAL_STEPS = 1.4  # Faces that look the same way are lit alike; round things so have a few shades.
 _SHADES = 1000  # Of each part of a colour, that are told apart.
@@ -88,6 +90,12 @@ class Guess:
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
         return np.asarray(_CORNERS * self.size_m @ turn.T + middle)
+
+    def outline_m(self) -> Array:
+        """Returns points (N, 3) around it in the level frame: the corners of its box, or rings where it is round."""
+        if not is_round(self.entry):
+            return self.corners_m()
+        return np.asarray(_RINGS * self.size_m + [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2])
 
 
 class Body:

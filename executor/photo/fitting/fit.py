@@ -21,8 +21,9 @@ from executor.photo.fitting.likelihood import (
     by_cost,
     place_spread_m,
 )
-from executor.photo.fitting.options import dressed, redressed, shapes, with_options
+from executor.photo.fitting.options import dressed, redressed, shapes, thickened, with_options
 from executor.photo.fitting.patch import Patch
+from executor.photo.fitting.prior import is_large
 from executor.photo.fitting.starts import LEAST_POINTS, flat_among, points_of
 from executor.photo.fitting.turns import (
     all_turns,
@@ -41,10 +42,12 @@ COARSE_PX, SEARCH_PX, FINE_PX, SHARP_PX = 250, 700, 5000, 40_000
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _NAMES = 8  # What may be called by more of them may be anything.
-_SECOND, _LAST = 160, 120  # Renderings of a search.
+_SECOND, _LAST, _BRIEF = 160, 120, 60  # Renderings of a search.
 _HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
 """Shares of furniture's height, and by sight of how far off it is, that are tried before it is polished."""
 
+_ITEM_HEIGHTS = (0.7, 0.85, 1.2, 1.4)  # Shares of an item's height that are tried by sight.
+_THICKER = ((-0.12, 0.12), (-0.06, 0.06))  # Steps from a top's thickness, as shares of its range.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
 _WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
@@ -91,6 +94,8 @@ def fit_thing(
     best, *others = ranked
     if has_depth and has_ear(best.guess.entry):
         best = turned_by_ear(fine, best)
+    if around.seen.by_sight and not is_large(best.guess.entry):
+        best = _heightened(fine, best)
     described = _described(fine.patch, best, others)
     if described is None or has_depth:
         return described
@@ -190,9 +195,17 @@ def sharpened(around: Around, box_px: tuple[float, float, float, float], found: 
     """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height."""
     _, _, fine = _likelihoods(around, box_px)
     patch = Patch.around(around.seen, box_px, around.other_m, around.other, SHARP_PX, around.smaller, around.own)
-    polished = _polished(fine, fine.rated(found.guess)).guess
-    guess = descended(Likelihood(patch, around.near), polished, _LAST, colours=True, reach=0.3)
-    return replace(found, guess=guess, cost=fine.cost(guess))
+    sharp = Likelihood(patch, around.near)
+
+    def searched(guess: Guess, renderings: int) -> RatedGuess:
+        return sharp.rated(descended(sharp, guess, renderings, colours=True, reach=0.3))
+
+    best = searched(_polished(fine, fine.rated(found.guess)).guess, _LAST)
+    # A thicker top looks much like a wider and lower one.
+    for steps in ((), *_THICKER):
+        others = [searched(guess, _BRIEF) for guess in thickened(best.guess, steps)]
+        best = min([best, *others], key=lambda one: one.cost)
+    return replace(found, guess=best.guess, cost=fine.cost(best.guess))
 
 
 def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit, entries: Sequence[ModelEntry]) -> Fit:
@@ -335,6 +348,20 @@ def _farther(guess: Guess, share: float, eye_m: Array) -> Guess:
     top_m = float(eye_m[2]) - share * (float(eye_m[2]) - guess.bottom_m - height)
     size = round(share * length, 4), round(share * width, 4), round(top_m - guess.bottom_m, 4)
     return replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=size)
+
+
+def _heightened(fine: Likelihood, best: RatedGuess) -> RatedGuess:
+    """An item searched for with other heights, too: farther off and flatter it looks much the same."""
+    length, width, height = best.guess.size_m
+    above_m = float(fine.patch.seen.eye_m[2]) - best.guess.bottom_m
+    begun = []
+    for other in (round(share * height, 4) for share in _ITEM_HEIGHTS):
+        nearer = 1.0 - (other - height) / above_m if above_m > other else 1.0
+        for share in (1.0, nearer):
+            at = share * best.guess.x_m, share * best.guess.y_m
+            begun.append(replace(best.guess, x_m=at[0], y_m=at[1], size_m=(length, width, other)))
+    ended = (fine.rated(descended(fine, one, _BRIEF, colours=True, reach=0.5)) for one in begun)
+    return min([best, *ended], key=lambda one: one.cost)
 
 
 def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:

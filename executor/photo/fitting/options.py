@@ -15,6 +15,7 @@ from oag import Kind, kind_of
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Seen where a door is open.
 _DETAILS = ("handle_height_m", "handle_length_m")
+_THICKNESS = "top_thickness_m"
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
 _DETAIL_STEPS = (0.12, 0.06)
 _OPEN = "open_fraction"
@@ -69,6 +70,20 @@ def _detailed_by(guess: Guess, details: Sequence[Quantity], shares: Sequence[flo
         one.name: round(one.low + share * (one.high - one.low), 3) for one, share in zip(details, shares, strict=True)
     }
     return guess.with_parameters(**values)
+
+
+def thickened(guess: Guess, steps: Sequence[float] = ()) -> Iterator[Guess]:
+    """Yields the guess with tops of other thickness, where its model has one.
+
+    Args:
+        guess: The guess.
+        steps: From its own thickness, as shares of the model's range; by default all of that is gone through.
+    """
+    for one in guess.entry.parameters:
+        if isinstance(one, Quantity) and one.name == _THICKNESS:
+            now = (float(str(dict(guess.parameters).get(_THICKNESS, one.default))) - one.low) / (one.high - one.low)
+            for share in [now + step for step in steps] or _DETAIL_SHARES:
+                yield _detailed_by(guess, [one], [min(max(share, 0.0), 1.0)])
 
 
 def dressed(likelihood: Likelihood, guess: Guess) -> Guess:

@@ -240,9 +240,12 @@ class Patch:
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
-        pixels = self.seen.pixels(guess.corners_m())
         width, height = self.seen.size_px
-        low, high = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+        if self.seen.by_sight:
+            low, high = (side.tolist() for side in self.seen.bounds_px(guess.outline_m()))
+        else:
+            pixels = self.seen.pixels(guess.corners_m())
+            low, high = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
         if not all(map(math.isfinite, (*low, *high))):
             return 4 * _BOX_MOST
         x0, y0, x1, y1 = self.box_px

@@ -24,6 +24,7 @@ _FLUSH_SIGMA_M, _FLUSH_WEIGHT, _FLUSH_FAR_M = 0.008, 0.8, 0.15  # Furniture in a
 _OPEN, _OPEN_BEHIND = 4.0, 29.0
 """Doors are mostly shut; and from behind, an open one is most likely a wall beside the thing that nobody has found."""
 
+_ALIKE_M, _ALIKE_MOST = 0.01, 40.0  # Units of a kitchen come in one height and one depth.
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
@@ -33,9 +34,10 @@ _OUTGROWN = 8.0  # Of what is of any size that its model has, sizes cost 4.5 at 
 OF_RANGE = 0.29
 """Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
 
-_PARALLEL = math.sin(math.radians(8.0))
+_PARALLEL, _FACING = math.sin(math.radians(8.0)), math.cos(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
+_UNITS = ("bottom_cabinet", "countertop", "dishwasher", "oven")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """What mostly stands with its back to a wall."""
 
@@ -95,6 +97,8 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     if around.headings_rad and not is_round(entry):
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
+    if not around.walls:
+        cost += _at_one_wall_cost(guess, around.pieces, ahead)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
 
 
@@ -191,6 +195,26 @@ def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> float:
         elif gap_x < -_FLUSH_FAR_M and gap_y > 0.0:
             cost += _FLUSH_WEIGHT * math.log1p(0.5 * (_FLUSH_FAR_M / _FLUSH_SIGMA_M) ** 2)
     return cost
+
+
+def _at_one_wall_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> float:
+    """Where no wall is known, what it costs not to stand against that of what faces the same way, and be unlike it."""
+    if guess.entry.category not in AT_WALLS or guess.bottom_m > 0.0:
+        return 0.0
+    apart_m, unlike = _FAR_M, 0.0
+    for piece in (one for one in pieces if one.entry.category in AT_WALLS):
+        facing = math.cos(piece.yaw_rad - guess.yaw_rad)
+        # Nobody sees where a counter has its front.
+        have_fronts = guess.entry.category in _FRONTED and piece.entry.category in _FRONTED
+        if (facing if have_fronts else abs(facing)) < _FACING:
+            continue
+        away = piece.x_m - guess.x_m, piece.y_m - guess.y_m
+        behind_m = abs(_dot(away, ahead) - (piece.size_m[0] - guess.size_m[0]) / 2)
+        apart_m = min(apart_m, behind_m)
+        if behind_m < _FAR_M and {guess.entry.category, piece.entry.category} <= {*_UNITS}:
+            off = [(one - other) / _ALIKE_M for one, other in zip(guess.size_m, piece.size_m, strict=True)]
+            unlike = max(unlike, min(0.5 * (off[0] ** 2 + off[2] ** 2), _ALIKE_MOST))
+    return unlike + _against(apart_m + _AGAINST_M)
 
 
 def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: Flat) -> float:

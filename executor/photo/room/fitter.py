@@ -201,7 +201,7 @@ class RoomFitter:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not room.is_there(index, found, around):
             found = None
-        if found is not None and (found.explained < _LEAST_ALONE or self._is_far_fetched(found, before)):
+        if found is not None and (self._explains_too_little(found) or self._is_far_fetched(found, before)):
             found = None
         if found is None:
             found = before
@@ -213,6 +213,10 @@ class RoomFitter:
         if found is None:
             room.reasons.setdefault(index, "no model explains it")
         return room.keep(index, found)
+
+    def _explains_too_little(self, found: Fit) -> bool:
+        """Whether what is made of a box is no likeness; by sight alone, what has legs covers half of its box."""
+        return self.room.seen.has_depth and found.explained < _LEAST_ALONE
 
     def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
         """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from executor.geometry import Array
+from executor.machine.extras import require
 from executor.photo.inputs.camera import Intrinsics
 
 
@@ -120,6 +121,19 @@ class Observation:
         u = self.K.fx * seen[:, 0] / depth + self.K.cx
         v = self.K.fy * seen[:, 1] / depth + self.K.cy
         return np.stack([u, v], axis=1)
+
+    def bounds_px(self, points_m: Array) -> tuple[Array, Array]:
+        """Returns the least and the most u and v of what points (N, 3) enclose and the picture shows.
+
+        They are those of the points themselves where none of that is in the picture, nan where one is behind it.
+        """
+        pixels = self.pixels(points_m)
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        if np.isnan(low).any() or ((low >= 0.0).all() and (high <= self.size_px).all()):
+            return low, high
+        geometry = require("shapely.geometry", "photo")
+        shown = geometry.MultiPoint(pixels).convex_hull.intersection(geometry.box(0.0, 0.0, *self.size_px))
+        return (low, high) if shown.is_empty else (np.array(shown.bounds[:2]), np.array(shown.bounds[2:]))
 
     @cached_property
     def edges(self) -> NDArray[np.bool_]:
