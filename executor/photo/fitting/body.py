@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.model import Shape
@@ -32,8 +33,6 @@ _DIGITS = 3  # Triangles are made anew for every millimetre.
 _KEPT = 500
 _AROUND_PX = 12  # Of a box's corners: feet and rims reach a little out of it.
 _CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
-_RING = [(math.cos(turn) / 2, math.sin(turn) / 2) for turn in np.linspace(0.0, 2 * math.pi, 24, endpoint=False)]
-_RINGS = np.array([(x, y, z) for z in (-0.5, 0.5) for x, y in _RING])
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _NORMAL_STEPS = 1.4  # Faces that look the same way are lit alike; round things so have a few shades.
 _SHADES = 1000  # Of each part of a colour, that are told apart.
@@ -92,10 +91,9 @@ class Guess:
         return np.asarray(_CORNERS * self.size_m @ turn.T + middle)
 
     def outline_m(self) -> Array:
-        """Returns points (N, 3) around it in the level frame: the corners of its box, or rings where it is round."""
-        if not is_round(self.entry):
-            return self.corners_m()
-        return np.asarray(_RINGS * self.size_m + [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2])
+        """Returns points (N, 3) in the level frame that enclose it, as its box's corners do, and all are on it."""
+        middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
+        return np.asarray(_hull(self.entry) * self.size_m @ rotation_z(self.yaw_rad)[:3, :3].T + middle)
 
 
 class Body:
@@ -109,19 +107,14 @@ class Body:
     """
 
     def __init__(self, thing: SceneObject) -> None:
-        asset = asset_for(thing)
-        frames = link_frames(asset, joints_at_start(thing, asset))
-        triangles, colors, clear = [], [], []
-        for link in asset.links:
-            T = frames[link.name]
-            for shape in (shape for shape in link.shapes if shape.visible):
-                triangles.append(_triangles(shape) @ T[:3, :3].T + T[:3, 3])
-                colors.append(shape.color[:3])
-                clear.append(len(shape.color) > 3 and shape.color[3] < 1.0)
+        shapes = _shapes(thing)
+        triangles = [placed for _, placed in shapes]
+        colors = [shape.color[:3] for shape, _ in shapes]
+        clear = [len(shape.color) > 3 and shape.color[3] < 1.0 for shape, _ in shapes]
         corners = np.concatenate(triangles)
         self.colors = np.repeat(colors, [len(one) for one in triangles], axis=0)
         self.size_m = np.asarray(thing.extent_m)
-        self.symmetric = asset.symmetric_about_z
+        self.symmetric = asset_for(thing).symmetric_about_z
         self.groups = _alike(self.colors, corners)
         self.is_clear = np.repeat(clear, [len(one) for one in triangles])
         core = require("embreex.rtcore_scene", "photo")
@@ -225,6 +218,32 @@ def _body(model: str, size_m: Size, parameters: Parameters) -> Body | None:
         return None
 
 
+def _shapes(thing: SceneObject) -> list[tuple[Shape, Array]]:
+    """The shapes of a thing that are seen, each with its triangles (N, 3, 3) in the thing's frame."""
+    asset = asset_for(thing)
+    frames = link_frames(asset, joints_at_start(thing, asset))
+    found = []
+    for link in asset.links:
+        T = frames[link.name]
+        found += [(one, _triangles(one) @ T[:3, :3].T + T[:3, 3]) for one in link.shapes if one.visible]
+    return found
+
+
+@cache
+def _hull(entry: ModelEntry) -> Array:
+    """(N, 3) corners of the convex hull of a model that is shut, where its box has sides of 1."""
+    thing = _largest(entry).as_object()
+    corners = np.concatenate([triangles.reshape(-1, 3) for _, triangles in _shapes(thing)])
+    return np.asarray(corners[ConvexHull(corners).vertices] / thing.extent_m)
+
+
+def _largest(entry: ModelEntry) -> Guess:
+    """A model as large as it comes."""
+    width = entry.width.high
+    length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
+    return Guess(entry, 0.0, 0.0, 0.0, 0.0, (length, width, height))
+
+
 def body_of(guess: Guess) -> Body | None:
     """Returns the triangles of a guess at its own size, to the millimetre; None where its model cannot have that."""
     x, y, z = (round(side, _DIGITS) for side in guess.size_m)
@@ -270,8 +289,7 @@ def is_round(entry: ModelEntry) -> bool:
     """Decides whether no turn of a model is told apart, whatever its size: a plate is round, and a die is not."""
     if not entry.length.of_width or entry.length.low != 1.0 or entry.length.high != 1.0:
         return False
-    width, unit = entry.width.high, entry.width.high if entry.height.of_width else 1.0
-    body = body_of(Guess(entry, 0.0, 0.0, 0.0, 0.0, (width, width, entry.height.high * unit)))
+    body = body_of(_largest(entry))
     return body is not None and body.symmetric
 
 

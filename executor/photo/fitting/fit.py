@@ -23,7 +23,7 @@ from executor.photo.fitting.likelihood import (
 )
 from executor.photo.fitting.options import dressed, redressed, shapes, thickened, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import is_large
+from executor.photo.fitting.prior import in_rows, is_large
 from executor.photo.fitting.starts import LEAST_POINTS, flat_among, points_of
 from executor.photo.fitting.turns import (
     all_turns,
@@ -200,11 +200,16 @@ def sharpened(around: Around, box_px: tuple[float, float, float, float], found: 
     def searched(guess: Guess, renderings: int) -> RatedGuess:
         return sharp.rated(descended(sharp, guess, renderings, colours=True, reach=0.3))
 
-    best = searched(_polished(fine, fine.rated(found.guess)).guess, _LAST)
-    # A thicker top looks much like a wider and lower one.
-    for steps in ((), *_THICKER):
-        others = [searched(guess, _BRIEF) for guess in thickened(best.guess, steps)]
-        best = min([best, *others], key=lambda one: one.cost)
+    def ended(begun: Guess) -> RatedGuess:
+        best = searched(_polished(fine, fine.rated(begun)).guess, _LAST)
+        # A thicker top looks much like a wider and lower one.
+        for steps in ((), *_THICKER):
+            others = [searched(guess, _BRIEF) for guess in thickened(best.guess, steps)]
+            best = min([best, *others], key=lambda one: one.cost)
+        return best
+
+    begun = [found.guess, *in_rows(found.guess, around.near.pieces)]
+    best = min(map(ended, begun), key=lambda one: one.cost)
     return replace(found, guess=best.guess, cost=fine.cost(best.guess))
 
 
@@ -374,7 +379,10 @@ def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
         length, width, height = best.guess.size_m
         taller = (replace(best.guess, size_m=(length, width, round(share * height, 4))) for share in _HEIGHTS)
         farther = (_farther(best.guess, share, fine.patch.seen.eye_m) for share in _DISTANCES)
-        others = [*taller, *farther] if fine.patch.seen.by_sight else taller
+        others = list(taller)
+        if fine.patch.seen.by_sight:
+            others += farther
+            others += [thicker for one in (best.guess, *others) for thicker in thickened(one)]
         best = min([best, *(fine.rated(one) for one in others)], key=lambda one: one.cost)
     for _ in range(_ROUNDS):
         again = redressed(fine, with_options(fine, descended(fine, best.guess, _LAST, colours=True, reach=0.5)))

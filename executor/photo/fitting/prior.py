@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TypeAlias
 
@@ -197,17 +197,40 @@ def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> float:
     return cost
 
 
+def in_rows(guess: Guess, pieces: Sequence[Guess]) -> Iterator[Guess]:
+    """Yields a kitchen's unit moved and stretched to be as deep and high as another, in one row with it.
+
+    Those of which it is as high already are left out.
+    """
+    ahead = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
+    units = [piece for piece in pieces if {guess.entry.category, piece.entry.category} <= {*_UNITS}]
+    heights = {guess.size_m[2]}
+    for piece in _facing_alike(guess, units):
+        length, _, height = piece.size_m
+        if min(abs(height - other) for other in heights) < _ALIKE_M:
+            continue
+        heights.add(height)
+        by_m = _dot((piece.x_m - guess.x_m, piece.y_m - guess.y_m), ahead)
+        x, y = guess.x_m + by_m * ahead[0], guess.y_m + by_m * ahead[1]
+        yield replace(guess, x_m=x, y_m=y, size_m=(length, guess.size_m[1], height))
+
+
+def _facing_alike(guess: Guess, pieces: Sequence[Guess]) -> Iterator[Guess]:
+    """Those of some pieces that stand at walls and have their backs on the same side."""
+    for piece in (one for one in pieces if one.entry.category in AT_WALLS):
+        facing = math.cos(piece.yaw_rad - guess.yaw_rad)
+        # Nobody sees where a counter has its front.
+        have_fronts = guess.entry.category in _FRONTED and piece.entry.category in _FRONTED
+        if (facing if have_fronts else abs(facing)) > _FACING:
+            yield piece
+
+
 def _at_one_wall_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> float:
     """Where no wall is known, what it costs not to stand against that of what faces the same way, and be unlike it."""
     if guess.entry.category not in AT_WALLS or guess.bottom_m > 0.0:
         return 0.0
     apart_m, unlike = _FAR_M, 0.0
-    for piece in (one for one in pieces if one.entry.category in AT_WALLS):
-        facing = math.cos(piece.yaw_rad - guess.yaw_rad)
-        # Nobody sees where a counter has its front.
-        have_fronts = guess.entry.category in _FRONTED and piece.entry.category in _FRONTED
-        if (facing if have_fronts else abs(facing)) < _FACING:
-            continue
+    for piece in _facing_alike(guess, pieces):
         away = piece.x_m - guess.x_m, piece.y_m - guess.y_m
         behind_m = abs(_dot(away, ahead) - (piece.size_m[0] - guess.size_m[0]) / 2)
         apart_m = min(apart_m, behind_m)

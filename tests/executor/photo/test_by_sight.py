@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess
+from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import sharpened
 from executor.photo.fitting.likelihood import Fit
+from executor.photo.fitting.patch import Patch
+from executor.photo.fitting.prior import Neighbourhood, in_rows, prior_cost
 from executor.photo.fitting.starts import outline_starts
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.room.fitter import RoomFitter
@@ -61,6 +63,76 @@ def test_what_hides_its_foot_is_as_far_off_as_its_edges_tell() -> None:
     farther = replace(FRIDGE, x_m=share * FRIDGE.x_m, y_m=share * FRIDGE.y_m, size_m=size)
     found = sharpened(room.around(0), boxes[0].box_px, Fit(farther, 0.0, (), 1.0, 0.0, 100, None))
     assert math.dist((found.guess.x_m, found.guess.y_m), (FRIDGE.x_m, FRIDGE.y_m)) < 0.03
+
+
+def outline_cost(thing: Guess, seen: Observation, box: Sighting) -> float:
+    """Returns what the outline of a thing costs beside its box."""
+    nothing = np.full(seen.z_m.shape, np.inf), np.zeros(seen.z_m.shape, dtype=np.int32)
+    return Patch.around(seen, box.box_px, *nothing, 500).box_cost(thing)
+
+
+@pytest.mark.parametrize("x_m", [0.75, 2.0])
+def test_a_round_thing_fills_its_box_even_where_the_border_cuts_it(x_m: float) -> None:
+    round_table = Guess(LIBRARY["table_round"], x_m, 0.2, 0.0, 0.0, (0.8, 0.8, 0.65))
+    seen, (box,) = by_sight(round_table)
+    assert (box.box_px[3] == SIZE[1]) is (x_m < 1.0)
+    assert outline_cost(round_table, seen, box) < 0.5
+    assert outline_cost(replace(round_table, size_m=(0.95, 0.95, 0.65)), seen, box) > 2.0
+
+
+def test_what_is_nowhere_in_the_picture_has_its_own_bounds() -> None:
+    seen, _ = by_sight(TABLE)
+    beside = replace(TABLE, y_m=30.0)
+    low, high = seen.bounds_px(beside.corners_m())
+    assert high[0] < 0.0 and (low < high).all()
+    assert np.isnan(seen.bounds_px(replace(TABLE, x_m=-2.0).corners_m())).any()
+
+
+def lit(seen: Observation, thing: Guess) -> Observation:
+    """Returns the picture of a thing with each of its faces in a light of its own."""
+    body, rays = body_of(thing), seen.rays.reshape(-1, 3)
+    assert body is not None
+    depth, face = body.looks(thing, seen.eye_m, rays, np.zeros(len(rays), dtype=np.int32))
+    light = np.where(np.isfinite(depth), 0.6 + 0.4 * np.cos(face) ** 2, 1.0).reshape(seen.z_m.shape)
+    return replace(seen, rgb=(seen.rgb * light[..., None]).astype(np.uint8))
+
+
+@pytest.mark.parametrize("thickness_m", [0.02, 0.044])
+def test_how_thick_a_top_is_makes_it_neither_higher_nor_wider(thickness_m: float) -> None:
+    bare = Guess(LIBRARY["table_round"], 2.0, 0.1, 0.0, 0.0, (0.8, 0.8, 0.65))
+    true = bare.with_parameters(top_thickness_m=thickness_m)
+    seen, boxes = by_sight(true)
+    room = KnownRoom(lit(seen, true), (), boxes, 0.0)
+    begun = Fit(replace(bare, size_m=(0.81, 0.81, 0.645)), 0.0, (), 1.0, 0.0, 100, None)
+    found = sharpened(room.around(0), boxes[0].box_px, begun).guess
+    assert abs(found.size_m[2] - 0.65) < 0.003 and abs(found.size_m[1] - 0.8) < 0.01
+    assert abs(float(str(dict(found.parameters)["top_thickness_m"])) - thickness_m) < 0.006
+
+
+def test_without_walls_what_faces_one_way_stands_against_one() -> None:
+    cabinet = Guess(LIBRARY["cabinet_drawers"], 3.0, 0.0, 0.0, 0.0, (0.62, 0.6, 0.85))
+    beside = Neighbourhood((), (cabinet,))
+    counter = Guess(LIBRARY["counter_plain"], 3.0, 0.75, 0.0, 0.0, (0.62, 0.9, 0.85))
+    in_row = prior_cost(counter, beside)
+    assert in_row < 0.5
+    assert prior_cost(replace(counter, x_m=3.5), beside) > in_row + 4.0
+    assert prior_cost(replace(counter, size_m=(0.62, 0.9, 0.78)), beside) > in_row + 20.0
+    assert prior_cost(replace(counter, yaw_rad=math.pi), beside) == pytest.approx(in_row), "it has no front"
+    turned = replace(cabinet, y_m=0.6, yaw_rad=math.pi)
+    assert prior_cost(turned, beside) > prior_cost(replace(turned, yaw_rad=0.0), beside) + 4.0, "its back is to us"
+    lower = replace(counter, x_m=3.4, size_m=(0.55, 0.9, 0.78))
+    (aligned,) = in_rows(lower, (cabinet,))
+    assert prior_cost(aligned, beside) < 0.5 and aligned.size_m == (0.62, 0.9, 0.85)
+    assert not list(in_rows(counter, (cabinet,))) and not list(in_rows(TABLE, (cabinet,)))
+
+
+def test_what_has_legs_is_found_though_it_is_called_otherwise() -> None:
+    chair = Guess(LIBRARY["chair_wooden"], 1.9, 0.0, 0.3, 0.0, (0.42, 0.41, 0.88))
+    seen, (box,) = by_sight(chair)
+    room = KnownRoom(seen, (), [replace(box, label="can", category="can")], 0.0)
+    fitter = RoomFitter(room)
+    fitter.fit(0, None, ())
+    assert fitter.fit_anything(0) == "can: chair_wooden"
 
 
 def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
