@@ -21,6 +21,7 @@ from oag.model.scenefile import about_z
 
 _WALL_M, _THINNEST_M = 0.08, 0.02  # What is behind a wall that is looked over may stand against it.
 _NEARER_M = 0.02  # So much a wall may be nearer than it was seen, where what is behind it leaves no room.
+_ACROSS, _CORNER_M = 0.9, 0.3  # Walls meet about square to each other; so far behind a face ends are seen.
 _DIGITS = 4
 _CLEAR_M = 0.001
 
@@ -96,7 +97,8 @@ def scene_json(
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
     for number, wall in enumerate(walls):
         key = f"wall_{number}"
-        things[key] = _entry(_wall(wall, key, _back_m(wall, footprints)))
+        ended = replace(wall, span_m=_ends_m(wall, [one for one in walls if one is not wall]))
+        things[key] = _entry(_wall(ended, key, _back_m(wall, footprints)))
     return {"name": name, "objects": things}
 
 
@@ -146,6 +148,24 @@ def _entry(obj: SceneObject) -> dict[str, object]:
     if obj.parameters:
         entry["parameters"] = dict(obj.parameters)
     return entry
+
+
+def _ends_m(wall: Wall, others: Sequence[Wall]) -> tuple[float, float]:
+    """From where to where a wall goes: in a corner it ends at the other wall's face, though that was seen past its end.
+
+    What goes through to the room beyond is no corner.
+    """
+    low_m, high_m = wall.span_m
+    for other in others:
+        onto = float(other.normal @ wall.along)
+        if abs(onto) < _ACROSS:
+            continue
+        corner_m = (other.offset_m - wall.offset_m * float(other.normal @ wall.normal)) / onto
+        if onto > 0.0 and 0.0 < corner_m - low_m < _CORNER_M:
+            low_m = corner_m
+        elif onto < 0.0 and 0.0 < high_m - corner_m < _CORNER_M:
+            high_m = corner_m
+    return low_m, high_m
 
 
 def _back_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
