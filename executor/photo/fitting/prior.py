@@ -24,13 +24,14 @@ _FLUSH_SIGMA_M, _FLUSH_WEIGHT, _FLUSH_FAR_M = 0.008, 0.8, 0.15  # Furniture in a
 _OPEN, _OPEN_BEHIND = 4.0, 29.0
 """Doors are mostly shut; and from behind, an open one is most likely a wall beside the thing that nobody has found."""
 
+_ONE_WALL = 2.5  # Where no wall is known, what faces one way tells more of where it is than a wall would.
 _ALIKE_M, _ALIKE_MOST = 0.01, 40.0  # Units of a kitchen come in one height and one depth.
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
-_OUTGROWN = 8.0  # Of what is of any size that its model has, sizes cost 4.5 at most.
+_OUTGROWN = 1.1  # Of the largest that a model comes as.
 OF_RANGE = 0.29
 """Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
 
@@ -117,9 +118,11 @@ def is_large(entry: ModelEntry) -> bool:
 
 
 def is_outgrown(guess: Guess) -> bool:
-    """Decides whether a guess is much larger than its model ever is, as is what seems farther off than it is."""
-    larger = guess.size_m[1] > usual_size_m(guess.entry)[1]
-    return larger and usual_size_cost(guess) > _OUTGROWN
+    """Decides whether a guess is larger than its model ever is, as is what seems farther off than it is."""
+    entry = guess.entry
+    spans = (entry.length, entry.width, entry.height)
+    most = (span.high * (entry.width.high if span.of_width else 1.0) for span in spans)
+    return any(value > _OUTGROWN * high for value, high in zip(guess.size_m, most, strict=True))
 
 
 def usual_size_m(entry: ModelEntry) -> Size:
@@ -237,7 +240,7 @@ def _at_one_wall_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> flo
         if behind_m < _FAR_M and {guess.entry.category, piece.entry.category} <= {*_UNITS}:
             off = [(one - other) / _ALIKE_M for one, other in zip(guess.size_m, piece.size_m, strict=True)]
             unlike = max(unlike, min(0.5 * (off[0] ** 2 + off[2] ** 2), _ALIKE_MOST))
-    return unlike + _against(apart_m + _AGAINST_M)
+    return unlike + _ONE_WALL * _against(apart_m + _AGAINST_M)
 
 
 def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: Flat) -> float:

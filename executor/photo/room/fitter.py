@@ -102,7 +102,7 @@ class RoomFitter:
         elif room.seen.has_depth and room.claim(found.guess, around).is_refuted(detection.box_px):
             room.reasons[index] = "no such thing fits in its box, through which farther things are seen"
             found = None
-        elif room.is_on_nothing(found.guess):
+        elif room.is_on_nothing(found):
             room.reasons[index] = _ON_NOTHING
             found = None
         if found is not None:
@@ -221,7 +221,7 @@ class RoomFitter:
     def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
         """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""
         room = self.room
-        far_fetched = found.cost > 0.0 or room.is_on_nothing(found.guess)
+        far_fetched = found.cost > 0.0 or room.is_on_nothing(found)
         return not room.seen.has_depth and before is None and far_fetched
 
     def adopt(self, index: int) -> bool:

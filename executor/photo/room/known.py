@@ -108,7 +108,7 @@ class KnownRoom:
         if not self.seen.has_depth:
             # What furniture carries is as far off as that is, and fits no better; of what is assumed nothing is seen.
             told = self.detections[index].category in CARRIED or bool(found.assumed)
-            return not told and (found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE)
+            return not told and _is_unlike(found)
         return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.unlikeliness(index) > IMPOSSIBLE
 
     def unlikeliness(self, index: int) -> float:
@@ -124,10 +124,15 @@ class KnownRoom:
         found, within_m = self.fits.get(index), SAME_M if self.seen.is_exact else EQUAL_M
         return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()), within_m)
 
-    def is_on_nothing(self, guess: Guess) -> bool:
-        """Decides whether by sight a thing would have to be too large to stand on the floor, and on nothing else."""
-        small = not is_large(guess.entry) and is_outgrown(guess)
-        return not self.seen.has_depth and guess.bottom_m == 0.0 and small
+    def is_on_nothing(self, found: Fit) -> bool:
+        """Decides whether by sight an item stands on the floor only since nothing else was found that it stands on.
+
+        It would have to be too large there, or looks otherwise.
+        """
+        guess = found.guess
+        if self.seen.has_depth or guess.bottom_m > 0.0 or is_large(guess.entry):
+            return False
+        return is_outgrown(guess) or _is_unlike(found)
 
     def is_seen_through(self, index: int) -> bool:
         """Decides whether farther things are seen where a fit says that it is."""
@@ -205,3 +210,8 @@ class KnownRoom:
             if index not in self.fits:
                 mask |= self.detections[index].pixels(self.seen.size_px)
         return mask
+
+
+def _is_unlike(found: Fit) -> bool:
+    """Whether by sight a fit does not fill its box, or looks otherwise."""
+    return found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE
