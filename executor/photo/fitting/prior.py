@@ -24,7 +24,6 @@ _FLUSH_SIGMA_M, _FLUSH_WEIGHT, _FLUSH_FAR_M = 0.008, 0.8, 0.15  # Furniture in a
 _OPEN, _OPEN_BEHIND = 4.0, 29.0
 """Doors are mostly shut; and from behind, an open one is most likely a wall beside the thing that nobody has found."""
 
-_ONE_WALL = 2.5  # Where no wall is known, what faces one way tells more of where it is than a wall would.
 _ALIKE_M, _ALIKE_MOST = 0.01, 40.0  # Units of a kitchen come in one height and one depth.
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
@@ -240,7 +239,7 @@ def _at_one_wall_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> flo
         if behind_m < _FAR_M and {guess.entry.category, piece.entry.category} <= {*_UNITS}:
             off = [(one - other) / _ALIKE_M for one, other in zip(guess.size_m, piece.size_m, strict=True)]
             unlike = max(unlike, min(0.5 * (off[0] ** 2 + off[2] ** 2), _ALIKE_MOST))
-    return unlike + _ONE_WALL * _against(apart_m + _AGAINST_M)
+    return unlike + _against(apart_m + _AGAINST_M)
 
 
 def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: Flat) -> float:
