@@ -31,6 +31,7 @@ _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room look
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
 _OUTGROWN = 1.1  # Of the largest that a model comes as.
+_SAME_PLACE, _SAME_SIZE = 0.4, 1.6  # Of the least side; of two things' sides.
 OF_RANGE = 0.29
 """Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
 
@@ -147,6 +148,17 @@ def usual_size_cost(guess: Guess) -> float:
 def stands_in(guess: Guess, pieces: Sequence[Guess]) -> bool:
     """Decides whether the middle of what stands on the floor is in one of some pieces."""
     return guess.bottom_m == 0.0 and any(_is_over(piece, guess.x_m, guess.y_m) for piece in pieces)
+
+
+def is_same_place(guess: Guess, other: Guess) -> bool:
+    """Decides whether two things of about one size have their middles in one place, as nothing in a bowl has."""
+    off_m = math.dist(
+        (guess.x_m, guess.y_m, guess.bottom_m + guess.size_m[2] / 2),
+        (other.x_m, other.y_m, other.bottom_m + other.size_m[2] / 2),
+    )
+    ratios = (one / two for one, two in zip(guess.size_m, other.size_m, strict=True))
+    alike = all(1.0 / _SAME_SIZE < ratio < _SAME_SIZE for ratio in ratios)
+    return alike and off_m < _SAME_PLACE * min(guess.size_m)
 
 
 def _is_over(piece: Guess, x_m: float, y_m: float) -> bool:

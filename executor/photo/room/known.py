@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, picture_of
 from executor.photo.fitting.likelihood import Around, Fit
-from executor.photo.fitting.prior import CARRIED, Neighbourhood, is_large, is_outgrown, prior_cost, stands_in
+from executor.photo.fitting.prior import (
+    CARRIED,
+    Neighbourhood,
+    is_large,
+    is_outgrown,
+    is_same_place,
+    prior_cost,
+    stands_in,
+)
 from executor.photo.fitting.starts import LEAST_POINTS, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.room.supports import EQUAL_M, SAME_M, heights_behind, heights_under, is_on_one, tops_of
@@ -89,10 +97,15 @@ class KnownRoom:
         self._sighted = replace(self.seen, sight_first=True)
 
     def leave_out_what_is_inside(self) -> None:
-        """Leaves out what nobody has put a box around and stands in other things, which were fitted better since."""
+        """Leaves out what nobody has put a box around and stands in other things, which were fitted better since.
+
+        Of two items in one place one is what was left of the other, before that was fitted better.
+        """
         alone = [index for index in self.fits if index >= self.boxed]
         for index in sorted(alone, key=lambda index: self.detections[index].area_px):
-            if stands_in(self.fits[index].guess, self._near(index).pieces):
+            guess = self.fits[index].guess
+            others = (fit.guess for other, fit in self.fits.items() if other != index)
+            if stands_in(guess, self._near(index).pieces) or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"
 

@@ -78,6 +78,23 @@ def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() ->
     assert list(room.fits) == [index] and "what is left of other things" in room.reasons[alone]
 
 
+@pytest.mark.parametrize(
+    ("beside_m", "width_m", "stays"), [(0.005, 0.07, False), (0.07, 0.07, True), (0.0, 0.12, True)]
+)
+def test_of_two_items_in_one_place_the_one_without_a_box_is_left_out(
+    beside_m: float, width_m: float, *, stays: bool
+) -> None:
+    apple = replace(BOWL, entry=LIBRARY["red_apple"], size_m=(0.07, 0.07, 0.07))
+    seen, boxes = seen_from_above(TABLE, apple)
+    room = KnownRoom(seen, (), boxes, 0.0)
+    room.detections.append(replace(boxes[1], label="", category=None, source=STOOD_OUT))
+    second = replace(apple, y_m=apple.y_m + beside_m, size_m=(width_m, width_m, 0.07))
+    for index, guess in enumerate((TABLE, apple, second)):
+        room.keep(index, Fit(guess, 0.0, (), 1.0, 0.0, 100, None))
+    room.leave_out_what_is_inside()
+    assert (2 in room.fits) is stays and 1 in room.fits
+
+
 def test_what_stood_on_something_that_is_lower_by_now_is_in_the_air() -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
     room = KnownRoom(seen, (), boxes, 0.0)
