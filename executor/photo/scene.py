@@ -161,6 +161,9 @@ def _ends_m(wall: Wall, others: Sequence[Wall]) -> tuple[float, float]:
         if abs(onto) < _ACROSS:
             continue
         corner_m = (other.offset_m - wall.offset_m * float(other.normal @ wall.normal)) / onto
+        beside_m = float(other.along @ (wall.offset_m * wall.normal + corner_m * wall.along))
+        if not other.span_m[0] - _CORNER_M < beside_m < other.span_m[1] + _CORNER_M:
+            continue
         if onto > 0.0 and 0.0 < corner_m - low_m < _CORNER_M:
             low_m = corner_m
         elif onto < 0.0 and 0.0 < high_m - corner_m < _CORNER_M:

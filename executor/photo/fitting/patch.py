@@ -244,6 +244,7 @@ class Patch:
         if self.seen.by_sight:
             low, high = (side.tolist() for side in self.seen.bounds_px(guess.outline_m()))
         else:
+            # Beside depths boxes count little, and corners are sooner found.
             pixels = self.seen.pixels(guess.corners_m())
             low, high = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
         if not all(map(math.isfinite, (*low, *high))):

@@ -58,11 +58,13 @@ class Neighbourhood:
         walls: The walls.
         pieces: The other furniture, as far as it is known.
         heading_rad: Without walls, one of the directions in which most lines of the room go, if there is one.
+        by_sight: Whether nothing is measured, and no wall is known: pieces then tell of each other.
     """
 
     walls: tuple[Wall, ...]
     pieces: tuple[Guess, ...] = ()
     heading_rad: float | None = None
+    by_sight: bool = False
 
     @property
     def headings_rad(self) -> tuple[float, ...]:
@@ -98,7 +100,7 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     if around.headings_rad and not is_round(entry):
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
-    if not around.walls:
+    if around.by_sight:
         cost += _at_one_wall_cost(guess, around.pieces, ahead)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
 
@@ -119,9 +121,7 @@ def is_large(entry: ModelEntry) -> bool:
 
 def is_outgrown(guess: Guess) -> bool:
     """Decides whether a guess is larger than its model ever is, as is what seems farther off than it is."""
-    entry = guess.entry
-    spans = (entry.length, entry.width, entry.height)
-    most = (span.high * (entry.width.high if span.of_width else 1.0) for span in spans)
+    most = (high / ABSURD for _, high in _possible_m(guess.entry))
     return any(value > _OUTGROWN * high for value, high in zip(guess.size_m, most, strict=True))
 
 

@@ -209,7 +209,8 @@ class KnownRoom:
     def _near(self, besides: int | None = None) -> Neighbourhood:
         guesses = [fit.guess for index, fit in self.fits.items() if index != besides]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
-        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
+        standing = tuple(one for one in pieces if one.bottom_m == 0.0)
+        return Neighbourhood(self.walls, standing, self.seen.heading_rad, by_sight=not self.seen.has_depth)
 
     def _claim_of(self, index: int) -> Claim:
         """What a fit says of the picture's pixels, among all else that is known."""

@@ -111,7 +111,7 @@ def test_how_thick_a_top_is_makes_it_neither_higher_nor_wider(thickness_m: float
 
 def test_without_walls_what_faces_one_way_stands_against_one() -> None:
     cabinet = Guess(LIBRARY["cabinet_drawers"], 3.0, 0.0, 0.0, 0.0, (0.62, 0.6, 0.85))
-    beside = Neighbourhood((), (cabinet,))
+    beside = Neighbourhood((), (cabinet,), by_sight=True)
     counter = Guess(LIBRARY["counter_plain"], 3.0, 0.75, 0.0, 0.0, (0.62, 0.9, 0.85))
     in_row = prior_cost(counter, beside)
     assert in_row < 0.5
@@ -120,6 +120,8 @@ def test_without_walls_what_faces_one_way_stands_against_one() -> None:
     assert prior_cost(replace(counter, yaw_rad=math.pi), beside) == pytest.approx(in_row), "it has no front"
     turned = replace(cabinet, y_m=0.6, yaw_rad=math.pi)
     assert prior_cost(turned, beside) > prior_cost(replace(turned, yaw_rad=0.0), beside) + 4.0, "its back is to us"
+    measured = Neighbourhood((), (cabinet,))
+    assert prior_cost(replace(counter, size_m=(0.62, 0.9, 0.78)), measured) < 0.5, "what is measured may be otherwise"
     lower = replace(counter, x_m=3.4, size_m=(0.55, 0.9, 0.78))
     (aligned,) = in_rows(lower, (cabinet,))
     assert prior_cost(aligned, beside) < 0.5 and aligned.size_m == (0.62, 0.9, 0.85)

@@ -324,13 +324,17 @@ def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
 @pytest.mark.parametrize(("low_m", "high_m", "ends_m"), [(-2.0, 2.1, (-1.5, 1.5)), (-1.5, 1.5, (-1.5, 1.5))])
 def test_walls_that_meet_end_at_each_other(low_m: float, high_m: float, ends_m: tuple[float, float]) -> None:
     ahead = Wall(np.array([-1.0, 0.0]), -3.0, (max(low_m, -1.7), min(high_m, 1.7)), 2.0, 0.005)
-    left, right = (Wall(np.array([0.0, -side]), -1.5, (-1.0, 2.0), 2.0, 0.005) for side in (1.0, -1.0))
+    left = Wall(np.array([0.0, -1.0]), -1.5, (-1.0, 2.9), 2.0, 0.005)
+    right = Wall(np.array([0.0, 1.0]), -1.5, (-2.9, 1.0), 2.0, 0.005)
     made = scene_json({}, (ahead, left, right), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
     half_m = made["bbox_extent"][1] / 2
     assert (made["position"][1] - half_m, made["position"][1] + half_m) == pytest.approx(ends_m, abs=1e-3)
     beyond = replace(ahead, span_m=(-2.5, 1.5))
     through = scene_json({}, (beyond, left, right), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
     assert through["bbox_extent"][1] == pytest.approx(4.0, abs=1e-3), "it goes on in the next room"
+    far = replace(left, span_m=(-9.0, -5.0)), replace(right, span_m=(5.0, 9.0))
+    alone = scene_json({}, (ahead, *far), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
+    assert alone["bbox_extent"][1] == pytest.approx(ahead.span_m[1] - ahead.span_m[0], abs=1e-3), "they end before it"
 
 
 def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:
