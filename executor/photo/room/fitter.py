@@ -39,7 +39,7 @@ _ON_NOTHING = "nothing was found that it stands on"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
-_LEAST_ALONE = 0.6  # Right names explain nine tenths and more.
+_LEAST_ALONE, _LEAST_BENT = 0.6, 0.4  # Right names explain nine tenths and more, and less where depths are bent.
 RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _MOST_FOUND = 40
@@ -216,7 +216,8 @@ class RoomFitter:
 
     def _explains_too_little(self, found: Fit) -> bool:
         """Whether what is made of a box is no likeness; by sight alone, what has legs covers half of its box."""
-        return self.room.seen.has_depth and found.explained < _LEAST_ALONE
+        seen = self.room.seen
+        return seen.has_depth and found.explained < (_LEAST_ALONE if seen.is_exact else _LEAST_BENT)
 
     def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
         """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""
