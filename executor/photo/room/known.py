@@ -37,6 +37,7 @@ of what stands wholly in something: it is called wrongly."""
 _DOUBTFUL = 0.75  # Right names explain nine tenths and more.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _BESIDE_BOX, _UNLIKE = 15.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
+_BESIDE_SMALL_BOX = 5.0  # Where a box is of few pixels, half of it costs no more than 10.
 
 
 class KnownRoom:
@@ -145,7 +146,7 @@ class KnownRoom:
         guess = found.guess
         if self.seen.has_depth or guess.bottom_m > 0.0 or is_large(guess.entry):
             return False
-        return is_outgrown(guess) or _is_unlike(found)
+        return is_outgrown(guess) or _is_unlike(found) or found.beside_box > _BESIDE_SMALL_BOX
 
     def is_seen_through(self, index: int) -> bool:
         """Decides whether farther things are seen where a fit says that it is."""

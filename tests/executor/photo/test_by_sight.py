@@ -151,6 +151,17 @@ def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
     assert room.is_in_air(1), "what is moved so little moves what stands on it, by sight"
 
 
+@pytest.mark.parametrize(("beside_box", "cost", "nothing"), [(1.0, 20.0, False), (9.0, 20.0, True), (1.0, 80.0, True)])
+def test_what_hardly_looks_so_on_the_floor_stands_on_nothing(beside_box: float, cost: float, *, nothing: bool) -> None:
+    seen, boxes = by_sight(TABLE)
+    room = KnownRoom(seen, (), boxes, 0.0)
+    mug = Guess(LIBRARY["mug"], 2.0, 0.0, 0.0, 0.0, (0.11, 0.08, 0.09))
+    found = Fit(mug, cost, (), 1.0, 0.0, 100, None, beside_box=beside_box)
+    assert room.is_on_nothing(found) is nothing
+    assert not room.is_on_nothing(replace(found, guess=replace(mug, bottom_m=0.7)))
+    assert room.is_on_nothing(replace(found, guess=replace(mug, size_m=(0.19, 0.14, 0.16))))
+
+
 def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> None:
     seen, boxes = seen_from_above(TABLE)
     bent = replace(seen, z_m=1.02 * seen.z_m, bend_share=0.02, heading_rad=TABLE.yaw_rad)
