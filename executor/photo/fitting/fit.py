@@ -96,10 +96,7 @@ def fit_thing(
         best = turned_by_ear(fine, best)
     if around.seen.by_sight and not is_large(best.guess.entry):
         best = _heightened(fine, best)
-    described = _described(fine.patch, best, others)
-    if described is None or has_depth:
-        return described
-    return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
+    return _described(fine, best, others)
 
 
 def fit_anything(
@@ -161,7 +158,7 @@ def renamed(
     if ranked[0].guess is found.guess or _with_look(fine, now) - _with_look(fine, ranked[0]) < MISNAMED:
         return found
     ranked = _compared(ranked, others, search, fine)
-    return _named(ranked, own, search, fine) or _described(fine.patch, ranked[0], ranked[1:]) or found
+    return _named(ranked, own, search, fine) or _described(fine, ranked[0], ranked[1:]) or found
 
 
 def called(around: Around, box_px: tuple[float, float, float, float], found: Fit, own: Sequence[ModelEntry]) -> Fit:
@@ -179,7 +176,7 @@ def _named(found: Sequence[RatedGuess], own: Sequence[ModelEntry], search: Likel
         named[0] = turned_by_ear(fine, named[0])
     if not named or _with_look(fine, named[0]) - _with_look(fine, found[0]) > MISNAMED:
         return None
-    return _described(fine.patch, named[0], named[1:])
+    return _described(fine, named[0], named[1:])
 
 
 def retouched(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
@@ -188,7 +185,7 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
     best, *others = by_cost(
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )
-    return _described(fine.patch, best, others) or found
+    return _described(fine, best, others) or found
 
 
 def sharpened(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
@@ -242,7 +239,7 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
     ranked = best_of_models([now, *polished, *ended, *(fine.rated(one.guess) for one in found.alternatives)])
     if ranked[0].cost > now.cost - _GAINED:
         return found
-    return _described(fine.patch, ranked[0], ranked[1:]) or found
+    return _described(fine, ranked[0], ranked[1:]) or found
 
 
 def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit, by: float = 0.0) -> Fit:
@@ -256,26 +253,32 @@ def _likelihoods(
 ) -> tuple[Likelihood, Likelihood, Likelihood]:
     """What guesses are judged by to choose starts, to search, and to choose options."""
     coarse, search, fine = (
-        Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller, around.own)
+        Likelihood(
+            Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller, around.own),
+            around.near,
+            around.scale_share,
+        )
         for most in (COARSE_PX, SEARCH_PX, FINE_PX)
     )
-    return Likelihood(coarse, around.near), Likelihood(search, around.near), Likelihood(fine, around.near)
+    return coarse, search, fine
 
 
-def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:
+def _described(fine: Likelihood, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:
     """Returns a fit with its quality; None where it cannot be built."""
     body = body_of(best.guess)
     if body is None:
         return None
+    patch = fine.patch
     return Fit(
-        coloured(fine, as_built(best.guess)),
+        coloured(patch, as_built(best.guess)),
         best.cost,
-        tuple(RatedGuess(coloured(fine, as_built(one.guess)), one.cost) for one in others),
-        fine.explained(best.guess, body),
-        fine.residual_m(best.guess, body),
-        len(fine.z_m),
-        seen_colour(fine, best.guess),
-        beside_box=fine.box_cost(best.guess),
+        tuple(RatedGuess(coloured(patch, as_built(one.guess)), one.cost) for one in others),
+        patch.explained(best.guess, body),
+        patch.residual_m(best.guess, body),
+        len(patch.z_m),
+        seen_colour(patch, best.guess),
+        None if patch.has_depth else place_spread_m(fine, best.guess),
+        beside_box=patch.box_cost(best.guess),
     )
 
 

@@ -21,6 +21,7 @@ from executor.photo.space.observation import Observation
 _STEPS = np.array([0.02, 0.02, 0.05, 0.01, 0.01, 0.01])  # Metres and radians, over which costs are about quadratic.
 _LOOSEST = 1e-3  # Of the sharpest direction: what is looser is not known at all.
 _MOST_M = 1.0
+_HIGHEST = 1e6  # Stands for what cannot be, of which differences are taken.
 _FARTHEST_M = 10.0  # In a room.
 
 
@@ -52,10 +53,12 @@ class Likelihood:
     Attributes:
         patch: The pixels.
         near: The walls and the other furniture.
+        scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
     """
 
     patch: Patch
     near: Neighbourhood
+    scale_share: float = 0.0
 
     def box_cost(self, guess: Guess) -> float:
         """Returns what its box and what is likely before anything is seen say; infinite for what cannot be."""
@@ -151,7 +154,7 @@ class Around:
     own: NDArray[np.bool_] | None = None
 
 
-def place_spread_m(likelihood: Likelihood, guess: Guess, scale_share: float) -> float:
+def place_spread_m(likelihood: Likelihood, guess: Guess) -> float:
     """Returns the standard deviation of a thing's place on the floor, in its worst direction.
 
     By how costs grow around the guess (Laplace's approximation): where a bit farther off and a bit larger is as good,
@@ -160,10 +163,9 @@ def place_spread_m(likelihood: Likelihood, guess: Guess, scale_share: float) -> 
     Args:
         likelihood: What the guess was judged by.
         guess: The guess.
-        scale_share: How exactly the scale of the picture is known, as a share.
     """
     count = len(_STEPS)
-    here = likelihood.box_cost(guess)
+    here = _moved(likelihood, guess, {})
     single = np.array([[_moved(likelihood, guess, {i: sign}) for sign in (-1.0, 1.0)] for i in range(count)])
     curved = np.zeros((count, count))
     for i in range(count):
@@ -171,11 +173,11 @@ def place_spread_m(likelihood: Likelihood, guess: Guess, scale_share: float) -> 
         for j in range(i):
             both = _moved(likelihood, guess, {i: 1.0, j: 1.0})
             curved[i, j] = curved[j, i] = both - single[i, 1] - single[j, 1] + here
-    values, axes = np.linalg.eigh(np.nan_to_num(curved, posinf=1e6, neginf=0.0))
+    values, axes = np.linalg.eigh(curved)
     variances = 1.0 / np.maximum(values, max(_LOOSEST * float(values.max()), 1e-9))
     covariance = (axes * variances) @ axes.T * np.outer(_STEPS, _STEPS)
     worst = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:2, :2]).max())))
-    return min(_MOST_M, math.hypot(worst, scale_share * math.hypot(guess.x_m, guess.y_m)))
+    return min(_MOST_M, math.hypot(worst, likelihood.scale_share * math.hypot(guess.x_m, guess.y_m)))
 
 
 def _moved(likelihood: Likelihood, guess: Guess, steps: dict[int, float]) -> float:
@@ -185,4 +187,4 @@ def _moved(likelihood: Likelihood, guess: Guess, steps: dict[int, float]) -> flo
     length, width, height = guess.size_m
     size = length + float(by[3]), width + float(by[4]), height + float(by[5])
     one = replace(guess, x_m=guess.x_m + by[0], y_m=guess.y_m + by[1], yaw_rad=guess.yaw_rad + by[2], size_m=size)
-    return likelihood.box_cost(one)
+    return min(likelihood.box_cost(one), _HIGHEST)
