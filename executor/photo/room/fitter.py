@@ -26,8 +26,8 @@ from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import feet_of, large_enough, named_models
-from executor.photo.inputs.annotations import Sighting
-from executor.photo.room.known import IMPOSSIBLE, UNLIKELY, KnownRoom
+from executor.photo.inputs.annotations import FLOOR, Sighting
+from executor.photo.room.known import BESIDE_BOX, IMPOSSIBLE, UNLIKELY, KnownRoom
 from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
@@ -102,7 +102,7 @@ class RoomFitter:
         elif room.seen.has_depth and room.claim(found.guess, around).is_refuted(detection.box_px):
             room.reasons[index] = "no such thing fits in its box, through which farther things are seen"
             found = None
-        elif room.is_on_nothing(found):
+        elif detection.on != FLOOR and room.is_on_nothing(found):
             room.reasons[index] = _ON_NOTHING
             found = None
         if found is not None:
@@ -201,7 +201,7 @@ class RoomFitter:
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not room.is_there(index, found, around):
             found = None
-        if found is not None and (self._explains_too_little(found) or self._is_far_fetched(found, before)):
+        if found is not None and (self._explains_too_little(found, before) or self._is_far_fetched(found, before)):
             found = None
         if found is None:
             found = before
@@ -214,10 +214,15 @@ class RoomFitter:
             room.reasons.setdefault(index, "no model explains it")
         return room.keep(index, found)
 
-    def _explains_too_little(self, found: Fit) -> bool:
-        """Whether what is made of a box is no likeness; by sight alone, what has legs covers half of its box."""
+    def _explains_too_little(self, found: Fit, before: Fit | None) -> bool:
+        """Whether what is made of a box is no likeness.
+
+        By sight alone what has legs covers half of its box: what is called otherwise must not fill that then.
+        """
         seen = self.room.seen
-        return seen.has_depth and found.explained < (_LEAST_ALONE if seen.is_exact else _LEAST_BENT)
+        if not seen.has_depth and (before is None or before.beside_box > BESIDE_BOX):
+            return False
+        return found.explained < (_LEAST_BENT if seen.bend_share else _LEAST_ALONE)
 
     def _is_far_fetched(self, found: Fit, before: Fit | None) -> bool:
         """Whether by sight alone nothing but its outline speaks for what is made of a box that has no thing."""

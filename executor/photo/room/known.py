@@ -36,7 +36,9 @@ of what stands wholly in something: it is called wrongly."""
 
 _DOUBTFUL = 0.75  # Right names explain nine tenths and more.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
-_BESIDE_BOX, _UNLIKE = 15.0, 50.0  # Without depth, most that outline and fit of what is called rightly cost.
+BESIDE_BOX, _UNLIKE = 15.0, 50.0
+"""Without depth, most that outline and fit of what is called rightly cost."""
+
 _BESIDE_SMALL_BOX = 5.0  # Where a box is of few pixels, half of it costs no more than 10.
 
 
@@ -157,9 +159,12 @@ class KnownRoom:
         return self._claim_of(index).box_px
 
     def is_there(self, index: int, found: Fit, around: Around) -> bool:
-        """Decides whether a fit that nobody has named is seen wherever it says, and is what a box was drawn around."""
+        """Decides whether a fit that nobody has named is seen wherever it says, and is what a box was drawn around.
+
+        Without depth, it is enough that it stands in nothing else.
+        """
         if not self.seen.has_depth:
-            return True
+            return not stands_in(found.guess, around.near.pieces)
         claim = self.claim(found.guess, around)
         if index < self.boxed:
             is_it = claim.fills(self.detections[index].box_px)
@@ -229,4 +234,4 @@ class KnownRoom:
 
 def _is_unlike(found: Fit) -> bool:
     """Whether by sight a fit does not fill its box, or looks otherwise."""
-    return found.beside_box > _BESIDE_BOX or found.cost > _UNLIKE
+    return found.beside_box > BESIDE_BOX or found.cost > _UNLIKE
