@@ -85,15 +85,18 @@ class Guess:
 
     def corners_m(self) -> Array:
         """Returns the (8, 3) corners of its box in the level frame."""
-        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
-        return np.asarray(_CORNERS * self.size_m @ turn.T + middle)
+        return self._placed(_CORNERS)
 
     def outline_m(self) -> Array:
         """Returns points (N, 3) in the level frame that enclose it, as its box's corners do, and all are on it."""
+        return self._placed(_hull(self.entry))
+
+    def _placed(self, points: Array) -> Array:
+        """Points (N, 3) of a box with sides of 1 where they are in the level frame."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
-        return np.asarray(_hull(self.entry) * self.size_m @ rotation_z(self.yaw_rad)[:3, :3].T + middle)
+        return np.asarray(points * self.size_m @ turn.T + middle)
 
 
 class Body:
@@ -232,16 +235,16 @@ def _shapes(thing: SceneObject) -> list[tuple[Shape, Array]]:
 @cache
 def _hull(entry: ModelEntry) -> Array:
     """(N, 3) corners of the convex hull of a model that is shut, where its box has sides of 1."""
-    thing = _largest(entry).as_object()
+    thing = Guess(entry, 0.0, 0.0, 0.0, 0.0, largest_m(entry)).as_object()
     corners = np.concatenate([triangles.reshape(-1, 3) for _, triangles in _shapes(thing)])
     return np.asarray(corners[ConvexHull(corners).vertices] / thing.extent_m)
 
 
-def _largest(entry: ModelEntry) -> Guess:
-    """A model as large as it comes."""
+def largest_m(entry: ModelEntry) -> Size:
+    """Returns the length, width and height of a model that is as large as it comes."""
     width = entry.width.high
     length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
-    return Guess(entry, 0.0, 0.0, 0.0, 0.0, (length, width, height))
+    return length, width, height
 
 
 def body_of(guess: Guess) -> Body | None:
@@ -289,7 +292,7 @@ def is_round(entry: ModelEntry) -> bool:
     """Decides whether no turn of a model is told apart, whatever its size: a plate is round, and a die is not."""
     if not entry.length.of_width or entry.length.low != 1.0 or entry.length.high != 1.0:
         return False
-    body = body_of(_largest(entry))
+    body = body_of(Guess(entry, 0.0, 0.0, 0.0, 0.0, largest_m(entry)))
     return body is not None and body.symmetric
 
 

@@ -8,7 +8,7 @@ from functools import cache
 
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry, Option, Quantity
-from executor.photo.fitting.body import Guess
+from executor.photo.fitting.body import Guess, largest_m
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
@@ -133,10 +133,8 @@ def with_parts(entries: Sequence[ModelEntry], doors: int | None, drawers: int | 
 def _parts(model: str) -> frozenset[tuple[int, int]]:
     """Returns how many doors and drawers a model can have."""
     entry = LIBRARY[model]
-    width = entry.width.high
-    length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
     counts = set()
-    for guess in shapes(Guess(entry, 0.0, 0.0, 0.0, 0.0, (length, width, height))):
+    for guess in shapes(Guess(entry, 0.0, 0.0, 0.0, 0.0, largest_m(entry))):
         kinds = [joint.kind for joint in asset_for(guess.as_object()).joints]
         counts.add((kinds.count("revolute"), kinds.count("prismatic")))
     return frozenset(counts)

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TypeAlias
 
 from executor.assets.parameters import ModelEntry
-from executor.photo.fitting.body import Guess, Size, is_round
+from executor.photo.fitting.body import Guess, Size, is_round, largest_m
 from executor.photo.space.walls import Wall
 from executor.scenes.furnishing.usual import ABSURD
 from oag import Kind, kind_of
@@ -58,13 +58,13 @@ class Neighbourhood:
         walls: The walls.
         pieces: The other furniture, as far as it is known.
         heading_rad: Without walls, one of the directions in which most lines of the room go, if there is one.
-        by_sight: Whether nothing is measured, and no wall is known: pieces then tell of each other.
+        without_depth: Whether nothing is measured, and no wall is known: pieces then tell of each other.
     """
 
     walls: tuple[Wall, ...]
     pieces: tuple[Guess, ...] = ()
     heading_rad: float | None = None
-    by_sight: bool = False
+    without_depth: bool = False
 
     @property
     def headings_rad(self) -> tuple[float, ...]:
@@ -100,7 +100,7 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     if around.headings_rad and not is_round(entry):
         turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
         cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
-    if around.by_sight:
+    if around.without_depth:
         cost += _at_one_wall_cost(guess, around.pieces, ahead)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
 
@@ -110,8 +110,8 @@ def _possible_m(entry: ModelEntry) -> tuple[Flat, ...]:
     """From which to which length, width and height a thing may be of a model at all: a scene takes nothing else."""
     spans = (entry.length, entry.width, entry.height)
     low = (span.low * (entry.width.low if span.of_width else 1.0) for span in spans)
-    high = (span.high * (entry.width.high if span.of_width else 1.0) for span in spans)
-    return tuple((max(least / ABSURD, _SMALLEST_M), most * ABSURD) for least, most in zip(low, high, strict=True))
+    ends = zip(low, largest_m(entry), strict=True)
+    return tuple((max(least / ABSURD, _SMALLEST_M), most * ABSURD) for least, most in ends)
 
 
 def is_large(entry: ModelEntry) -> bool:
@@ -121,8 +121,7 @@ def is_large(entry: ModelEntry) -> bool:
 
 def is_outgrown(guess: Guess) -> bool:
     """Decides whether a guess is larger than its model ever is, as is what seems farther off than it is."""
-    most = (high / ABSURD for _, high in _possible_m(guess.entry))
-    return any(value > _OUTGROWN * high for value, high in zip(guess.size_m, most, strict=True))
+    return any(value > _OUTGROWN * most for value, most in zip(guess.size_m, largest_m(guess.entry), strict=True))
 
 
 def usual_size_m(entry: ModelEntry) -> Size:

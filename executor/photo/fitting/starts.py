@@ -14,7 +14,7 @@ from scipy.ndimage import label
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round
+from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round, largest_m
 from executor.photo.fitting.options import shapes
 from executor.photo.fitting.prior import AT_WALLS, CARRIED, is_large, usual_size_m
 from executor.photo.inputs.annotations import Sighting
@@ -189,8 +189,7 @@ def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
     mostly_m, top_m = np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])
     found = []
     for entry in LIBRARY.values():
-        width = entry.width.high
-        length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
+        length, width, height = largest_m(entry)
         least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
         least *= 1.0 - (_BACK_SHARE if entry.category in _BACKED else _CUT_SHARE)
         longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M

@@ -216,7 +216,7 @@ class KnownRoom:
         guesses = [fit.guess for index, fit in self.fits.items() if index != besides]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
         standing = tuple(one for one in pieces if one.bottom_m == 0.0)
-        return Neighbourhood(self.walls, standing, self.seen.heading_rad, by_sight=not self.seen.has_depth)
+        return Neighbourhood(self.walls, standing, self.seen.heading_rad, without_depth=not self.seen.has_depth)
 
     def _claim_of(self, index: int) -> Claim:
         """What a fit says of the picture's pixels, among all else that is known."""

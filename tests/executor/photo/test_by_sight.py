@@ -111,7 +111,7 @@ def test_how_thick_a_top_is_makes_it_neither_higher_nor_wider(thickness_m: float
 
 def test_without_walls_what_faces_one_way_stands_against_one() -> None:
     cabinet = Guess(LIBRARY["cabinet_drawers"], 3.0, 0.0, 0.0, 0.0, (0.62, 0.6, 0.85))
-    beside = Neighbourhood((), (cabinet,), by_sight=True)
+    beside = Neighbourhood((), (cabinet,), without_depth=True)
     counter = Guess(LIBRARY["counter_plain"], 3.0, 0.75, 0.0, 0.0, (0.62, 0.9, 0.85))
     in_row = prior_cost(counter, beside)
     assert in_row < 0.5

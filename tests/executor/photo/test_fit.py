@@ -321,9 +321,9 @@ def test_a_wall_is_as_thick_as_what_stands_behind_it_leaves_room_for() -> None:
         assert lone["bbox_extent"][0] == pytest.approx(thick_m, abs=1e-3)
 
 
-@pytest.mark.parametrize(("low_m", "high_m", "ends_m"), [(-2.0, 2.1, (-1.5, 1.5)), (-1.5, 1.5, (-1.5, 1.5))])
-def test_walls_that_meet_end_at_each_other(low_m: float, high_m: float, ends_m: tuple[float, float]) -> None:
-    ahead = Wall(np.array([-1.0, 0.0]), -3.0, (max(low_m, -1.7), min(high_m, 1.7)), 2.0, 0.005)
+@pytest.mark.parametrize(("span_m", "ends_m"), [((-1.7, 1.6), (-1.5, 1.5)), ((-1.5, 1.4), (-1.4, 1.5))])
+def test_walls_that_meet_end_at_each_other(span_m: tuple[float, float], ends_m: tuple[float, float]) -> None:
+    ahead = Wall(np.array([-1.0, 0.0]), -3.0, span_m, 2.0, 0.005)
     left = Wall(np.array([0.0, -1.0]), -1.5, (-1.0, 2.9), 2.0, 0.005)
     right = Wall(np.array([0.0, 1.0]), -1.5, (-2.9, 1.0), 2.0, 0.005)
     made = scene_json({}, (ahead, left, right), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
