@@ -34,6 +34,8 @@ from executor.photo.variations import RoomVariation, variations_of
 
 Told = Callable[[str], None]
 
+_HARDLY_SEEN = 0.01  # Of the picture, the box of what a room may do without.
+
 
 @dataclass(frozen=True)
 class Given:
@@ -208,7 +210,7 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)
-    made = scene_of(found, given.name)
+    found, made = scene_of(found, given.name, _HARDLY_SEEN * seen.z_m.size)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()
     took = {

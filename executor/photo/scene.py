@@ -10,6 +10,7 @@ import numpy as np
 
 from executor.assets.footprint import Footprint
 from executor.photo.fitting.body import Guess
+from executor.photo.room.fitter import STOOD_OUT
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import SAME_HEIGHT_M, tidied
@@ -43,9 +44,25 @@ class MadeScene:
     settled_m: Mapping[str, float]
 
 
-def scene_of(found: FittedRoom, name: str) -> MadeScene:
-    """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
-    return made_of(found, {thing.id: thing.fit.guess for thing in found.things}, name)
+def scene_of(found: FittedRoom, name: str, hardly_px: float) -> tuple[FittedRoom, MadeScene]:
+    """Returns what is in the scene of a reconstruction, and the scene: without overlaps, with facts from geometry, settled.
+
+    Where no such room can be, and can without one thing that is hardly seen or that nobody has put a box around, that is
+    left out.
+
+    Args:
+        found: The fits.
+        name: Of the scene.
+        hardly_px: Area of the largest box of what is hardly seen.
+    """
+    made = made_of(found, found.guesses, name)
+    unsure = [one for one in found.things if one.detection.area_px < hardly_px or one.detection.source == STOOD_OUT]
+    for thing in sorted(unsure, key=lambda one: one.detection.area_px) if made.refused else ():
+        fewer = found.without(thing, f"with it the room cannot be: {made.refused}")
+        other = made_of(fewer, fewer.guesses, name)
+        if not other.refused:
+            return fewer, other
+    return found, made
 
 
 def made_of(

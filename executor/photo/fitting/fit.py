@@ -244,8 +244,12 @@ def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit
 
 def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit, by: float = 0.0) -> Fit:
     """Returns the second of two fits of a thing where it costs so much less among all that is known now."""
-    _, _, fine = _likelihoods(around, box_px)
-    return second if fine.cost(second.guess) < fine.cost(first.guess) - by else first
+    return second if cost_among(around, box_px, second) < cost_among(around, box_px, first) - by else first
+
+
+def cost_among(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> float:
+    """Returns what a fit costs among all that is known now."""
+    return _likelihoods(around, box_px)[2].cost(found.guess)
 
 
 def _likelihoods(

@@ -35,7 +35,7 @@ _SAME_PLACE, _SAME_SIZE = 0.4, 1.6  # Of the least side; of two things' sides.
 OF_RANGE = 0.29
 """Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
 
-_PARALLEL, _FACING = math.sin(math.radians(8.0)), math.cos(math.radians(8.0))
+_ASKEW, _FACING = math.sin(2 * math.radians(8.0)), math.cos(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
 _UNITS = ("bottom_cabinet", "countertop", "dishwasher", "oven")
@@ -194,11 +194,12 @@ def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> float:
     """What the gaps to neighbours in a row cost, and overlaps with them."""
     aside, cost = (-ahead[1], ahead[0]), 0.0
     for piece in pieces if guess.bottom_m == 0.0 else ():
-        if abs(math.sin(piece.yaw_rad - guess.yaw_rad)) > _PARALLEL:
+        turned = piece.yaw_rad - guess.yaw_rad
+        if abs(math.sin(2 * turned)) > _ASKEW:
             continue
         away = piece.x_m - guess.x_m, piece.y_m - guess.y_m
-        turned = abs(math.cos(piece.yaw_rad - guess.yaw_rad)) < 0.5
-        length, width = piece.size_m[1::-1] if turned else piece.size_m[:2]
+        across = abs(math.cos(turned)) < 0.5
+        length, width = piece.size_m[1::-1] if across else piece.size_m[:2]
         gap_x = abs(_dot(away, ahead)) - (length + guess.size_m[0]) / 2
         gap_y = abs(_dot(away, aside)) - (width + guess.size_m[1]) / 2
         if (gap_x < -_FLUSH_FAR_M and gap_y < 0.0) or (gap_x < 0.0 and gap_y < -_FLUSH_FAR_M):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from executor.photo.fitting.fit import (
     MISNAMED,
     called,
     cheaper,
+    cost_among,
     fit_anything,
     fit_thing,
     renamed,
@@ -27,7 +29,7 @@ from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_si
 from executor.photo.fitting.rim import assumed_beneath, beneath
 from executor.photo.fitting.starts import feet_of, large_enough, named_models
 from executor.photo.inputs.annotations import FLOOR, Sighting
-from executor.photo.room.known import BESIDE_BOX, IMPOSSIBLE, UNLIKELY, KnownRoom
+from executor.photo.room.known import BESIDE_BOX, UNLIKELY, KnownRoom
 from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
@@ -157,6 +159,36 @@ class RoomFitter:
         around, box_px = room.around(index, hidden_by), room.detections[index].box_px
         return room.keep(index, cheaper(around, box_px, found, before))
 
+    def is_taken_for_each_other(self, index: int, other: int) -> bool:
+        """Decides whether each of two things may be where the other one is seen."""
+        room = self.room
+        if not room.seen.is_exact or not {index, other} <= room.fits.keys():
+            return False
+        wrong = all(room.fits[one].explained < RIGHT for one in (index, other))
+        return wrong and overlap(room.detections[index].box_px, room.detections[other].box_px) > 0.0
+
+    def fit_together(self, index: int, other: int) -> str:
+        """Fits two things anew, the first one as if nothing were known of the other, where they cost less so."""
+        room = self.room
+        before = room.fits[index], room.fits[other]
+        costs = self._cost(index) + self._cost(other)
+        room.take(index)
+        room.take(other)
+        self.fit(index, [0.0], hidden_by=(other,))
+        self.fit(other, [0.0], hidden_by=())
+        if index in room.fits and other in room.fits and self._cost(index) + self._cost(other) < costs:
+            return room.keep(index, room.fits[index])
+        room.keep(other, before[1])
+        return room.keep(index, before[0])
+
+    def _cost(self, index: int) -> float:
+        """What a thing costs among all others."""
+        found = self.room.take(index)
+        if found is None:
+            return math.inf
+        self.room.keep(index, found)
+        return cost_among(self.room.around(index), self.room.detections[index].box_px, found)
+
     def shake(self, index: int) -> str:
         """Looks for what explains a piece of furniture better and is not near it, among all that is known now."""
         room = self.room
@@ -182,9 +214,9 @@ class RoomFitter:
             foreign: (H, W) pixels that are of other things, though nobody knows yet of which.
         """
         room = self.room
-        unlikely = room.unlikeliness(index) > IMPOSSIBLE
+        impossible = room.is_impossible(index)
         before, detection = room.take(index), room.detections[index]
-        if unlikely and room.seen.has_depth:
+        if impossible and room.seen.has_depth:
             before = None
             room.reasons[index] = "what it is called would stand in other things"
         # What it may be at all, depths tell better than the picture even where they are bent.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ from executor.photo.fitting.prior import (
 )
 from executor.photo.fitting.starts import LEAST_POINTS, points_of
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.room.supports import EQUAL_M, SAME_M, heights_behind, heights_under, is_on_one, tops_of
+from executor.photo.room.supports import EQUAL_M, SAME_M, heights_behind, heights_under, is_on_one, level_heights, tops_of
 from executor.photo.space.claim import Claim
 from executor.photo.space.layers import Layers
 from executor.photo.space.observation import Observation
@@ -108,7 +109,8 @@ class KnownRoom:
         for index in sorted(alone, key=lambda index: self.detections[index].area_px):
             guess = self.fits[index].guess
             others = (fit.guess for other, fit in self.fits.items() if other != index)
-            if stands_in(guess, self._near(index).pieces) or any(is_same_place(guess, other) for other in others):
+            is_left = stands_in(guess, self.pieces_beside(index)) or self.unlikeliness(index) > IMPOSSIBLE
+            if is_left or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"
 
@@ -125,12 +127,25 @@ class KnownRoom:
             # What furniture carries is as far off as that is, and fits no better; of what is assumed nothing is seen.
             told = self.detections[index].category in CARRIED or bool(found.assumed)
             return not told and _is_unlike(found)
-        return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.unlikeliness(index) > IMPOSSIBLE
+        return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.is_impossible(index)
+
+    def is_impossible(self, index: int) -> bool:
+        """Decides whether a thing would stand in what it cannot; of two in each other, the one that explains less."""
+        found = self.fits.get(index)
+        if found is None:
+            return False
+        others = [other for other, fit in self.fits.items() if other != index and fit.explained >= found.explained]
+        return prior_cost(found.guess, self._near(others)) > IMPOSSIBLE
+
+    def doubt(self, index: int) -> float:
+        """Returns what says which of two fits is rather the wrong one: what they leave unexplained, or unlikeliness."""
+        found = self.fits.get(index)
+        return self.unlikeliness(index) if found is None or not self.seen.has_depth else 1.0 - found.explained
 
     def unlikeliness(self, index: int) -> float:
         """Returns how much speaks against a fit before anything is seen, among all that is known now."""
         found = self.fits.get(index)
-        return 0.0 if found is None else prior_cost(found.guess, self._near(index))
+        return 0.0 if found is None else prior_cost(found.guess, self._near(self._besides(index)))
 
     def is_in_air(self, index: int) -> bool:
         """Decides whether what a thing was put on has been taken for something else since.
@@ -186,10 +201,12 @@ class KnownRoom:
             by_depth: Whether depths tell its place though they are not exact, and the picture would tell it better.
         """
         own = self.detections[index]
-        smaller = (one for one in hidden_by if one != index and self.detections[one].area_px < own.area_px)
+        # What nobody has put a box around is no part of what somebody has.
+        most_px = own.area_px if index < self.boxed else math.inf
+        smaller = (one for one in hidden_by if one != index and self.detections[one].area_px < most_px)
         foreign = self._in_boxes(smaller)
         seen = self.seen if by_depth or self.seen.is_exact else self._sighted
-        return Around(seen, *self._layers.together(), foreign, self._near(), self.scale_share, own.mask)
+        return Around(seen, *self._layers.together(), foreign, self._near(self.fits), self.scale_share, own.mask)
 
     def points(self, detection: Sighting, around: Around) -> Array | None:
         """Returns (N, 3) that are most likely a thing's own; None where there is no depth."""
@@ -204,16 +221,21 @@ class KnownRoom:
         tops = list(tops_of(self.fits.values()))
         if points is not None:
             of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
-            return heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
+            under = heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
+            # Where nobody has drawn a box around what carries it, that is found when this is known.
+            return level_heights(of_box) if detection.category in CARRIED and not any(under) else under
         told = None if detection.on is None else self.fits.get(detection.on)
         return heights_behind(self.seen, detection, tops, told)
 
     def pieces_beside(self, index: int) -> tuple[Guess, ...]:
         """Returns the furniture besides a thing."""
-        return self._near(index).pieces
+        return self._near(self._besides(index)).pieces
 
-    def _near(self, besides: int | None = None) -> Neighbourhood:
-        guesses = [fit.guess for index, fit in self.fits.items() if index != besides]
+    def _besides(self, index: int) -> list[int]:
+        return [other for other in self.fits if other != index]
+
+    def _near(self, indices: Iterable[int]) -> Neighbourhood:
+        guesses = [self.fits[index].guess for index in indices]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
         standing = tuple(one for one in pieces if one.bottom_m == 0.0)
         return Neighbourhood(self.walls, standing, self.seen.heading_rad, without_depth=not self.seen.has_depth)

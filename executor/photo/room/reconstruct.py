@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from executor.photo.fitting.body import Guess
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.prior import CARRIED
 from executor.photo.fitting.starts import stands_on_floor
@@ -53,6 +55,16 @@ class FittedRoom:
     unfitted: tuple[Unfitted, ...]
     walls: tuple[Wall, ...]
 
+    @property
+    def guesses(self) -> dict[str, Guess]:
+        """id -> what a thing is taken for."""
+        return {thing.id: thing.fit.guess for thing in self.things}
+
+    def without(self, thing: FittedThing, reason: str) -> FittedRoom:
+        """Returns the room without one thing, and why."""
+        rest = tuple(one for one in self.things if one is not thing)
+        return replace(self, things=rest, unfitted=(*self.unfitted, Unfitted(thing.detection, reason)))
+
 
 def reconstruct(
     seen: Observation,
@@ -83,6 +95,9 @@ def reconstruct(
     carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
     for index in standing:
         fitter.fit(index, [0.0], hidden_by=boxes)
+    # They are as large as what they stand on, and hide it.
+    for index in (one for one in carried if seen.is_exact and detections[one].category in CARRIED):
+        fitter.fit(index, None, hidden_by=boxes)
     if seen.is_exact:
         room.look_for_walls()
     for index in standing:
@@ -92,6 +107,9 @@ def reconstruct(
     for index in standing:
         if fitter.is_unlikely(index, RIGHT):
             told(fitter.fit_again(index, hidden_by=carried))
+    for index, other in itertools.combinations(standing, 2):
+        if fitter.is_taken_for_each_other(index, other):
+            told(fitter.fit_together(index, other))
     room.straighten()
     for index in standing:
         told(fitter.sharpen(index))
@@ -101,8 +119,8 @@ def reconstruct(
         # What hardly explains its box has sides that are of no use for others.
         if not room.is_doubtful(index):
             told(fitter.rename(index))
-    # Where two stand in each other, the less likely one is the wrong one.
-    for index in sorted(boxes, key=room.unlikeliness, reverse=True):
+    # Where two stand in each other, the one that explains less is the wrong one.
+    for index in sorted(boxes, key=room.doubt, reverse=True):
         if room.is_doubtful(index):
             told(fitter.fit_anything(index))
     if seen.has_depth and alone:

@@ -26,6 +26,7 @@ _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it m
 _MOST = 3
 _MISJUDGED_M = 0.5
 _ON_FLOOR_M = 0.15
+_LEVEL_M, _LEVEL_SHARE, _HIGHEST_M = 0.02, 0.05, 2.0  # Bins in which level surfaces have this share of all points.
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,21 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     heights = [0.0] if low < _ON_FLOOR_M else []
     heights += [top.height_m for top in tops if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at)]
     return sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))[:_MOST]
+
+
+def level_heights(points: Array) -> list[float]:
+    """Returns heights at which many of some points (N, 3) lie, above the floor, the most first: of level surfaces."""
+    z = points[:, 2]
+    counts, ends = np.histogram(z, np.arange(_ON_FLOOR_M, _HIGHEST_M, _LEVEL_M))
+    # A bin's two neighbours may have a part of its surface; an upright face has as many points in each.
+    peaks = [
+        number
+        for number in range(1, len(counts) - 1)
+        if counts[number] == counts[number - 1 : number + 2].max() and counts[number] > _LEVEL_SHARE * len(z)
+    ]
+    likely = sorted(peaks, key=lambda number: -int(counts[number]))[:_MOST]
+    near = [z[np.abs(z - ends[number] - _LEVEL_M / 2) < _LEVEL_M] for number in likely]
+    return [round(float(np.median(one)), 4) for one in near]
 
 
 def heights_behind(seen: Observation, detection: Sighting, tops: Sequence[Top], told: Fit | None) -> list[float]:
