@@ -109,7 +109,8 @@ class KnownRoom:
         for index in sorted(alone, key=lambda index: self.detections[index].area_px):
             guess = self.fits[index].guess
             others = (fit.guess for other, fit in self.fits.items() if other != index)
-            is_left = stands_in(guess, self.pieces_beside(index)) or self.unlikeliness(index) > IMPOSSIBLE
+            is_left = stands_in(guess, self.pieces_beside(index))
+            is_left |= is_large(guess.entry) and self.unlikeliness(index) > IMPOSSIBLE
             if is_left or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"

@@ -20,9 +20,10 @@ _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _BEYOND_END_M, _NEARER_M = (0.03, 0.13), 0.03
-_THINNER_M = (0.15, 0.25)  # Behind a wall's face its top has ended; no piece of furniture is so thin.
+_TOP_M, _AT_TOP_M = (0.15, 0.6), 0.12  # Behind its face furniture has its top, and walls no longer have theirs.
+_ABOUT_TOP_M = (0.06, 0.04)  # Below and above a wall's top, where what is behind it is looked at.
 _LEAST_THICK_M = 0.03  # Where the picture ends below a wall's top, noise puts some of its face behind itself.
-_LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels where its top would go on: what nobody has boxed hides some.
+_LEAST_BEHIND_PX, _LOOKED_OVER = 100, 0.8  # Of the pixels that look there: what nobody has boxed hides some.
 _ABOVE_FLOOR_M = 0.10
 _BESIDE = 0.06  # Of a box's sides, left out around it: twice what boxes are off by.
 _NEAREST_M, _FARTHEST_M = 0.3, 9.0  # Nobody stands in a wall: a plane through the camera is a table's edge,
@@ -311,16 +312,24 @@ def _is_hidden(wall: Wall, seen: Observation) -> bool:
 
 
 def _is_thin(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
-    """Whether farther things are seen where the top of furniture would go on behind such a face, outside all boxes."""
-    depth = wall.top_depth(seen.eye_m, seen.rays, _THINNER_M)
-    looked = np.isfinite(depth) & beside
-    through = looked & (seen.z_m > depth + 3 * seen.bent_m)
-    return bool(looked.sum() >= _LEAST_BEHIND_PX and through.sum() >= _LOOKED_OVER * looked.sum())
+    """Whether, outside all boxes, its top does not go on behind its face as that of furniture does.
+
+    Looked at is what is seen just over it, and just below in case its top is lower: from afar one looks far over an edge
+    before something clearly farther is seen.
+    """
+    below_m, above_m = _ABOUT_TOP_M
+    depth = replace(wall, top_m=wall.top_m + above_m).depth(seen.eye_m, seen.rays)
+    heights_m = seen.eye_m[2] + seen.rays[..., 2] * np.where(np.isfinite(depth), depth, 0.0)
+    behind_m = wall.offset_m - seen.points_m[..., :2] @ wall.normal
+    least_m, most_m = _TOP_M
+    beyond = np.isfinite(depth) & beside & (heights_m > wall.top_m - below_m) & (behind_m > least_m)
+    on_top = beyond & (behind_m < most_m) & (np.abs(seen.points_m[..., 2] - wall.top_m) < _AT_TOP_M)
+    return bool(beyond.sum() >= _LEAST_BEHIND_PX and on_top.sum() < (1.0 - _LOOKED_OVER) * beyond.sum())
 
 
 def _with_top(wall: Wall, seen: Observation) -> Wall:
     """A wall with as much of its top as is seen."""
-    depth = wall.top_depth(seen.eye_m, seen.rays, (0.0, _THINNER_M[0]))
+    depth = wall.top_depth(seen.eye_m, seen.rays, (0.0, _TOP_M[0]))
     on_top = seen.measured & (np.abs(seen.z_m - depth) < 3 * seen.bent_m)
     if int(on_top.sum()) < _LEAST_BEHIND_PX:
         return wall

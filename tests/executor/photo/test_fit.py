@@ -118,7 +118,7 @@ def test_things_are_where_they_are(room: FittedRoom) -> None:
 
 
 def test_they_make_a_scene_that_stands(room: FittedRoom) -> None:
-    made = scene_of(room, "drawn")
+    _, made = scene_of(room, "drawn", 0.0)
     assert made.refused == "" and made.scene is not None
     assert "(ontop bowl_0 table_0)" in made.scene.to_json()["facts"]
     assert max(made.settled_m.values()) < 0.005
@@ -339,7 +339,7 @@ def test_walls_that_meet_end_at_each_other(span_m: tuple[float, float], ends_m: 
 
 def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:
     """Their reader, which knows nothing of photographs, puts everything where it was."""
-    made = scene_of(room, "drawn").scene
+    made = scene_of(room, "drawn", 0.0)[1].scene
     assert made is not None
     seen, _ = seen_from_above(TABLE, BOWL)
     for name, content in zip(cousins_files(0), cousins_json(made, seen), strict=True):

@@ -71,7 +71,7 @@ def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() ->
     room.leave_out_what_is_inside()
     assert list(room.fits) == [alone]
     # Each stands in the other: the smaller one is what is left.
-    around, index = replace(room.fits[alone].guess, size_m=(1.3, 1.3, 1.0)), len(room.detections)
+    around, index = replace(room.fits[alone].guess, size_m=(1.2, 0.8, 0.75)), len(room.detections)
     room.detections.append(replace(box, box_px=(0.0, 0.0, 320.0, 240.0), source=STOOD_OUT))
     room.fits[index] = Fit(around, 0.0, (), 1.0, 0.0, 100, None)
     room.leave_out_what_is_inside()
