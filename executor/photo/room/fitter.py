@@ -101,6 +101,9 @@ class RoomFitter:
         elif room.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             room.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
             found = None
+        elif room.seen.has_depth and room.is_doubtful_in_air(found):
+            room.reasons[index] = _ON_NOTHING
+            found = None
         elif room.seen.has_depth and room.claim(found.guess, around).is_refuted(detection.box_px):
             room.reasons[index] = "no such thing fits in its box, through which farther things are seen"
             found = None

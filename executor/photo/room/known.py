@@ -153,8 +153,16 @@ class KnownRoom:
 
         By sight, a top that is a little higher has what stands on it elsewhere.
         """
-        found, within_m = self.fits.get(index), SAME_M if self.seen.is_exact else EQUAL_M
-        return found is not None and not is_on_one(found.guess, tops_of(self.fits.values()), within_m)
+        found = self.fits.get(index)
+        return found is not None and not self._is_on_one(found)
+
+    def is_doubtful_in_air(self, found: Fit) -> bool:
+        """Decides whether a fit stands on nothing that is known, and explains too little to wait for that."""
+        return found.explained < _DOUBTFUL and not self._is_on_one(found)
+
+    def _is_on_one(self, found: Fit) -> bool:
+        within_m = SAME_M if self.seen.is_exact else EQUAL_M
+        return is_on_one(found.guess, tops_of(self.fits.values()), within_m)
 
     def is_on_nothing(self, found: Fit) -> bool:
         """Decides whether by sight an item stands on the floor only since nothing else was found that it stands on.
