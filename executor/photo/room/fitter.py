@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_fill_holes
 
 from executor.assets.library import LIBRARY
+from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.fit import (
     MISNAMED,
@@ -27,10 +29,11 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import feet_of, large_enough, named_models
+from executor.photo.fitting.starts import feet_of, large_enough, named_models, stands_on_floor
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.room.known import BESIDE_BOX, UNLIKELY, KnownRoom
 from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
+from executor.photo.space.appearance import of_one_hue
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from llm.sight.forms import overlap
@@ -46,8 +49,9 @@ RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _MOST_FOUND = 40
 _MISNAMED_BY_SIGHT = 60.0  # Less, without depth, another name has to cost: what has legs hides and costs little.
+_FOOT_PX = 3  # Below a box's end, where its foot may be seen to stand.
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
-STOOD_OUT = "stands out of the depths"
+STOOD_OUT, OF_ONE_HUE = "stands out of the depths", "of one hue under what has a box"
 """Who found what nobody has put a box around."""
 
 
@@ -60,6 +64,7 @@ class RoomFitter:
 
     def __init__(self, room: KnownRoom) -> None:
         self.room = room
+        self._on_nothing: set[int] = set()  # Boxes for which nothing was found that they stand on.
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
@@ -98,6 +103,8 @@ class RoomFitter:
             nothing = _NOTHING if room.seen.has_depth else _UNFIT
             room.reasons[index] = nothing if bottoms_m else _ON_NOTHING
             found = before
+            if not bottoms_m:
+                self._on_nothing.add(index)
         elif room.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             room.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
             found = None
@@ -109,6 +116,7 @@ class RoomFitter:
             found = None
         elif detection.on != FLOOR and room.is_on_nothing(found):
             room.reasons[index] = _ON_NOTHING
+            self._on_nothing.add(index)
             found = None
         if found is not None:
             found = as_exact_as_its_carrier(found, tops_of(room.fits.values()))
@@ -209,12 +217,15 @@ class RoomFitter:
             self._shaken[index] = frozenset((found.guess, *around.near.pieces))
         return room.keep(index, found)
 
-    def fit_anything(self, index: int, foreign: NDArray[np.bool_] | None = None) -> str:
+    def fit_anything(
+        self, index: int, foreign: NDArray[np.bool_] | None = None, entries: Sequence[ModelEntry] = ()
+    ) -> str:
         """Fits one thing by every model, and keeps that where it costs clearly less than what the box is called.
 
         Args:
             index: Which detection.
             foreign: (H, W) pixels that are of other things, though nobody knows yet of which.
+            entries: Models that it may be; by default all that may be so large.
         """
         room = self.room
         impossible = room.is_impossible(index)
@@ -230,7 +241,8 @@ class RoomFitter:
         points = room.points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(room.heights_m(detection, points))})
-        entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
+        if not entries:
+            entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
         if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
             found = called(around, detection.box_px, found, named_models(detection))
@@ -313,6 +325,28 @@ class RoomFitter:
             room.detections[index] = replace(room.detections[index], box_px=claimed_px)
             told(self.fit_anything(index))
 
+    def find_carriers(self, told: Callable[[str], None]) -> None:
+        """By sight, fits what things stand on that stand on nothing known: what is of one hue around them is one thing.
+
+        Then those are fitted on it, and all that is seen on it.
+        """
+        room, carriers = self.room, [entry for entry in LIBRARY.values() if is_large(entry)]
+        tried: list[NDArray[np.bool_]] = []
+        for index in sorted(self._on_nothing, key=lambda one: -room.detections[one].area_px):
+            piece = of_one_hue(room.seen.rgb, room.detections[index].box_px) if index not in room.fits else None
+            if piece is None or any(are_alike(piece, other) for other in tried):
+                continue
+            tried.append(piece)
+            room.detections.append(Sighting("", None, box_of(piece), 0.0, OF_ONE_HUE))
+            carrier = len(room.detections) - 1
+            told(self.fit_anything(carrier, entries=carriers))
+            if carrier in room.fits:
+                told(self.sharpen(carrier))
+                around = binary_fill_holes(piece)
+                for other in range(room.boxed):
+                    if not stands_on_floor(room.detections[other]) and _has_foot_in(room.detections[other], around):
+                        told(self.fit(other, None, hidden_by=()))
+
     def _is_as_seen(self, index: int, around: Around) -> bool:
         """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""
         room = self.room
@@ -323,3 +357,11 @@ class RoomFitter:
             return True
         self._views[index] = view
         return False
+
+
+def _has_foot_in(detection: Sighting, piece: NDArray[np.bool_]) -> bool:
+    """Whether a box ends in a piece of the picture (H, W)."""
+    x0, _, x1, y1 = detection.box_px
+    height, width = piece.shape
+    column = min(width - 1, round((x0 + x1) / 2))
+    return bool(piece[min(height - 1, max(0, round(y1) - 1)) : round(y1) + _FOOT_PX, column].any())

@@ -115,6 +115,8 @@ def reconstruct(
         told(fitter.sharpen(index))
     for index in carried:
         told(fitter.fit(index, None, hidden_by=carried))
+    if not seen.is_exact:
+        fitter.find_carriers(told)
     for index in boxes:
         # What hardly explains its box has sides that are of no use for others.
         if not room.is_doubtful(index):

@@ -1,4 +1,4 @@
-"""What a picture's colours say of where a thing ends: colours that are seen beside it, and edges.
+"""What a picture's colours say of where a thing ends: colours that are seen beside it, edges, and how far one hue goes.
 
 A guess that is right ends where the picture has edges, and what it leaves to others is of colours that others have.
 Both are found once for the pixels of a thing, so that a guess costs next to nothing more.
@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import label, maximum_filter1d
 
 from executor.geometry import Array
 
@@ -21,6 +22,9 @@ _EDGE = 0.035  # Of full brightness: what differs by more across two pixels is a
 _BESIDE_PX = 1  # How far an edge may be from where a guess has it.
 _SEEN = 0.8  # Of what a model shows as an edge, the picture has as one; faces may look alike.
 _MOST_CLUTTER = 0.5
+_BESIDE_FOOT = 0.15  # Of a box's height, how far beside it is looked for what it stands on.
+_LEAST_CHROMA, _SAME_HUE_RAD, _SAME_CHROMA, _SAME_LIGHT = 12.0, 0.15, (0.5, 1.6), 40.0
+"""In CIELAB: what has less is grey, as floor and walls are too; what faces of one thing differ by, lit or not."""
 _ALONG = 0.3  # Of pairs along an edge, how many are measurements of their own.
 
 
@@ -51,6 +55,38 @@ def unlike_beside(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, flo
     if not len(means):
         return np.full(len(colours), np.inf)
     return np.sqrt(((colours[:, None, :] - means[None, :, :]) ** 2).sum(axis=2).min(axis=1))
+
+
+def of_one_hue(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, float]) -> NDArray[np.bool_] | None:
+    """Returns (H, W) the piece of the picture around a box that is of the hue which is seen beside its foot, and the box.
+
+    None where that is grey.
+
+    Args:
+        rgb: (H, W, 3) the picture.
+        box_px: The box.
+    """
+    x0, y0, x1, y1 = (round(value) for value in box_px)
+    height, width = rgb.shape[:2]
+    beside = max(3, round(_BESIDE_FOOT * (y1 - y0)))
+    low, high = round((y0 + 2 * y1) / 3), y1 + beside
+    around = [(x0 - beside, y0), (x1 + beside, y0), (x0 - beside, low), (x1 + beside, low), ((x0 + x1) // 2, high)]
+    lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2LAB)
+    seen = [lab[y, x] for x, y in around if 0 <= x < width and 0 <= y < height]
+    if not seen:
+        return None
+    light, a, b = np.median(seen, axis=0)
+    own = math.hypot(a, b)
+    if own < _LEAST_CHROMA:
+        return None
+    chroma = np.hypot(lab[..., 1], lab[..., 2])
+    # The cosine of the angle between two colours' hues, times both chromas.
+    alike = lab[..., 1] * a + lab[..., 2] * b > math.cos(_SAME_HUE_RAD) * own * chroma
+    alike &= (chroma > _SAME_CHROMA[0] * own) & (chroma < _SAME_CHROMA[1] * own)
+    alike &= np.abs(lab[..., 0] - light) < _SAME_LIGHT
+    alike[max(0, y0 - 1) : y1 + 2, max(0, x0 - 1) : x1 + 2] = True
+    pieces, _ = label(alike)
+    return np.asarray(pieces == pieces[min(height - 1, (y0 + y1) // 2), min(width - 1, (x0 + x1) // 2)])
 
 
 @dataclass(frozen=True)
