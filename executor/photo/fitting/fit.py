@@ -108,19 +108,31 @@ def fit_anything(
 ) -> Fit | None:
     """Returns the best fit of a thing among models of any name, searched for once more among those of likely names.
 
-    Among many models, few turns of each are followed. Arguments are those of `fit_thing`.
+    Among many models, few turns of each are followed; by sight, whose costs lead nowhere from afar, none of some.
+    Arguments are those of `fit_thing`.
     """
-    found = fit_thing(around, box_px, entries, bottoms_m, points, roughly=True)
+    named = {entry.category: [one for one in entries if one.category == entry.category] for entry in entries}
+    several = named.values() if around.seen.by_sight else [entries]
+    roughly = [fit_thing(around, box_px, some, bottoms_m, points, roughly=True) for some in several]
+    found = _best([one for one in roughly if one is not None])
     if found is None:
         return None
     rivals = (one.guess.entry for one in found.alternatives if one.cost < found.cost + _WORTH_A_LOOK)
     likely = {found.guess.entry.category, *(entry.category for entry in rivals)}
-    named = [entry for entry in entries if entry.category in likely]
-    again = fit_thing(around, box_px, named, [found.guess.bottom_m], points)
+    again = fit_thing(
+        around, box_px, [one for one in entries if one.category in likely], [found.guess.bottom_m], points
+    )
     if again is None or again.cost > found.cost:
         return found
     others = [one for one in found.alternatives if one.guess.entry.category not in likely]
     return replace(again, alternatives=tuple(by_cost([*again.alternatives, *others])))
+
+
+def _best(fits: Sequence[Fit]) -> Fit | None:
+    """The cheapest of some fits, with the others among its alternatives."""
+    ranked = sorted(fits, key=lambda one: one.cost)
+    others = [other for one in ranked for other in (RatedGuess(one.guess, one.cost), *one.alternatives)]
+    return replace(ranked[0], alternatives=tuple(by_cost(others[1:]))) if ranked else None
 
 
 def renamed(

@@ -37,6 +37,7 @@ _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
 _FARTHEST_M = 12.0
+_SEEMS_HIGHER, _SEEMS_LOWER = 2.5, 1.5  # Than it is, what is taken to stand where its box ends.
 _NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
@@ -197,6 +198,31 @@ def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
             mostly_m - bottom < height + _BEYOND_M and top_m - bottom > least - _BEYOND_M for bottom in bottoms_m
         ):
             found.append(entry)
+    return found
+
+
+def high_enough(
+    seen: Observation, box_px: tuple[float, float, float, float], bottoms_m: Sequence[float]
+) -> list[ModelEntry]:
+    """Returns the models that without depth may look as high as a box that ends on one of some heights.
+
+    Its foot may be hidden, and what is seen at its upper end may be farther off; what a border cuts may be of any height.
+    """
+    x0, y0, x1, y1 = box_px
+    width, height = seen.size_px
+    is_cut = y0 <= 1.0 or y1 >= height - 1.0
+    up = seen.rays[min(height - 1, max(0, int(y0))), min(width - 1, int((x0 + x1) / 2))]
+    rise = float(up[2] / max(float(np.linalg.norm(up[:2])), 1e-6))
+    found = []
+    for entry in LIBRARY.values():
+        most_m = _SEEMS_HIGHER * largest_m(entry)[2]
+        least_m = entry.height.low * (entry.width.low if entry.height.of_width else 1.0) / _SEEMS_LOWER
+        for bottom_m in bottoms_m:
+            foot = foot_of(seen, box_px, bottom_m)
+            high_m = None if foot is None else seen.eye_m[2] + rise * float(np.linalg.norm(foot)) - bottom_m
+            if high_m is None or (high_m < most_m and (is_cut or high_m > least_m)):
+                found.append(entry)
+                break
     return found
 
 

@@ -29,7 +29,7 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import feet_of, large_enough, named_models, stands_on_floor
+from executor.photo.fitting.starts import feet_of, high_enough, large_enough, named_models, stands_on_floor
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.room.known import BESIDE_BOX, UNLIKELY, KnownRoom
 from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
@@ -242,7 +242,8 @@ class RoomFitter:
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(room.heights_m(detection, points))})
         if not entries:
-            entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
+            by_sight = high_enough(room.seen, detection.box_px, places) if points is None else []
+            entries = by_sight if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
         if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
             found = called(around, detection.box_px, found, named_models(detection))

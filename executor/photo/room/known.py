@@ -23,7 +23,15 @@ from executor.photo.fitting.prior import (
 )
 from executor.photo.fitting.starts import LEAST_POINTS, points_of
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.room.supports import EQUAL_M, SAME_M, heights_behind, heights_under, is_on_one, level_heights, tops_of
+from executor.photo.room.supports import (
+    EQUAL_M,
+    SAME_M,
+    heights_behind,
+    heights_under,
+    is_on_one,
+    level_heights,
+    tops_of,
+)
 from executor.photo.space.claim import Claim
 from executor.photo.space.layers import Layers
 from executor.photo.space.observation import Observation
