@@ -45,10 +45,10 @@ class MadeScene:
 
 
 def scene_of(found: FittedRoom, name: str, hardly_px: float) -> tuple[FittedRoom, MadeScene]:
-    """Returns what is in the scene of a reconstruction, and the scene: without overlaps, with facts from geometry, settled.
+    """Returns what is in the scene of a reconstruction, and that: without overlaps, with facts, settled in physics.
 
-    Where no such room can be, and can without one thing that is hardly seen or that nobody has put a box around, that is
-    left out.
+    Where no such room can be, and can without one thing that is hardly seen or that nobody has put a box around, that
+    is left out.
 
     Args:
         found: The fits.

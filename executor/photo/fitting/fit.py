@@ -17,6 +17,7 @@ from executor.photo.fitting.likelihood import (
     Fit,
     Likelihood,
     RatedGuess,
+    best_of_fits,
     best_of_models,
     by_cost,
     place_spread_m,
@@ -27,12 +28,15 @@ from executor.photo.fitting.prior import in_rows, is_large
 from executor.photo.fitting.starts import LEAST_POINTS, flat_among, points_of
 from executor.photo.fitting.turns import (
     all_turns,
+    at_other_distances,
     boxes_beside,
     cheapest_turns,
     distinct,
+    flatter_and_higher,
     is_alike,
     quarter_of,
     turned_by_ear,
+    with_other_heights,
 )
 from oag import Kind, kind_of
 
@@ -43,10 +47,6 @@ _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, 
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _NAMES = 8  # What may be called by more of them may be anything.
 _SECOND, _LAST, _BRIEF = 160, 120, 60  # Renderings of a search.
-_HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
-"""Shares of furniture's height, and by sight of how far off it is, that are tried before it is polished."""
-
-_ITEM_HEIGHTS = (0.7, 0.85, 1.2, 1.4)  # Shares of an item's height that are tried by sight.
 _THICKER = ((-0.12, 0.12), (-0.06, 0.06))  # Steps from a top's thickness, as shares of its range.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _SHAKEN = 4  # Beginnings that are searched on from, of those beside a fit.
@@ -114,7 +114,7 @@ def fit_anything(
     named = {entry.category: [one for one in entries if one.category == entry.category] for entry in entries}
     several = named.values() if around.seen.by_sight else [entries]
     roughly = [fit_thing(around, box_px, some, bottoms_m, points, roughly=True) for some in several]
-    found = _best([one for one in roughly if one is not None])
+    found = best_of_fits(one for one in roughly if one is not None)
     if found is None:
         return None
     rivals = (one.guess.entry for one in found.alternatives if one.cost < found.cost + _WORTH_A_LOOK)
@@ -126,13 +126,6 @@ def fit_anything(
         return found
     others = [one for one in found.alternatives if one.guess.entry.category not in likely]
     return replace(again, alternatives=tuple(by_cost([*again.alternatives, *others])))
-
-
-def _best(fits: Sequence[Fit]) -> Fit | None:
-    """The cheapest of some fits, with the others among its alternatives."""
-    ranked = sorted(fits, key=lambda one: one.cost)
-    others = [other for one in ranked for other in (RatedGuess(one.guess, one.cost), *one.alternatives)]
-    return replace(ranked[0], alternatives=tuple(by_cost(others[1:]))) if ranked else None
 
 
 def renamed(
@@ -366,24 +359,9 @@ def _with_sides_of(
     return [with_options(fine, descended(fine, one.guess, _LAST, colours=True, reach=0.5)) for one in turned[:_RIVALS]]
 
 
-def _farther(guess: Guess, share: float, eye_m: Array) -> Guess:
-    """A thing so much farther off and larger that its top looks the same: where its foot is hidden, little tells."""
-    length, width, height = guess.size_m
-    top_m = float(eye_m[2]) - share * (float(eye_m[2]) - guess.bottom_m - height)
-    size = round(share * length, 4), round(share * width, 4), round(top_m - guess.bottom_m, 4)
-    return replace(guess, x_m=share * guess.x_m, y_m=share * guess.y_m, size_m=size)
-
-
 def _heightened(fine: Likelihood, best: RatedGuess) -> RatedGuess:
     """An item searched for with other heights, too: farther off and flatter it looks much the same."""
-    length, width, height = best.guess.size_m
-    above_m = float(fine.patch.seen.eye_m[2]) - best.guess.bottom_m
-    begun = []
-    for other in (round(share * height, 4) for share in _ITEM_HEIGHTS):
-        nearer = 1.0 - (other - height) / above_m if above_m > other else 1.0
-        for share in (1.0, nearer):
-            at = share * best.guess.x_m, share * best.guess.y_m
-            begun.append(replace(best.guess, x_m=at[0], y_m=at[1], size_m=(length, width, other)))
+    begun = flatter_and_higher(best.guess, fine.patch.seen.eye_m)
     ended = (fine.rated(descended(fine, one, _BRIEF, colours=True, reach=0.5)) for one in begun)
     return min([best, *ended], key=lambda one: one.cost)
 
@@ -395,12 +373,9 @@ def _polished(fine: Likelihood, best: RatedGuess) -> RatedGuess:
     """
     if kind_of(best.guess.entry.category, best.guess.size_m[1]) is not Kind.ITEM:
         # What is thin before a wall, such as a headboard, is no slope that a search goes down.
-        length, width, height = best.guess.size_m
-        taller = (replace(best.guess, size_m=(length, width, round(share * height, 4))) for share in _HEIGHTS)
-        farther = (_farther(best.guess, share, fine.patch.seen.eye_m) for share in _DISTANCES)
-        others = list(taller)
+        others = list(with_other_heights(best.guess))
         if fine.patch.seen.by_sight:
-            others += farther
+            others += at_other_distances(best.guess, fine.patch.seen.eye_m)
             others += [thicker for one in (best.guess, *others) for thicker in thickened(one)]
         best = min([best, *(fine.rated(one) for one in others)], key=lambda one: one.cost)
     for _ in range(_ROUNDS):

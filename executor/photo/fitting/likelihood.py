@@ -132,6 +132,13 @@ class Fit:
         return 1.0 / (1.0 + math.exp(-min(50.0, self.alternatives[0].cost - self.cost)))
 
 
+def best_of_fits(fits: Iterable[Fit]) -> Fit | None:
+    """Returns the cheapest of some fits of one thing, with the others among its alternatives; None of none."""
+    ranked = sorted(fits, key=lambda one: one.cost)
+    others = [other for one in ranked for other in (RatedGuess(one.guess, one.cost), *one.alternatives)]
+    return replace(ranked[0], alternatives=tuple(by_cost(others[1:]))) if ranked else None
+
+
 @dataclass(frozen=True)
 class Around:
     """What a search has to know besides its thing.

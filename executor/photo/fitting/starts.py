@@ -206,7 +206,7 @@ def high_enough(
 ) -> list[ModelEntry]:
     """Returns the models that without depth may look as high as a box that ends on one of some heights.
 
-    Its foot may be hidden, and what is seen at its upper end may be farther off; what a border cuts may be of any height.
+    Its foot may be hidden, and what is seen at its upper end may be farther off; what a border cuts may be higher.
     """
     x0, y0, x1, y1 = box_px
     width, height = seen.size_px

@@ -1,4 +1,4 @@
-"""A box that was found, as the box of other models and turned otherwise.
+"""A box that was found, as the box of other models, turned otherwise, and of other sizes.
 
 What a search learns of a thing's sides holds for whatever it is and whichever side is its front, but for what stands
 out in front: handles belong to the box, so that the panels of a front are behind the box's face.
@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size, body_middle_m, body_of, has_ear, is_round
 from executor.photo.fitting.descent import descended, near_corner
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess, by_cost
@@ -30,6 +31,10 @@ _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a fro
 _SIDES_M = (-0.35, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.35)  # By which sides are moved that may have been misjudged.
 _LEAST_M = 0.2  # Of a side that is.
 
+_HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
+"""Shares of furniture's height, and by sight of how far off it is, that are tried before it is polished."""
+
+_ITEM_HEIGHTS = (0.7, 0.85, 1.2, 1.4)  # Shares of an item's height that are tried by sight.
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
 _ALIKE = 6.0  # So much more in cost makes a turn e times less likely.
 _FIRST, _SECOND = 8, 4  # Turns that are followed, and once more with the body that was found so.
@@ -73,6 +78,42 @@ def boxes_beside(found: Guess, headings_rad: Iterable[float]) -> Iterator[Guess]
     for turned in (found, *_straightened(found, headings_rad)):
         yield turned
         yield from _reshaped(turned)
+
+
+def with_other_heights(found: Guess) -> Iterator[Guess]:
+    """Yields a piece of furniture that is a little higher or lower."""
+    length, width, height = found.size_m
+    for share in _HEIGHTS:
+        yield replace(found, size_m=(length, width, round(share * height, 4)))
+
+
+def at_other_distances(found: Guess, eye_m: Array) -> Iterator[Guess]:
+    """Yields a piece as much farther off as larger, so that its top looks the same: little tells where its foot is hidden.
+
+    Args:
+        found: The guess.
+        eye_m: (3,) the camera.
+    """
+    length, width, height = found.size_m
+    for share in _DISTANCES:
+        top_m = float(eye_m[2]) - share * (float(eye_m[2]) - found.bottom_m - height)
+        size = round(share * length, 4), round(share * width, 4), round(top_m - found.bottom_m, 4)
+        yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=size)
+
+
+def flatter_and_higher(found: Guess, eye_m: Array) -> Iterator[Guess]:
+    """Yields an item of other heights, where it is and where its top looks the same.
+
+    Args:
+        found: The guess.
+        eye_m: (3,) the camera.
+    """
+    length, width, height = found.size_m
+    above_m = float(eye_m[2]) - found.bottom_m
+    for other in (round(share * height, 4) for share in _ITEM_HEIGHTS):
+        nearer = 1.0 - (other - height) / above_m if above_m > other else 1.0
+        for share in (1.0, nearer):
+            yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=(length, width, other))
 
 
 def _reshaped(found: Guess) -> Iterator[Guess]:

@@ -58,7 +58,7 @@ def unlike_beside(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, flo
 
 
 def of_one_hue(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, float]) -> NDArray[np.bool_] | None:
-    """Returns (H, W) the piece of the picture around a box that is of the hue which is seen beside its foot, and the box.
+    """Returns (H, W) the piece of the picture around a box that is of the hue which is seen beside its foot, and it.
 
     None where that is grey.
 

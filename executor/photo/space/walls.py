@@ -314,8 +314,8 @@ def _is_hidden(wall: Wall, seen: Observation) -> bool:
 def _is_thin(wall: Wall, seen: Observation, beside: NDArray[np.bool_]) -> bool:
     """Whether, outside all boxes, its top does not go on behind its face as that of furniture does.
 
-    Looked at is what is seen just over it, and just below in case its top is lower: from afar one looks far over an edge
-    before something clearly farther is seen.
+    Looked at is what is seen just over it, and just below in case its top is lower: from afar one looks far over an
+    edge before something clearly farther is seen.
     """
     below_m, above_m = _ABOUT_TOP_M
     depth = replace(wall, top_m=wall.top_m + above_m).depth(seen.eye_m, seen.rays)
