@@ -88,7 +88,7 @@ def with_other_heights(found: Guess) -> Iterator[Guess]:
 
 
 def at_other_distances(found: Guess, eye_m: Array) -> Iterator[Guess]:
-    """Yields a piece as much farther off as larger, so that its top looks the same: little tells where its foot is hidden.
+    """Yields a piece as much farther off as larger: where its foot is hidden, its top looks the same.
 
     Args:
         found: The guess.
