@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_fill_holes
 
-from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.fit import (
@@ -29,11 +27,10 @@ from executor.photo.fitting.likelihood import Around, Fit
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import CARRIED, is_large, prior_cost, usual_size_m
 from executor.photo.fitting.rim import assumed_beneath, beneath
-from executor.photo.fitting.starts import feet_of, high_enough, large_enough, named_models, stands_on_floor
+from executor.photo.fitting.starts import feet_of, high_enough, large_enough, named_models
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.room.known import BESIDE_BOX, UNLIKELY, KnownRoom
 from executor.photo.room.supports import as_exact_as_its_carrier, tops_of
-from executor.photo.space.appearance import of_one_hue
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.standing_out import are_alike, box_of, standing_out
 from llm.sight.forms import overlap
@@ -58,13 +55,14 @@ STOOD_OUT, OF_ONE_HUE = "stands out of the depths", "of one hue under what has a
 class RoomFitter:
     """Fits the things of a room, one after the other, each among all that is known when its turn comes.
 
-    Args:
+    Attributes:
         room: What is known, which grows.
+        on_nothing: Boxes for which nothing was found that they stand on.
     """
 
     def __init__(self, room: KnownRoom) -> None:
         self.room = room
-        self._on_nothing: set[int] = set()  # Boxes for which nothing was found that they stand on.
+        self.on_nothing: set[int] = set()
         self._views: dict[int, BoxView] = {}  # index -> what was seen of it when it was searched for.
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
@@ -104,7 +102,7 @@ class RoomFitter:
             room.reasons[index] = nothing if bottoms_m else _ON_NOTHING
             found = before
             if not bottoms_m:
-                self._on_nothing.add(index)
+                self.on_nothing.add(index)
         elif room.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             room.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
             found = None
@@ -116,7 +114,7 @@ class RoomFitter:
             found = None
         elif detection.on != FLOOR and room.is_on_nothing(found):
             room.reasons[index] = _ON_NOTHING
-            self._on_nothing.add(index)
+            self.on_nothing.add(index)
             found = None
         if found is not None:
             found = as_exact_as_its_carrier(found, tops_of(room.fits.values()))
@@ -170,35 +168,14 @@ class RoomFitter:
         around, box_px = room.around(index, hidden_by), room.detections[index].box_px
         return room.keep(index, cheaper(around, box_px, found, before))
 
-    def is_taken_for_each_other(self, index: int, other: int) -> bool:
-        """Decides whether each of two things may be where the other one is seen."""
-        room = self.room
-        if not room.seen.is_exact or not {index, other} <= room.fits.keys():
-            return False
-        wrong = all(room.fits[one].explained < RIGHT for one in (index, other))
-        return wrong and overlap(room.detections[index].box_px, room.detections[other].box_px) > 0.0
-
-    def fit_together(self, index: int, other: int) -> str:
-        """Fits two things anew, the first one as if nothing were known of the other, where they cost less so."""
-        room = self.room
-        before = room.fits[index], room.fits[other]
-        costs = self._cost(index) + self._cost(other)
-        room.take(index)
-        room.take(other)
-        self.fit(index, [0.0], hidden_by=(other,))
-        self.fit(other, [0.0], hidden_by=())
-        if index in room.fits and other in room.fits and self._cost(index) + self._cost(other) < costs:
-            return room.keep(index, room.fits[index])
-        room.keep(other, before[1])
-        return room.keep(index, before[0])
-
-    def _cost(self, index: int) -> float:
-        """What a thing costs among all others."""
+    def cost(self, index: int) -> float:
+        """Returns what a thing costs among all others, infinite where there is none."""
         found = self.room.take(index)
         if found is None:
             return math.inf
+        cost = cost_among(self.room.around(index), self.room.detections[index].box_px, found)
         self.room.keep(index, found)
-        return cost_among(self.room.around(index), self.room.detections[index].box_px, found)
+        return cost
 
     def shake(self, index: int) -> str:
         """Looks for what explains a piece of furniture better and is not near it, among all that is known now."""
@@ -326,28 +303,6 @@ class RoomFitter:
             room.detections[index] = replace(room.detections[index], box_px=claimed_px)
             told(self.fit_anything(index))
 
-    def find_carriers(self, told: Callable[[str], None]) -> None:
-        """By sight, fits what things stand on that stand on nothing known: what is of one hue around them is one thing.
-
-        Then those are fitted on it, and all that is seen on it.
-        """
-        room, carriers = self.room, [entry for entry in LIBRARY.values() if is_large(entry)]
-        tried: list[NDArray[np.bool_]] = []
-        for index in sorted(self._on_nothing, key=lambda one: -room.detections[one].area_px):
-            piece = of_one_hue(room.seen.rgb, room.detections[index].box_px) if index not in room.fits else None
-            if piece is None or any(are_alike(piece, other) for other in tried):
-                continue
-            tried.append(piece)
-            room.detections.append(Sighting("", None, box_of(piece), 0.0, OF_ONE_HUE))
-            carrier = len(room.detections) - 1
-            told(self.fit_anything(carrier, entries=carriers))
-            if carrier in room.fits:
-                told(self.sharpen(carrier))
-                around = binary_fill_holes(piece)
-                for other in range(room.boxed):
-                    if not stands_on_floor(room.detections[other]) and _has_foot_in(room.detections[other], around):
-                        told(self.fit(other, None, hidden_by=()))
-
     def _is_as_seen(self, index: int, around: Around) -> bool:
         """Whether hardly anything else is seen in a thing's box than when it was searched for; remembers what is."""
         room = self.room
@@ -358,11 +313,3 @@ class RoomFitter:
             return True
         self._views[index] = view
         return False
-
-
-def _has_foot_in(detection: Sighting, piece: NDArray[np.bool_]) -> bool:
-    """Whether a box ends in a piece of the picture (H, W)."""
-    x0, _, x1, y1 = detection.box_px
-    height, width = piece.shape
-    column = min(width - 1, round((x0 + x1) / 2))
-    return bool(piece[min(height - 1, max(0, round(y1) - 1)) : round(y1) + _FOOT_PX, column].any())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from executor.photo.fitting.starts import stands_on_floor
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.room.fitter import RIGHT, RoomFitter
 from executor.photo.room.known import KnownRoom
+from executor.photo.room.together import find_carriers, refit_pairs
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
@@ -107,16 +107,15 @@ def reconstruct(
     for index in standing:
         if fitter.is_unlikely(index, RIGHT):
             told(fitter.fit_again(index, hidden_by=carried))
-    for index, other in itertools.combinations(standing, 2):
-        if fitter.is_taken_for_each_other(index, other):
-            told(fitter.fit_together(index, other))
+    if seen.is_exact:
+        refit_pairs(fitter, standing, told)
     room.straighten()
     for index in standing:
         told(fitter.sharpen(index))
     for index in carried:
         told(fitter.fit(index, None, hidden_by=carried))
     if not seen.is_exact:
-        fitter.find_carriers(told)
+        find_carriers(fitter, told)
     for index in boxes:
         # What hardly explains its box has sides that are of no use for others.
         if not room.is_doubtful(index):
