@@ -43,6 +43,7 @@ UNLIKELY, IMPOSSIBLE = 10.0, 30.0
 """Prior cost of what stands in a wall, in others, or with its front against something, and hardly of a right fit; and
 of what stands wholly in something: it is called wrongly."""
 
+_AROUND = 0.2  # Of a box's sides, looked at around it for what carries its thing.
 _DOUBTFUL = 0.75  # Right names explain nine tenths and more.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 BESIDE_BOX, _UNLIKE = 15.0, 50.0
@@ -239,8 +240,11 @@ class KnownRoom:
         if points is not None:
             of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
             under = heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
+            if detection.category not in CARRIED or any(under):
+                return under
             # Where nobody has drawn a box around what carries it, that is found when this is known.
-            return level_heights(of_box) if detection.category in CARRIED and not any(under) else under
+            around = replace(detection, box_px=_widened(detection.box_px), mask=None).pixels(self.seen.size_px)
+            return level_heights(self.seen.points_m[around & self.seen.measured])
         told = None if detection.on is None else self.fits.get(detection.on)
         return heights_behind(self.seen, detection, tops, told)
 
@@ -274,3 +278,10 @@ class KnownRoom:
 def _is_unlike(found: Fit) -> bool:
     """Whether by sight a fit does not fill its box, or looks otherwise."""
     return found.beside_box > BESIDE_BOX or found.cost > _UNLIKE
+
+
+def _widened(box_px: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """A box with a part of what is around it, such as the top that its thing stands on."""
+    x0, y0, x1, y1 = box_px
+    over_x, over_y = _AROUND * (x1 - x0), _AROUND * (y1 - y0)
+    return max(0.0, x0 - over_x), max(0.0, y0 - over_y), x1 + over_x, y1 + over_y

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.prior import is_large
 from executor.photo.fitting.starts import stands_on_floor
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.room.fitter import RIGHT, RoomFitter
@@ -25,6 +24,9 @@ from llm.sight.forms import overlap
 
 OF_ONE_HUE = "of one hue under what has a box"
 """Who found what nobody has put a box around."""
+
+_TOPS = ("table", "coffee_table", "desk", "desk_with_drawers", "nightstand", "shelf", "bottom_cabinet", "countertop")
+"""What things are put on."""
 
 _FOOT_PX = 3  # Below a box's end, where its foot may be seen to stand.
 
@@ -57,7 +59,7 @@ def find_carriers(fitter: RoomFitter, told: Callable[[str], None]) -> None:
 
     Then those are fitted on it, and all that is seen on it.
     """
-    room, carriers = fitter.room, [entry for entry in LIBRARY.values() if is_large(entry)]
+    room, carriers = fitter.room, [entry for entry in LIBRARY.values() if entry.category in _TOPS]
     tried: list[NDArray[np.bool_]] = []
     for index in sorted(fitter.on_nothing, key=lambda one: -room.detections[one].area_px):
         piece = of_one_hue(room.seen.rgb, room.detections[index].box_px) if index not in room.fits else None
