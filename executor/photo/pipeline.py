@@ -30,10 +30,12 @@ from executor.photo.space.level import (
 from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import observe_by_height
 from executor.photo.space.walls import find_walls
+from executor.photo.tidy import SAME_HEIGHT_M
 from executor.photo.variations import RoomVariation, variations_of
 
 Told = Callable[[str], None]
 
+_ABOUT_M = 0.1  # Between a thing and its top by sight, where one of them may have been fitted better since.
 _HARDLY_SEEN = 0.01  # Of the picture, the box of what a room may do without.
 
 
@@ -210,7 +212,8 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)
-    found, made = scene_of(found, given.name, _HARDLY_SEEN * seen.z_m.size)
+    same_height_m = SAME_HEIGHT_M if seen.is_exact else _ABOUT_M
+    found, made = scene_of(found, given.name, _HARDLY_SEEN * seen.z_m.size, same_height_m=same_height_m)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()
     took = {

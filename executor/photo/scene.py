@@ -44,7 +44,9 @@ class MadeScene:
     settled_m: Mapping[str, float]
 
 
-def scene_of(found: FittedRoom, name: str, hardly_px: float) -> tuple[FittedRoom, MadeScene]:
+def scene_of(
+    found: FittedRoom, name: str, hardly_px: float, *, same_height_m: float = SAME_HEIGHT_M
+) -> tuple[FittedRoom, MadeScene]:
     """Returns what is in the scene of a reconstruction, and that: without overlaps, with facts, settled in physics.
 
     Where no such room can be, and can without one thing that is hardly seen or that nobody has put a box around, that
@@ -54,12 +56,13 @@ def scene_of(found: FittedRoom, name: str, hardly_px: float) -> tuple[FittedRoom
         found: The fits.
         name: Of the scene.
         hardly_px: Area of the largest box of what is hardly seen.
+        same_height_m: Between a thing and the top that it is taken to stand on.
     """
-    made = made_of(found, found.guesses, name)
+    made = made_of(found, found.guesses, name, same_height_m=same_height_m)
     unsure = [one for one in found.things if one.detection.area_px < hardly_px or one.detection.source == STOOD_OUT]
     for thing in sorted(unsure, key=lambda one: one.detection.area_px) if made.refused else ():
         fewer = found.without(thing, f"with it the room cannot be: {made.refused}")
-        other = made_of(fewer, fewer.guesses, name)
+        other = made_of(fewer, fewer.guesses, name, same_height_m=same_height_m)
         if not other.refused:
             return fewer, other
     return found, made

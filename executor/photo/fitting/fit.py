@@ -203,7 +203,10 @@ def sharpened(around: Around, box_px: tuple[float, float, float, float], found: 
         return sharp.rated(descended(sharp, guess, renderings, colours=True, reach=0.3))
 
     def ended(begun: Guess) -> RatedGuess:
-        best = searched(_polished(fine, fine.rated(begun)).guess, _LAST)
+        farther = at_other_distances(begun, around.seen.eye_m)
+        near = [fine.rated(descended(fine, one, _BRIEF, colours=True, reach=0.5)) for one in farther]
+        nearest = min([fine.rated(begun), *near], key=lambda one: one.cost)
+        best = searched(_polished(fine, nearest).guess, _LAST)
         # A thicker top looks much like a wider and lower one.
         for steps in ((), *_THICKER):
             others = [searched(guess, _BRIEF) for guess in thickened(best.guess, steps)]

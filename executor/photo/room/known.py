@@ -240,7 +240,7 @@ class KnownRoom:
         if points is not None:
             of_box = self.seen.points_m[detection.pixels(self.seen.size_px) & self.seen.measured]
             under = heights_under(points if len(points) >= LEAST_POINTS else of_box, tops)
-            if detection.category not in CARRIED or any(under):
+            if detection.category not in CARRIED or any(under) or not self.seen.is_exact:
                 return under
             # Where nobody has drawn a box around what carries it, that is found when this is known.
             around = replace(detection, box_px=_widened(detection.box_px), mask=None).pixels(self.seen.size_px)
