@@ -194,14 +194,10 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
 
 
 def sharpened(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
-    """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height.
-
-    Here depths that are bent have no say: where it is to the millimetre, edges tell better.
-    """
-    _, _, known = _likelihoods(around, box_px)
-    fine = replace(known, patch=replace(known.patch, has_depth=False))
+    """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height."""
+    _, _, fine = _likelihoods(around, box_px)
     patch = Patch.around(around.seen, box_px, around.other_m, around.other, SHARP_PX, around.smaller, around.own)
-    sharp = Likelihood(replace(patch, has_depth=False), around.near)
+    sharp = Likelihood(patch, around.near)
 
     def searched(guess: Guess, renderings: int) -> RatedGuess:
         return sharp.rated(descended(sharp, guess, renderings, colours=True, reach=0.3))
@@ -219,7 +215,7 @@ def sharpened(around: Around, box_px: tuple[float, float, float, float], found: 
 
     begun = [found.guess, *in_rows(found.guess, around.near.pieces)]
     best = min(map(ended, begun), key=lambda one: one.cost)
-    return replace(found, guess=best.guess, cost=known.cost(best.guess))
+    return replace(found, guess=best.guess, cost=fine.cost(best.guess))
 
 
 def shaken(around: Around, box_px: tuple[float, float, float, float], found: Fit, entries: Sequence[ModelEntry]) -> Fit:
