@@ -140,8 +140,8 @@ def test_what_has_legs_is_found_though_it_is_called_otherwise() -> None:
 def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
     orange = Guess(LIBRARY["orange"], 2.05, -0.05, 0.0, 0.7, (0.08, 0.08, 0.08))
     seen, (table, box) = by_sight(TABLE, orange)
-    (left_out,) = reconstruct(seen, [box], ()).unfitted
-    assert left_out.reason == "nothing was found that it stands on"
+    without = RoomFitter(KnownRoom(seen, (), [box], 0.0))
+    assert without.fit(0, None, ()) == "orange: nothing was found that it stands on" and without.on_nothing == {0}
     room = KnownRoom(seen, (), [table, box], 0.0)
     fitter = RoomFitter(room)
     fitter.fit(0, [0.0], ())
