@@ -46,9 +46,8 @@ RIGHT = 0.9  # What explains less may be turned otherwise.
 _RIVALS = 6  # Models that what nobody has called so may be as well.
 _MOST_FOUND = 40
 _MISNAMED_BY_SIGHT = 60.0  # Less, without depth, another name has to cost: what has legs hides and costs little.
-_FOOT_PX = 3  # Below a box's end, where its foot may be seen to stand.
 _SAME_BOX, _ADOPTED = 0.8, 0.5  # Of two boxes in common.
-STOOD_OUT, OF_ONE_HUE = "stands out of the depths", "of one hue under what has a box"
+STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
 
 
@@ -219,8 +218,8 @@ class RoomFitter:
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(room.heights_m(detection, points))})
         if not entries:
-            by_sight = high_enough(room.seen, detection.box_px, places) if points is None else []
-            entries = by_sight if points is None else large_enough(points, places)
+            box_px = detection.box_px
+            entries = high_enough(room.seen, box_px, places) if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
         if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
             found = called(around, detection.box_px, found, named_models(detection))
