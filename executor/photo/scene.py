@@ -10,7 +10,6 @@ import numpy as np
 
 from executor.assets.footprint import Footprint
 from executor.photo.fitting.body import Guess
-from executor.photo.room.fitter import STOOD_OUT
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import SAME_HEIGHT_M, tidied
@@ -59,7 +58,7 @@ def scene_of(
         same_height_m: Between a thing and the top that it is taken to stand on.
     """
     made = made_of(found, found.guesses, name, same_height_m=same_height_m)
-    unsure = [one for one in found.things if one.detection.area_px < hardly_px or one.detection.source == STOOD_OUT]
+    unsure = [one for one in found.things if one.detection.area_px < hardly_px or not one.boxed]
     for thing in sorted(unsure, key=lambda one: one.detection.area_px) if made.refused else ():
         fewer = found.without(thing, f"with it the room cannot be: {made.refused}")
         other = made_of(fewer, fewer.guesses, name, same_height_m=same_height_m)

@@ -108,8 +108,8 @@ def fit_anything(
 ) -> Fit | None:
     """Returns the best fit of a thing among models of any name, searched for once more among those of likely names.
 
-    Among many models, few turns of each are followed; by sight, whose costs lead nowhere from afar, none of some.
-    Arguments are those of `fit_thing`.
+    Among many models, few turns of each are followed. By sight each name is searched for by itself, since costs from
+    afar say too little of which one it is. Arguments are those of `fit_thing`.
     """
     named = {entry.category: [one for one in entries if one.category == entry.category] for entry in entries}
     several = named.values() if around.seen.by_sight else [entries]

@@ -26,11 +26,13 @@ class FittedThing:
         id: Its name in the scene.
         detection: The box and name that it comes from.
         fit: What explains it.
+        boxed: Whether somebody has drawn its box.
     """
 
     id: str
     detection: Sighting
     fit: Fit
+    boxed: bool = True
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,6 @@ def _result(room: KnownRoom) -> FittedRoom:
             unfitted.append(Unfitted(detection, room.reasons[index]))
             continue
         name = detection.name_as(fit.guess.entry)
-        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit))
+        things.append(FittedThing(f"{name}_{counts[name]}", detection, fit, index < room.boxed))
         counts[name] += 1
     return FittedRoom(tuple(things), tuple(unfitted), room.walls)

@@ -110,6 +110,8 @@ def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
         and made.scene is not None
         and [thing.id for thing in rest.things] == ["table_0", "bottom_cabinet_0"]
     )
+    alone = replace(every, things=tuple(replace(one, boxed=one.detection is not corner) for one in every.things))
+    assert scene_of(alone, "drawn", 0.0)[1].refused == "", "nobody has drawn a box around it"
     assert rest.unfitted[0].detection is corner and "with it the room cannot be" in rest.unfitted[0].reason
 
 
