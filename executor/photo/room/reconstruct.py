@@ -95,12 +95,31 @@ def reconstruct(
     # What is near hides what is far, and is large in the picture.
     standing.sort(key=lambda index: -detections[index].area_px)
     carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
+    _fit_furniture(fitter, standing, carried, told)
+    for index in carried:
+        told(fitter.fit(index, None, hidden_by=carried))
+    if not seen.is_exact:
+        find_carriers(fitter, told)
+    _doubt_names(fitter, told)
+    if seen.has_depth and alone:
+        _fit_unboxed(fitter, carried, told)
+    _look_again(fitter, standing, told)
+    return _result(room)
+
+
+def _fit_furniture(
+    fitter: RoomFitter, standing: Sequence[int], carried: Sequence[int], told: Callable[[str], None]
+) -> None:
+    """Fits what stands on the floor: alone, then among the others, then as a room of which pieces agree."""
+    room = fitter.room
+    is_exact = room.seen.is_exact
+    boxes = range(room.boxed)
     for index in standing:
         fitter.fit(index, [0.0], hidden_by=boxes)
     # They are as large as what they stand on, and hide it.
-    for index in (one for one in carried if seen.is_exact and detections[one].category in CARRIED):
+    for index in (one for one in carried if is_exact and room.detections[one].category in CARRIED):
         fitter.fit(index, None, hidden_by=boxes)
-    if seen.is_exact:
+    if is_exact:
         room.look_for_walls()
     for index in standing:
         told(fitter.fit(index, [0.0], hidden_by=carried))
@@ -109,15 +128,17 @@ def reconstruct(
     for index in standing:
         if fitter.is_unlikely(index, RIGHT):
             told(fitter.fit_again(index, hidden_by=carried))
-    if seen.is_exact:
+    if is_exact:
         refit_pairs(fitter, standing, told)
     room.straighten()
     for index in standing:
         told(fitter.sharpen(index))
-    for index in carried:
-        told(fitter.fit(index, None, hidden_by=carried))
-    if not seen.is_exact:
-        find_carriers(fitter, told)
+
+
+def _doubt_names(fitter: RoomFitter, told: Callable[[str], None]) -> None:
+    """Fits by other names what explains its box better so, or hardly explains it at all."""
+    room = fitter.room
+    boxes = range(room.boxed)
     for index in boxes:
         # What hardly explains its box has sides that are of no use for others.
         if not room.is_doubtful(index):
@@ -126,13 +147,22 @@ def reconstruct(
     for index in sorted(boxes, key=room.doubt, reverse=True):
         if room.is_doubtful(index):
             told(fitter.fit_anything(index))
-    if seen.has_depth and alone:
-        fitter.discover(told)
-        for index in boxes:
-            if index not in room.fits and not fitter.adopt(index):
-                told(fitter.fit(index, None, hidden_by=carried))
-            if room.is_doubtful(index):
-                told(fitter.fit_anything(index))
+
+
+def _fit_unboxed(fitter: RoomFitter, carried: Sequence[int], told: Callable[[str], None]) -> None:
+    """Fits what depths show and nobody has put a box around, then what may stand on that."""
+    room = fitter.room
+    fitter.discover(told)
+    for index in range(room.boxed):
+        if index not in room.fits and not fitter.adopt(index):
+            told(fitter.fit(index, None, hidden_by=carried))
+        if room.is_doubtful(index):
+            told(fitter.fit_anything(index))
+
+
+def _look_again(fitter: RoomFitter, standing: Sequence[int], told: Callable[[str], None]) -> None:
+    """Searches on for each thing among all that is known in the end, and leaves out what cannot be."""
+    room = fitter.room
     for index in sorted(room.fits, key=room.unlikeliness, reverse=True):
         told(fitter.shake(index))
     for index in standing:
@@ -144,7 +174,6 @@ def reconstruct(
     for index in list(room.fits):
         if room.is_in_air(index):
             told(fitter.fit(index, None, hidden_by=()))
-    return _result(room)
 
 
 def _result(room: KnownRoom) -> FittedRoom:
