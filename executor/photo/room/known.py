@@ -119,10 +119,17 @@ class KnownRoom:
             guess = self.fits[index].guess
             others = (fit.guess for other, fit in self.fits.items() if other != index)
             is_left = stands_in(guess, self.pieces_beside(index))
-            is_left |= is_large(guess.entry) and self.unlikeliness(index) > IMPOSSIBLE
+            if is_large(guess.entry) and self.unlikeliness(index) > IMPOSSIBLE:
+                is_left |= not self._carries_what_is_boxed(index)
             if is_left or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"
+
+    def _carries_what_is_boxed(self, index: int) -> bool:
+        """Whether something that has a box stands on it: then it is there, however odd."""
+        raised = (fit.guess for other, fit in self.fits.items() if other < self.boxed and fit.guess.bottom_m > 0.0)
+        tops = list(tops_of([self.fits[index]]))
+        return any(is_on_one(guess, tops) for guess in raised)
 
     def is_doubtful(self, index: int) -> bool:
         """Decides whether a box may be called wrongly.

@@ -115,15 +115,20 @@ def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
     assert rest.unfitted[0].detection is corner and "with it the room cannot be" in rest.unfitted[0].reason
 
 
-def test_what_nobody_has_named_is_no_wardrobe_of_a_size_that_none_has() -> None:
+@pytest.mark.parametrize("carries", [False, True])
+def test_what_nobody_has_named_is_no_table_of_a_size_that_none_has_unless_something_stands_on_it(
+    *, carries: bool
+) -> None:
     seen, boxes = seen_from_above(TABLE)
-    giant = Guess(LIBRARY["wardrobe_two_doors"], 4.0, 1.5, 0.0, 0.0, (0.6, 0.9, 2.02))
-    room = KnownRoom(seen, (), [], 0.0)
+    giant = replace(TABLE, x_m=5.0, y_m=1.5, size_m=(0.6, 2.9, 1.3))
+    carton = Guess(LIBRARY["carton"], 5.0, 1.5, 0.0, 1.3 if carries else 0.0, (0.1, 0.06, 0.14))
+    room = KnownRoom(seen, (), boxes, 0.0)
+    room.keep(0, fit_of(carton))
     for guess in (TABLE, giant):
         room.detections.append(replace(boxes[0], source=STOOD_OUT))
         room.keep(len(room.detections) - 1, fit_of(guess))
     room.leave_out_what_is_inside()
-    assert list(room.fits) == [0]
+    assert list(room.fits) == ([0, 1, 2] if carries else [0, 1])
 
 
 @pytest.mark.slow
