@@ -27,7 +27,7 @@ def likely_boxes(
     box_px: tuple[float, float, float, float],
     entries: Sequence[ModelEntry],
     bottoms_m: Sequence[float],
-    points: Array | None,
+    points: Array,
     coarse: Likelihood,
     search: Likelihood,
 ) -> list[RatedGuess]:
@@ -38,25 +38,28 @@ def likely_boxes(
         box_px: The thing's box.
         entries: Models that it may be.
         bottoms_m: Heights that it may stand on.
-        points: (N, 3) that are its own; none where its box tells more. None where there is no depth.
+        points: (N, 3) that are its own; none where its box tells more, or there is no depth.
         coarse, search: What guesses are judged by to choose starts, and to search.
     """
     near = around.near
 
-    def outlined(models: Sequence[ModelEntry], bottom_m: float) -> Iterable[Guess]:
-        return outline_starts(around.seen, box_px, models, bottom_m, near.headings_rad)
-
-    if points is None:
-        return _outlined(coarse, search, [guess for bottom in bottoms_m for guess in outlined(entries, bottom)])
-    begun: list[Guess] = []
-    for bottom in bottoms_m:
-        begun += starts(points, entries, bottom, near.walls)
-    if flat := flat_among(entries):
-        begun += (guess for bottom in bottoms_m for guess in outlined(flat, bottom))
-    # Where hardly anything stands out, colours tell more than depths do.
-    by_look = around.seen.by_sight or not len(points)
-    followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
-    boxes = by_cost(_searched(search, followed, colours=by_look))
+    by_sight = around.seen.by_sight
+    outlined = entries if by_sight else flat_among(entries)
+    begun = [
+        *(guess for bottom in bottoms_m for guess in starts(points, entries, bottom, near.walls)),
+        *(
+            guess
+            for bottom in bottoms_m
+            for guess in outline_starts(around.seen, box_px, outlined, bottom, near.headings_rad)
+        ),
+    ]
+    if by_sight:
+        boxes = _sketched(coarse, search, begun)
+    else:
+        # Where hardly anything stands out, colours tell more than depths do.
+        by_look = not len(points)
+        followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
+        boxes = by_cost(_searched(search, followed, colours=by_look))
     named = {entry.category for entry in entries}
     if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
@@ -88,7 +91,7 @@ def boxes_of_others(
     return [descended(coarse, one.guess, _SKETCH, colours=False) for one in near]
 
 
-def _outlined(coarse: Likelihood, search: Likelihood, begun: Sequence[Guess]) -> list[RatedGuess]:
+def _sketched(coarse: Likelihood, search: Likelihood, begun: Iterable[Guess]) -> list[RatedGuess]:
     """Where searches by the picture alone end, first by few of its pixels, the cheapest first."""
     rated = [one for one in by_cost(map(coarse.rated, begun)) if math.isfinite(one.cost)]
     # One model's many starts would take the places of all others.

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, as_built, body_of, has_ear
@@ -79,9 +81,10 @@ def fit_thing(
     has_depth = around.seen.has_depth
     if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    if points is not None and len(points) < LEAST_POINTS:
+    if points is None or len(points) < LEAST_POINTS:
+        points = np.zeros((0, 3))
         # Of what is flat and far hardly a point stands out: its box tells more.
-        points, entries = points[:0], flat_among(entries)
+        entries = entries if around.seen.by_sight else flat_among(entries)
     if not entries:
         return None
     likelihoods = coarse, search, fine = _likelihoods(around, box_px)

@@ -29,7 +29,9 @@ _WITHIN = 0.3  # Of how far depths are bent over the picture: how far they are b
 _EVEN = np.array([1.0, 7.0, 7.0])
 """Of that, too: how far they are in the middle of it, and how much more for each unit of a ray to the left and up."""
 
-_BENT_WEIGHT = 0.1  # Of what bent depths say, which are all wrong together, beside the picture.
+_BENT_WEIGHT = 16.0
+"""Of how many independent measurements bent depths are worth: they are all wrong together, however many there are."""
+
 _BENT = (4.0, 2.0)  # Standard deviations: what is farther off, at first and then, is something else.
 _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
@@ -157,9 +159,8 @@ class Patch:
         beyond = off > 0.0
         square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
-        cost = self.weight * float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
-        cost += bend_cost
-        return _BENT_WEIGHT * cost if self.seen.by_sight else cost
+        cost = float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
+        return (min(self.weight, _BENT_WEIGHT) if self.seen.by_sight else self.weight) * cost + bend_cost
 
     def _unbent(self, depth: Array) -> tuple[Array, float]:
         """(N,) depths put right evenly around a guess that has these, where they are bent, and what that costs.

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.fit import (
@@ -234,9 +235,24 @@ class RoomFitter:
         elif before is not None and not (room.seen.has_depth and room.claim(before.guess, around).seen_through):
             by = MISNAMED if room.seen.has_depth else max(MISNAMED, _MISNAMED_BY_SIGHT - 2.0 * before.beside_box)
             found = cheaper(around, detection.box_px, before, found, by)
+        if found is not None and found is not before and room.seen.bend_share:
+            found = self._placed_by_sight(index, found, before)
         if found is None:
             room.reasons.setdefault(index, "no model explains it")
         return room.keep(index, found)
+
+    def _placed_by_sight(self, index: int, found: Fit, before: Fit | None) -> Fit:
+        """Returns what bent depths say that a thing is where the picture says that this is."""
+        around, box_px, category = (
+            self.room.around(index),
+            self.room.detections[index].box_px,
+            found.guess.entry.category,
+        )
+        own = [entry for entry in LIBRARY.values() if entry.category == category]
+        placed = fit_thing(around, box_px, own, [found.guess.bottom_m])
+        if before is not None and before.guess.entry.category == category:
+            found = cheaper(around, box_px, before, found)
+        return found if placed is None else cheaper(around, box_px, found, placed)
 
     def _explains_too_little(self, found: Fit, before: Fit | None) -> bool:
         """Whether what is made of a box is no likeness.

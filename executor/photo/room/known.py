@@ -44,7 +44,7 @@ UNLIKELY, IMPOSSIBLE = 10.0, 30.0
 of what stands wholly in something: it is called wrongly."""
 
 _AROUND = 0.2  # Of a box's sides, looked at around it for what carries its thing.
-_DOUBTFUL = 0.75  # Right names explain nine tenths and more.
+_DOUBTFUL, _DOUBTFUL_BENT = 0.75, 0.4  # Right names explain nine tenths and more, and less where depths are bent.
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 BESIDE_BOX, _UNLIKE = 15.0, 50.0
 """Without depth, most that outline and fit of what is called rightly cost."""
@@ -144,7 +144,9 @@ class KnownRoom:
             # What furniture carries is as far off as that is, and fits no better; of what is assumed nothing is seen.
             told = self.detections[index].category in CARRIED or bool(found.assumed)
             return not told and _is_unlike(found)
-        return found.explained < _DOUBTFUL or self.is_seen_through(index) or self.is_impossible(index)
+        # What is small may be farther off in bent depths than it is thick: what looks right there may be right.
+        least = _DOUBTFUL if self.seen.is_exact or _is_unlike(found) else _DOUBTFUL_BENT
+        return found.explained < least or self.is_seen_through(index) or self.is_impossible(index)
 
     def is_impossible(self, index: int) -> bool:
         """Decides whether a thing would stand in what it cannot; of two in each other, the one that explains less."""
