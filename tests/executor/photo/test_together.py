@@ -115,6 +115,19 @@ def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
     assert rest.unfitted[0].detection is corner and "with it the room cannot be" in rest.unfitted[0].reason
 
 
+@pytest.mark.parametrize(
+    ("bend_share", "explained", "cost", "doubtful"),
+    [(0.0, 0.6, 0.0, True), (0.02, 0.6, 0.0, False), (0.02, 0.6, 90.0, True), (0.02, 0.3, 0.0, True)],
+)
+def test_where_depths_are_bent_what_looks_right_is_not_doubted_for_being_elsewhere(
+    bend_share: float, explained: float, cost: float, *, doubtful: bool
+) -> None:
+    seen, boxes = seen_from_above(TABLE)
+    room = KnownRoom(replace(seen, bend_share=bend_share), (), boxes, 0.0)
+    room.keep(0, replace(fit_of(TABLE, explained), cost=cost))
+    assert room.is_doubtful(0) is doubtful
+
+
 @pytest.mark.parametrize("carries", [False, True])
 def test_what_nobody_has_named_is_no_table_of_a_size_that_none_has_unless_something_stands_on_it(
     *, carries: bool
