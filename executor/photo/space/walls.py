@@ -17,8 +17,9 @@ from executor.photo.space.observation import Observation
 _MOST = 4
 _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the least, of what the room ends at.
 _LEAST_POINTS = 800
-_LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
+_LEAST_LENGTH_M, _LEAST_SEEN_M, _LEAST_TOP_M = 0.8, 0.5, 0.6  # The second, of what may go on at both ends.
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
+_FRONT_M = 0.1  # How far before or behind a wall's plane a front is that was taken for it.
 _BEYOND_END_M, _NEARER_M = (0.03, 0.13), 0.03
 _TOP_M, _AT_TOP_M = (0.15, 0.6), 0.12  # Behind its face furniture has its top, and walls no longer have theirs.
 _ABOUT_TOP_M = (0.06, 0.04)  # Below and above a wall's top, where what is behind it is looked at.
@@ -37,6 +38,7 @@ _ON_FLOOR, _BEND_PX, _FAR_FROM_FLOOR = 0.03, 40.0, 1e-4
 """Of bent depths: how near to the floor, as a share, it is seen; how far in the picture that tells how they are bent;
 what counts where no floor is near."""
 
+_AS_OTHERS = math.cos(math.radians(15.0))  # Of a plane's turn beside another wall's.
 _SQUARE, _CORNER_M = math.cos(math.radians(10.0)), 0.3  # Of walls that meet.
 _ASKEW_RAD = math.radians(15.0)  # What bends turn a wall by; one that is turned by more does not go along the lines.
 _BEYOND_M, _BEYOND = 0.15, 0.04
@@ -145,7 +147,7 @@ def find_walls(
         plane = _plane(left, sigma_left, rng)
         if plane is None:
             break
-        normal, offset = plane
+        normal, offset = plane if seen.bend_share else _along_others(left, sigma_left, plane, found)
         near = np.abs(left[:, :2] @ normal - offset) < 0.05 + 3 * sigma_left
         if int(near.sum()) < least:
             break
@@ -159,6 +161,7 @@ def find_walls(
             ends_room
             and -wall.offset_m > (_BESIDE_CAMERA_M if is_large else _NEAREST_M)
             and _is_solid(wall, seen)
+            and not (fitted is not None and _is_front(wall, seen, fitted))
             and all(_differs(wall, other) for other in found)
         ):
             found.append(_with_top(wall, seen))
@@ -220,6 +223,23 @@ def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array
     return normal, offset
 
 
+def _along_others(
+    points: Array, sigma: Array, plane: tuple[Array, float], others: Sequence[Wall]
+) -> tuple[Array, float]:
+    """A plane along or square to another wall where that goes through its points, too: few tell its turn."""
+    normal, offset = plane
+    for normal_of_other in (sign * way for wall in others for way in (wall.normal, wall.along) for sign in (1.0, -1.0)):
+        if float(normal @ normal_of_other) < _AS_OTHERS:
+            continue
+        within_m = 0.05 + 3 * sigma
+        near = np.abs(points[:, :2] @ normal - offset) < within_m
+        across = points[:, :2] @ normal_of_other
+        as_other = float(np.median(across[near]))
+        if (np.abs(across - as_other) < within_m).sum() >= near.sum():
+            return normal_of_other, as_other
+    return plane
+
+
 def _ended_in_corners(walls: Sequence[Wall]) -> tuple[Wall, ...]:
     """Walls that end where others begin, which bent depths have a little beyond."""
     found = []
@@ -275,7 +295,10 @@ def _as_low_as_seen_over(wall: Wall, seen: Observation) -> Wall:
 
 def _is_solid(wall: Wall, seen: Observation) -> bool:
     """Whether it is large, and nothing is seen through it."""
-    if wall.span_m[1] - wall.span_m[0] < _LEAST_LENGTH_M or wall.top_m < _LEAST_TOP_M:
+    length_m = wall.span_m[1] - wall.span_m[0]
+    if length_m < _LEAST_SEEN_M or wall.top_m < _LEAST_TOP_M:
+        return False
+    if length_m < _LEAST_LENGTH_M and not _has_no_end(wall, seen):
         return False
     through, looked, _ = _seen_through(wall, seen)
     return bool(through.sum() < _SEEN_THROUGH * max(1, looked.sum()))
@@ -294,6 +317,14 @@ def _is_beyond_furniture(wall: Wall, seen: Observation, beside: NDArray[np.bool_
     """Whether it is longer than pieces of furniture, and higher or thinner than rows of them."""
     is_long = wall.span_m[1] - wall.span_m[0] > _LONG_M or _has_no_end(wall, seen)
     return is_long and (wall.top_m > _HIGH_M or _is_thin(wall, seen, beside))
+
+
+def _is_front(wall: Wall, seen: Observation, fitted: NDArray[np.bool_]) -> bool:
+    """Whether most of what is seen of it are fronts of furniture, which is known by now."""
+    depth = wall.depth(seen.eye_m, seen.rays)
+    looked = np.isfinite(depth) & seen.measured & (seen.z_m < depth + _FRONT_M)
+    on_it = looked & fitted & (seen.z_m > depth - _FRONT_M)
+    return bool(on_it.sum() > 0.5 * looked.sum())
 
 
 def _has_no_end(wall: Wall, seen: Observation) -> bool:
