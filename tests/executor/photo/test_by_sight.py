@@ -163,7 +163,7 @@ def test_what_hardly_looks_so_on_the_floor_stands_on_nothing(beside_box: float, 
 
 
 def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> None:
-    seen, boxes = seen_from_above(TABLE)
+    seen, boxes = seen_from_above(TABLE, finer=2)
     bent = replace(seen, z_m=1.02 * seen.z_m, bend_share=0.02, heading_rad=TABLE.yaw_rad)
     (table,) = reconstruct(bent, boxes, (), alone=False).things
     guess = table.fit.guess

@@ -18,7 +18,7 @@ from executor.photo.refusal import PhotoRefused
 from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
-from executor.photo.space.walls import depth_of_empty, find_walls, seen_anew
+from executor.photo.space.walls import Wall, _along_others, depth_of_empty, find_walls, seen_anew
 
 SIZE = (200, 150)
 CAMERA = Intrinsics(170.0, 170.0, 100.0, 75.0, "drawn")
@@ -157,15 +157,39 @@ def test_a_wall_in_a_box_is_found_when_it_is_known_which_pixels_are_of_the_thing
     assert depth == pytest.approx(np.minimum(seen.floor_z_m, far.depth(seen.eye_m, seen.rays)))
 
 
-def test_a_low_wall_that_goes_on_behind_what_hides_its_ends_may_be_of_any_length() -> None:
+@pytest.mark.parametrize("half_rad", [0.3, 0.17])
+def test_a_low_wall_that_goes_on_behind_what_hides_its_ends_may_be_of_any_length(half_rad: float) -> None:
     low, before, far = (drawn(x, noise=0.0005, top_m=1.0, behind_m=3.0, thick_m=0.1) for x in (2.2, 2.0, 3.0))
     rays = rays_in_room()
-    aside = np.abs(rays[..., 1]) > 0.3 * rays[..., 0]
+    aside = np.abs(rays[..., 1]) > half_rad * rays[..., 0]
     hidden, seen_to_end = (replace(low, z_m=np.where(aside, other.z_m, low.z_m)) for other in (before, far))
     for depth, offsets_m in ((hidden, [-3.0, -2.2]), (seen_to_end, [-3.0])):
         seen, _ = observe(PICTURE, depth, CAMERA)
         found = find_walls(seen, (), fitted=aside)
         assert sorted(wall.offset_m for wall in found) == pytest.approx(offsets_m, abs=0.02)
+
+
+@pytest.mark.parametrize(("off_rad", "goes_along"), [(0.0, True), (math.radians(8.0), False)])
+def test_a_wall_seen_askew_goes_along_others_where_its_points_do(off_rad: float, *, goes_along: bool) -> None:
+    ahead = Wall(np.array([-1.0, 0.0]), -4.0, (-2.0, 2.0), 2.0, 0.0)
+    along_m = np.linspace(1.0, 2.0, 400)
+    points = np.stack([along_m, -0.7 - np.tan(off_rad) * (along_m - 1.5), np.full(400, 0.5)], axis=1)
+    turned_rad = math.pi / 2 - math.radians(8.0)
+    normal = np.array([math.cos(turned_rad), math.sin(turned_rad)])
+    plane = normal, float(normal @ [1.5, -0.7])
+    found, offset_m = _along_others(points, np.full(400, 0.001), plane, (ahead,))
+    assert (found.tolist() == [0.0, 1.0]) is goes_along
+    assert offset_m == pytest.approx(-0.7 if goes_along else plane[1], abs=1e-6)
+
+
+def test_what_is_left_of_a_front_beside_the_fit_of_it_is_no_wall() -> None:
+    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
+    seen, _ = observe(PICTURE, drawn(wall_m=2.5, top_m=0.8, behind_m=3.5, thick_m=0.1), CAMERA)
+    on_face = (np.abs(seen.points_m[..., 0] - 2.5) < 0.05) & (seen.points_m[..., 2] > 0.0)
+    for most, offsets_m in ((1, [-3.5, -2.5]), (3, [-3.5])):
+        fitted = on_face & (np.arange(SIZE[0]) % 4 < most)
+        found = find_walls(seen, (somewhere,), fitted)
+        assert sorted(wall.offset_m for wall in found) == pytest.approx(offsets_m, abs=0.03)
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])
