@@ -45,14 +45,10 @@ def likely_boxes(
 
     by_sight = around.seen.by_sight
     outlined = entries if by_sight else flat_among(entries)
-    begun = [
-        *(guess for bottom in bottoms_m for guess in starts(points, entries, bottom, near.walls)),
-        *(
-            guess
-            for bottom in bottoms_m
-            for guess in outline_starts(around.seen, box_px, outlined, bottom, near.headings_rad)
-        ),
-    ]
+    begun: list[Guess] = []
+    for bottom in bottoms_m:
+        begun += starts(points, entries, bottom, near.walls)
+        begun += outline_starts(around.seen, box_px, outlined, bottom, near.headings_rad)
     if by_sight:
         boxes = _sketched(coarse, search, begun)
     else:

@@ -243,11 +243,8 @@ class RoomFitter:
 
     def _placed_by_sight(self, index: int, found: Fit, before: Fit | None) -> Fit:
         """Returns what bent depths say that a thing is where the picture says that this is."""
-        around, box_px, category = (
-            self.room.around(index),
-            self.room.detections[index].box_px,
-            found.guess.entry.category,
-        )
+        around, box_px = self.room.around(index), self.room.detections[index].box_px
+        category = found.guess.entry.category
         own = [entry for entry in LIBRARY.values() if entry.category == category]
         placed = fit_thing(around, box_px, own, [found.guess.bottom_m])
         if before is not None and before.guess.entry.category == category:

@@ -118,9 +118,8 @@ class KnownRoom:
         for index in sorted(alone, key=lambda index: self.detections[index].area_px):
             guess = self.fits[index].guess
             others = (fit.guess for other, fit in self.fits.items() if other != index)
-            is_left = stands_in(guess, self.pieces_beside(index))
-            if is_large(guess.entry) and self.unlikeliness(index) > IMPOSSIBLE:
-                is_left |= not self._carries_what_is_boxed(index)
+            is_odd = is_large(guess.entry) and self.unlikeliness(index) > IMPOSSIBLE
+            is_left = stands_in(guess, self.pieces_beside(index)) or (is_odd and not self._carries_what_is_boxed(index))
             if is_left or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"
@@ -134,8 +133,8 @@ class KnownRoom:
     def is_doubtful(self, index: int) -> bool:
         """Decides whether a box may be called wrongly.
 
-        With depth, what it is called explains too little, is seen through, or is in other things; without, it does not
-        fill its box, or looks otherwise.
+        With depth, what it is called explains too little, is seen through, or is in other things; where depths are
+        bent it may explain less if it looks right. Without, it does not fill its box, or looks otherwise.
         """
         if index not in self.fits:
             return True
