@@ -156,12 +156,18 @@ def renamed(
     if not others or not len(coarse.patch.z_m):
         return found
     most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
-    turned = cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, others))
-    likely = [one.guess for one in turned[:_OPENED] if one.cost < most]
-    likely += boxes_of_others(coarse, points, others, found.guess.bottom_m, most)
-    dressed_up = cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)
-    rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
+    turned = cheapest_turns(
+        coarse.rated(dressed(coarse, guess), colours=False) for guess in all_turns(found.guess, others)
+    )
+    as_it_is = [one.guess for one in turned[:_OPENED] if one.cost < most]
+    anew = boxes_of_others(coarse, points, others, found.guess.bottom_m, most)
     now = fine.rated(found.guess)
+    rivals = []
+    # A box from its points costs less before it is searched for, and is not always nearer.
+    for likely in (as_it_is, anew):
+        for one in cheapest_turns(search.rated(dressed(search, guess)) for guess in likely)[:_RIVALS]:
+            rival = with_options(fine, descended(search, one.guess, _SECOND, colours=True))
+            rivals.append(_polished(fine, rival) if rival.cost < now.cost + _WORTH_A_LOOK else rival)
     ranked = best_of_models([now, *rivals])
     if ranked[0].guess is found.guess or _with_look(fine, now) - _with_look(fine, ranked[0]) < MISNAMED:
         return found
