@@ -154,11 +154,14 @@ def find_walls(
         if seen.bend_share and seen.heading_rad is not None:
             normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
+        # What is seen over may have been in its plane, as a strip of a table's top is.
+        count = int((left[near, 2] <= wall.top_m).sum())
         # Somebody may have left out a piece of furniture: its front is no wall.
-        is_large = furnished and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen, beside)
+        is_large = furnished and count >= enough and _is_beyond_furniture(wall, seen, beside)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
+            and count >= least
             and -wall.offset_m > (_BESIDE_CAMERA_M if is_large else _NEAREST_M)
             and _is_solid(wall, seen)
             and not (fitted is not None and _is_front(wall, seen, fitted))
