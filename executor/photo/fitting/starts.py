@@ -42,7 +42,7 @@ _NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
-_SCALED = (1.0, 0.7)  # Of its usual size, as which an item is looked for where only its box tells that.
+_SCALED = (1.0, 0.7)  # Of its usual size, as which a thing is looked for where only its box tells that.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
@@ -246,7 +246,7 @@ def outline_starts(
     if foot is None:
         return
     for entry in entries:
-        for share in (1.0,) if is_large(entry) else _SCALED:
+        for share in _SCALED:
             length, width, height = (share * side for side in usual_size_m(entry))
             size = (length, width, height)
             for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
