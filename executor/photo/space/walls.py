@@ -19,6 +19,7 @@ _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of what is neither floor nor in boxes; the 
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_SEEN_M, _LEAST_TOP_M = 0.8, 0.5, 0.6  # The second, of what may go on at both ends.
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
+_STRIP_M, _LEAST_BELOW = 0.06, 0.2  # Below its top, where so many of its points are.
 _FRONT_M = 0.1  # How far before or behind a wall's plane a front is that was taken for it.
 _BEYOND_END_M, _NEARER_M = (0.03, 0.13), 0.03
 _TOP_M, _AT_TOP_M = (0.15, 0.6), 0.12  # Behind its face furniture has its top, and walls no longer have theirs.
@@ -154,14 +155,14 @@ def find_walls(
         if seen.bend_share and seen.heading_rad is not None:
             normal, offset = _squared(left[near], (normal, offset), seen.heading_rad, straight[near])
         wall = _as_low_as_seen_over(_wall(left[near], normal, offset), seen)
-        # What is seen over may have been in its plane, as a strip of a table's top is.
-        count = int((left[near, 2] <= wall.top_m).sum())
+        # A strip of a table's top is in a plane, too.
+        is_upright = (left[near, 2] < wall.top_m - _STRIP_M).mean() > _LEAST_BELOW
         # Somebody may have left out a piece of furniture: its front is no wall.
-        is_large = furnished and count >= enough and _is_beyond_furniture(wall, seen, beside)
+        is_large = furnished and int(near.sum()) >= enough and _is_beyond_furniture(wall, seen, beside)
         ends_room = is_large or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
         if (
             ends_room
-            and count >= least
+            and is_upright
             and -wall.offset_m > (_BESIDE_CAMERA_M if is_large else _NEAREST_M)
             and _is_solid(wall, seen)
             and not (fitted is not None and _is_front(wall, seen, fitted))

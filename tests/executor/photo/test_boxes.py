@@ -18,7 +18,10 @@ from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.starts import outline_starts
 from executor.photo.fitting.turns import cheapest_openings
+from executor.photo.room.fitter import RoomFitter
+from executor.photo.room.known import KnownRoom
 from executor.photo.room.reconstruct import reconstruct
+from tests.executor.photo.test_by_sight import lit
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
 
@@ -74,3 +77,14 @@ def test_a_bowl_that_was_called_a_book_is_a_bowl() -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
     found = reconstruct(seen, [boxes[0], replace(boxes[1], label="book", category="book")], ()).things[1].fit
     assert found.guess.entry is BOWL.entry and found.guess.size_m == pytest.approx(BOWL.size_m, abs=0.01)
+
+
+def test_a_dresser_that_was_called_a_countertop_is_one_with_its_drawers() -> None:
+    bare = Guess(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
+    dresser = bare.with_parameters(drawers=2, handle_length_m=0.3)
+    seen, (box,) = seen_from_above(dresser)
+    room = KnownRoom(lit(seen, dresser), (), [replace(box, label="countertop", category="countertop")], 0.0)
+    fitter = RoomFitter(room)
+    fitter.fit(0, [0.0], ())
+    assert fitter.rename(0) == "countertop: cabinet_drawers"
+    assert dict(room.fits[0].guess.parameters)["drawers"] == 2

@@ -53,6 +53,26 @@ def test_what_a_border_cuts_is_looked_for_beyond_it(x_m: float, y_m: float) -> N
     assert nearest_m(thing, seen, box) < 0.16
 
 
+def test_furniture_is_looked_for_as_smaller_than_usual_too() -> None:
+    thing = Guess(LIBRARY["table_round"], 0.9, 0.1, 0.0, 0.0, (0.6, 0.6, 0.5))
+    seen, (box,) = by_sight(thing)
+    begun = outline_starts(seen, box.box_px, [thing.entry], 0.0)
+    near = (one for one in begun if math.dist((one.x_m, one.y_m), (thing.x_m, thing.y_m)) < 0.1)
+    assert any(one.size_m == pytest.approx(thing.size_m, abs=0.1) for one in near)
+
+
+def test_what_was_moved_by_what_is_gone_since_is_shaken_back() -> None:
+    seen, boxes = by_sight(FRIDGE)
+    room = KnownRoom(lit(seen, FRIDGE), (), boxes, 0.0)
+    fitter = RoomFitter(room)
+    room.keep(0, Fit(FRIDGE, 0.0, (), 1.0, 0.0, 100, None))
+    fitter.fit(0, [0.0], ())
+    far = replace(FRIDGE, x_m=1.5 * FRIDGE.x_m, y_m=1.5 * FRIDGE.y_m, yaw_rad=1.0)
+    room.keep(0, Fit(far, 0.0, (), 1.0, 0.0, 100, None))
+    fitter.shake(0)
+    assert math.dist((room.fits[0].guess.x_m, room.fits[0].guess.y_m), (FRIDGE.x_m, FRIDGE.y_m)) < 0.05
+
+
 def test_what_hides_its_foot_is_as_far_off_as_its_edges_tell() -> None:
     before = replace(TABLE, x_m=1.6, y_m=-0.5)
     seen, boxes = by_sight(FRIDGE, before)

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.assets.library import LIBRARY
 from executor.geometry import Array
+from executor.photo.fitting.body import Guess
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
@@ -19,6 +21,7 @@ from executor.photo.space.box_view import BoxView
 from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
 from executor.photo.space.walls import depth_of_empty, find_walls, seen_anew
+from tests.executor.photo.test_fit import seen_from_above
 
 SIZE = (200, 150)
 CAMERA = Intrinsics(170.0, 170.0, 100.0, 75.0, "drawn")
@@ -191,6 +194,13 @@ def test_what_is_left_of_a_front_beside_the_fit_of_it_is_no_wall() -> None:
         fitted = on_face & (np.arange(SIZE[0]) % 4 < most)
         found = find_walls(seen, (somewhere,), fitted)
         assert sorted(wall.offset_m for wall in found) == pytest.approx(offsets_m, abs=0.03)
+
+
+@pytest.mark.parametrize(("x_m", "width_m"), [(0.75, 1.0), (0.95, 0.8)])
+def test_a_strip_of_a_tables_top_is_no_wall_where_nobody_has_boxed_the_table(x_m: float, width_m: float) -> None:
+    table = Guess(LIBRARY["table_round"], x_m, 0.1, 0.0, 0.0, (width_m, width_m, 0.69))
+    somewhere = Sighting("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me")
+    assert find_walls(seen_from_above(table, finer=2)[0], (somewhere,)) == ()
 
 
 @pytest.mark.parametrize("wall_m", [1.2, 3.0])
