@@ -139,12 +139,15 @@ class RoomFitter:
         return room.keep(index, other if is_named or room.is_there(index, other, around) else found)
 
     def is_unlikely(self, index: int, least_explained: float = 0.0) -> bool:
-        """Decides whether what is known now speaks against a fit, or it explains less of its pixels than this share."""
+        """Decides whether what is known now speaks against a fit, or it explains less of its pixels than this share.
+
+        Without depth, whether it does not fill its box, or looks otherwise.
+        """
         room = self.room
-        if index not in room.fits or not room.seen.has_depth:
+        if index not in room.fits or self._tried.get(index) == room.pieces_beside(index):
             return False
-        if self._tried.get(index) == room.pieces_beside(index):
-            return False
+        if not room.seen.has_depth:
+            return room.is_doubtful(index)
         explained = room.fits[index].explained
         return room.unlikeliness(index) > UNLIKELY or explained < least_explained or room.is_seen_through(index)
 

@@ -141,7 +141,8 @@ class KnownRoom:
         found = self.fits[index]
         if not self.seen.has_depth:
             # What furniture carries is as far off as that is, and fits no better; of what is assumed nothing is seen.
-            told = self.detections[index].category in CARRIED or bool(found.assumed)
+            is_carried = self.detections[index].category in CARRIED and found.guess.bottom_m > 0.0
+            told = is_carried or bool(found.assumed)
             return not told and _is_unlike(found)
         # What is small may be farther off in bent depths than it is thick: what looks right there may be right.
         least = _DOUBTFUL if self.seen.is_exact or _is_unlike(found) else _DOUBTFUL_BENT

@@ -61,6 +61,35 @@ def test_furniture_is_looked_for_as_smaller_than_usual_too() -> None:
     assert any(one.size_m == pytest.approx(thing.size_m, abs=0.1) for one in near)
 
 
+@pytest.mark.parametrize("height_m", [1.15, 1.38])
+def test_furniture_is_looked_for_as_high_as_its_box_begins(height_m: float) -> None:
+    thing = replace(FRIDGE, size_m=(0.7, 0.62, height_m))
+    seen, (box,) = by_sight(thing)
+    begun = outline_starts(seen, box.box_px, [thing.entry], 0.0, [thing.yaw_rad])
+    near = [one for one in begun if math.dist((one.x_m, one.y_m), (thing.x_m, thing.y_m)) < 0.1]
+    assert any(one.size_m[2] == pytest.approx(height_m, abs=0.06) for one in near)
+
+
+def test_what_looks_otherwise_without_depth_is_fitted_again() -> None:
+    seen, boxes = by_sight(TABLE)
+    room = KnownRoom(lit(seen, TABLE), (), boxes, 0.0)
+    fitter = RoomFitter(room)
+    room.keep(0, Fit(replace(TABLE, x_m=3.0), 90.0, (), 1.0, 0.0, 100, None, beside_box=30.0))
+    assert fitter.is_unlikely(0)
+    fitter.fit_again(0, ())
+    assert math.dist((room.fits[0].guess.x_m, room.fits[0].guess.y_m), (TABLE.x_m, TABLE.y_m)) < 0.05
+    assert not fitter.is_unlikely(0)
+
+
+@pytest.mark.parametrize(("bottom_m", "doubtful"), [(0.0, True), (0.8, False)])
+def test_a_microwave_on_the_floor_may_be_called_wrongly(bottom_m: float, *, doubtful: bool) -> None:
+    microwave = Guess(LIBRARY["microwave_side_hinge"], 2.4, 0.0, 0.0, bottom_m, (0.4, 0.48, 0.3))
+    seen, boxes = by_sight(microwave)
+    room = KnownRoom(seen, (), boxes, 0.0)
+    room.keep(0, Fit(microwave, -80.0, (), 1.0, 0.0, 100, None, beside_box=40.0))
+    assert room.is_doubtful(0) is doubtful
+
+
 def test_what_was_moved_by_what_is_gone_since_is_shaken_back() -> None:
     seen, boxes = by_sight(FRIDGE)
     room = KnownRoom(lit(seen, FRIDGE), (), boxes, 0.0)
