@@ -15,7 +15,7 @@ from executor.photo.fitting.boxes import boxes_of_others
 from executor.photo.fitting.fit import COARSE_PX
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood, usual_size_m
+from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.fitting.starts import outline_starts
 from executor.photo.fitting.turns import cheapest_openings
 from executor.photo.room.fitter import RoomFitter
@@ -43,8 +43,6 @@ def test_an_item_is_looked_for_as_small_as_it_is_scaled_to_the_hand() -> None:
     nearest = min(begun, key=lambda one: abs(one.size_m[1] - 0.05))
     assert nearest.size_m == pytest.approx(small.size_m, abs=0.003)
     assert (nearest.x_m, nearest.y_m) == pytest.approx((2.3, 0.1), abs=0.03)
-    of_table = outline_starts(seen, box.box_px, [TABLE.entry], 0.0)
-    assert {one.size_m for one in of_table} == {usual_size_m(TABLE.entry)}
 
 
 def test_of_what_stands_open_every_hinge_side_and_opening_is_followed() -> None:
