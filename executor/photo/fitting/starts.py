@@ -233,7 +233,7 @@ def outline_starts(
     bottom_m: float,
     headings_rad: Sequence[float] = (),
 ) -> Iterator[Guess]:
-    """Yields guesses of a thing of which there is no depth: of usual size, its foot where its box ends.
+    """Yields guesses of a thing of which there is no depth: of usual size and smaller, its foot where its box ends.
 
     Args:
         seen: The picture.
@@ -250,31 +250,12 @@ def outline_starts(
             length, width, height = (share * side for side in usual_size_m(entry))
             size = (length, width, height)
             for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
-                heights = [height]
-                if is_large(entry) and share == 1.0:
-                    heights += _heights_seen_m(seen, box_px, math.hypot(x, y), (length + width) / 4, entry)
                 # Tables stand as they like in a room, cabinets along its walls.
                 count = 4 if entry.category in AT_WALLS or not is_large(entry) else _ASKEW_HEADINGS
                 turns = [heading + 2 * math.pi * step / count for heading in headings_rad for step in range(count)]
                 away = math.atan2(y, x)
-                turns = turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]
-                for turned, high in itertools.product(turns, heights):
-                    yield Guess(entry, x, y, turned, bottom_m, (length, width, high))
-
-
-def _heights_seen_m(
-    seen: Observation, box_px: tuple[float, float, float, float], away_m: float, half_m: float, entry: ModelEntry
-) -> Iterator[float]:
-    """Yields how high furniture is whose box begins at its top, if its model may be and the picture does not cut it."""
-    x0, y0, x1, _ = box_px
-    if y0 <= 1.0:
-        return
-    ray = seen.rays[int(y0), min(int((x0 + x1) / 2), seen.size_px[0] - 1)]
-    rise = float(ray[2] / max(float(np.linalg.norm(ray[:2])), 1e-6))
-    # From above its far edge is seen, from below its near one.
-    high_m = float(seen.eye_m[2]) + rise * (away_m - math.copysign(half_m, rise))
-    if _ODD_SHARE * entry.height.low < high_m < entry.height.high / _ODD_SHARE:
-        yield high_m
+                for turned in turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+                    yield Guess(entry, x, y, turned, bottom_m, size)
 
 
 def _middles_m(

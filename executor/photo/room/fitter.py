@@ -67,7 +67,7 @@ class RoomFitter:
         self._tried: dict[int, tuple[Guess, ...]] = {}  # index -> the furniture among which it was fitted again.
         self._shaken: dict[int, frozenset[Guess]] = {}  # index -> it and the furniture among which it was shaken.
         self._sharp: set[Guess] = set()  # Those that were fitted to every pixel.
-        self._replaced: dict[int, list[Fit]] = {}  # index -> what it was before it was fitted anew.
+        self._replaced: dict[int, list[Fit]] = {}  # index -> by sight, what it was before it was fitted anew.
 
     def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
         """Fits one thing, anew when it was fitted before, and says what came of it.
@@ -119,7 +119,7 @@ class RoomFitter:
             found = None
         if found is not None:
             found = as_exact_as_its_carrier(found, tops_of(room.fits.values()))
-        if before is not None and found is not before:
+        if before is not None and found is not before and not room.seen.is_exact:
             self._replaced.setdefault(index, []).append(before)
         return room.keep(index, found)
 
@@ -192,7 +192,7 @@ class RoomFitter:
         room.take(index)
         around, detection = room.around(index), room.detections[index]
         # What moved it may have been called wrongly, and be gone.
-        for before in self._replaced.get(index, ()) if not room.seen.is_exact else ():
+        for before in self._replaced.get(index, ()):
             found = cheaper(around, detection.box_px, found, before)
         if self._shaken.get(index) != frozenset((found.guess, *around.near.pieces)):
             likely = named_models(detection)

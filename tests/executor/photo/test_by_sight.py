@@ -61,15 +61,6 @@ def test_furniture_is_looked_for_as_smaller_than_usual_too() -> None:
     assert any(one.size_m == pytest.approx(thing.size_m, abs=0.1) for one in near)
 
 
-@pytest.mark.parametrize("height_m", [1.15, 1.38])
-def test_furniture_is_looked_for_as_high_as_its_box_begins(height_m: float) -> None:
-    thing = replace(FRIDGE, size_m=(0.7, 0.62, height_m))
-    seen, (box,) = by_sight(thing)
-    begun = outline_starts(seen, box.box_px, [thing.entry], 0.0, [thing.yaw_rad])
-    near = [one for one in begun if math.dist((one.x_m, one.y_m), (thing.x_m, thing.y_m)) < 0.1]
-    assert any(one.size_m[2] == pytest.approx(height_m, abs=0.06) for one in near)
-
-
 def test_what_looks_otherwise_without_depth_is_fitted_again() -> None:
     seen, boxes = by_sight(TABLE)
     room = KnownRoom(lit(seen, TABLE), (), boxes, 0.0)
