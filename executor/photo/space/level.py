@@ -29,8 +29,12 @@ _MOST_LINES = 90
 _UPRIGHT_RAD = math.radians(35.0)  # Off the picture's own upright, as lines far from its middle lean.
 _STEEPEST_RAD = math.radians(55.0)  # That cameras look up or down, or are askew.
 _MEET_RAD = math.radians(1.2)  # Between a line and the point in which the others meet.
-_ON_RAD, _LINE_RAD = (math.radians(2.0), math.radians(1.2), math.radians(0.8), math.radians(0.8)), 0.005
-"""Off its direction, what a line may be, ever less, and what one mostly is."""
+_LINE_RAD = 0.005  # Off its direction, what a line mostly is.
+_ON_RAD, _END_PX, _FLATTEST = tuple(map(math.radians, (2.0, 1.0, 0.5, 0.3, 0.2))), 0.12, 0.05
+"""Off its direction, what a line may be, ever less; how exact its ends are; a line that goes away from the camera has
+hardly a direction in the picture."""
+
+_MOST_STRETCHED = 6.0  # Of a hue in CIELAB.
 
 _ASKEW_RAD = math.radians(2.0)  # What is about known of which way is up is off by this much.
 _LEAST_MEETING, _LEAST_LINES, _LEAST_TOLD = 5, 5, 0.25
@@ -62,11 +66,13 @@ class _Lines:
 
     Attributes:
         normals: (N, 3) of their planes through the camera.
+        middles: (N, 3) unit vectors to their middles.
         length: (N,) in pixels.
         may_be_upright: (N,) whether they lean no more than upright ones do.
     """
 
     normals: Array
+    middles: Array
     length: Array
     may_be_upright: NDArray[np.bool_]
 
@@ -77,7 +83,14 @@ class _Lines:
         ends, length = ends[order], length[order]
         along = ends[:, 1] - ends[:, 0]
         leans = np.abs(np.arctan2(along[:, 0], along[:, 1]))
-        return cls(_through_camera(ends, camera), length, np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD)
+        rays = _rays(ends, camera)
+        normals, middles = np.cross(rays[:, 0], rays[:, 1]), rays.sum(axis=1)
+        return cls(
+            normals / np.linalg.norm(normals, axis=1, keepdims=True),
+            middles / np.linalg.norm(middles, axis=1, keepdims=True),
+            length,
+            np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD,
+        )
 
     def aligned_px(self, up: Array, spread_rad: float) -> float:
         """Returns how long all are together that go upright or in two level directions, but for about some angle."""
@@ -170,26 +183,35 @@ def _squared(lines: _Lines, up: Array) -> UprightSeen:
     """
     if not len(lines.length):
         return UprightSeen(up, 0)
-    ways = lines.ways(up)
-    weight = lines.length / np.median(lines.length) / _LINE_RAD
-    turned, count = np.zeros(3), 0
+    ways, turned = lines.ways(up), Rotation.identity()
     for most_rad in _ON_RAD:
-        off = np.abs(lines.normals @ Rotation.from_rotvec(turned).apply(ways).T)
-        which, by_size = np.argmin(off, axis=1), np.sort(off, axis=1)
-        # A line that may go in two of the directions tells of neither.
-        on = (by_size[:, 0] < math.sin(most_rad)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
-        turned, count = _turned(lines.normals[on], ways[which[on]], weight[on], turned), int(on.sum())
-    return UprightSeen(np.asarray(Rotation.from_rotvec(turned).apply(up)), count)
+        which, on = _nearest(lines, turned.apply(ways), most_rad)
+        turned = _turned(lines, on, ways[which[on]], turned)
+    _, on = _nearest(lines, turned.apply(ways), _MEET_RAD)
+    return UprightSeen(turned.apply(up), int(on.sum()))
 
 
-def _turned(normals: Array, ways: Array, weight: Array, first: Array) -> Array:
-    """The rotation vector that brings directions (N, 3) best into planes with these normals (N, 3)."""
+def _nearest(lines: _Lines, ways: Array, most_rad: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """(N,) which of some directions each line goes in, and whether it does, and in no other."""
+    off = np.abs(lines.normals @ ways.T)
+    by_size = np.sort(off, axis=1)
+    on = (by_size[:, 0] < math.sin(most_rad)) & (by_size[:, 1:] > math.sin(_TOLD_RAD)).all(axis=1)
+    return np.argmin(off, axis=1), on
+
+
+def _turned(lines: _Lines, on: NDArray[np.bool_], ways: Array, first: Rotation) -> Rotation:
+    """The rotation by which some lines (N,), M of them, go best in their directions (M, 3)."""
+    normals, middles, half_px = lines.normals[on], lines.middles[on], lines.length[on] / 2
 
     def off(rotation: Array) -> Array:
-        by_line = (normals * Rotation.from_rotvec(rotation).apply(ways)).sum(axis=1) * weight
-        return np.concatenate([by_line, rotation / _ASKEW_RAD])
+        turned = Rotation.from_rotvec(rotation).apply(ways)
+        # The angle in the picture between a line and where its direction has it.
+        aside = np.linalg.norm(np.cross(middles, turned), axis=1)
+        angle = (normals * turned).sum(axis=1) / np.maximum(aside, _FLATTEST)
+        return np.concatenate([angle * half_px / _END_PX, rotation / _ASKEW_RAD])
 
-    return np.asarray(least_squares(off, first, loss="soft_l1").x)
+    # Most lines are exact, and some are of what is round or stands askew.
+    return Rotation.from_rotvec(least_squares(off, first.as_rotvec(), loss="cauchy").x)
 
 
 def levelled_by_height(upright: UprightSeen, height_m: float) -> FloorSeen:
@@ -258,21 +280,28 @@ def heading_of_lines(picture: Photograph, camera: Intrinsics, R: Array) -> float
 
 
 def _line_ends(picture: Photograph) -> tuple[Array, Array]:
-    """(N, 2, 2) ends of the lines in a picture, and (N,) how long they are; in pixels."""
+    """(N, 2, 2) ends of the lines in a picture, and (N,) how long they are; in pixels.
+
+    What is as bright as what is beside it may be of another hue: lines are looked for in all that tells colours apart.
+    """
     cv2 = require("cv2", "photo")
-    found = cv2.createLineSegmentDetector().detect(cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY))[0]
-    ends = np.zeros((0, 2, 2)) if found is None else np.asarray(found, dtype=float).reshape(-1, 2, 2) + 0.5
+    _, *hues = cv2.split(cv2.cvtColor(picture.rgb.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2LAB))
+    grey = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
+    # What is hardly coloured is not stretched to the full range: steps of its colours are no lines.
+    scaled = ((hue - hue.min()) * min(_MOST_STRETCHED, 255.0 / max(float(np.ptp(hue)), 1.0)) for hue in hues)
+    channels = [grey, *(one.astype(np.uint8) for one in scaled)]
+    found = [cv2.createLineSegmentDetector().detect(channel)[0] for channel in channels]
+    ends = np.concatenate([np.zeros((0, 2, 2)), *(np.reshape(one, (-1, 2, 2)) for one in found if one is not None)])
+    ends += 0.5
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     good = length > _LEAST_SHARE * picture.size_px[1]
     return ends[good], length[good]
 
 
-def _through_camera(ends: Array, camera: Intrinsics) -> Array:
-    """(N, 3) normals of the planes through the camera and lines in the picture."""
+def _rays(ends: Array, camera: Intrinsics) -> Array:
+    """(N, 2, 3) rays through the ends (N, 2, 2) of lines."""
     flat = (ends - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-    rays = np.concatenate([flat, np.ones((len(ends), 2, 1))], axis=2)
-    normals = np.cross(rays[:, 0], rays[:, 1])
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    return np.concatenate([flat, np.ones((len(ends), 2, 1))], axis=2)
 
 
 def _unlevelled(picture: Photograph, lines: int) -> PhotoRefused:
