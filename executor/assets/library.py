@@ -93,7 +93,7 @@ _ENTRIES = (
     _entry("counter_plain", "countertop", "countertop.n.01", furniture.counter,
            (0.55, 0.65), (0.60, 1.40), (0.70, 0.90), *_TOP),
     _entry("shelf_open", "shelf", "shelf.n.01", furniture.shelf,
-           (0.26, 0.36), (0.60, 1.00), (0.80, 1.60), furniture.BOARDS),
+           (0.26, 0.36), (0.60, 1.00), (0.60, 1.60), furniture.BOARDS),
     _entry("bed_single", "bed", "bed.n.01", furniture.bed, (1.90, 2.05), (0.90, 1.30), (0.80, 1.00)),
     _entry("sofa_two_seats", "sofa", "sofa.n.01", furniture.sofa, (0.80, 0.92), (1.35, 1.75), (0.74, 0.86)),
     _entry("chair_wooden", "chair", "chair.n.01", furniture.chair, (0.40, 0.46), (0.40, 0.45), (0.80, 0.92)),

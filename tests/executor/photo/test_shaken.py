@@ -86,7 +86,7 @@ def test_a_short_handle_is_found_by_who_begins_with_a_long_one_on_the_other_side
 
 
 def test_what_is_lower_than_its_model_mostly_is_begins_as_low_as_it_is_seen() -> None:
-    low = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.7, 0.63))
-    assert low.entry.height.low > 0.7
+    low = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.3, 0.7, 0.47))
+    assert low.entry.height.low > 0.55
     begun = starts(low.corners_m(), [low.entry], 0.0, ())
-    assert any(one.size_m[2] == pytest.approx(0.63, abs=0.01) for one in begun)
+    assert any(one.size_m[2] == pytest.approx(0.47, abs=0.01) for one in begun)
