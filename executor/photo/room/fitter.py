@@ -215,7 +215,10 @@ class RoomFitter:
         """
         room = self.room
         impossible = room.is_impossible(index)
+        # By sight, what stands on it is put far off as long as it is not known, and hides other things there.
+        raised = [] if room.seen.has_depth else room.on_nothing_but(index)
         before, detection = room.take(index), room.detections[index]
+        above = {other: room.take(other) for other in raised}
         if impossible and room.seen.has_depth:
             before = None
             room.reasons[index] = "what it is called would stand in other things"
@@ -231,6 +234,13 @@ class RoomFitter:
             box_px = detection.box_px
             entries = high_enough(room.seen, box_px, places) if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
+        if found is not None and not room.seen.has_depth:
+            if room.hangs_in_air(found.guess):
+                standing = [entry for entry in entries if entry.category not in CARRIED]
+                found = fit_anything(around, detection.box_px, standing, places, points)
+            else:
+                held = tuple(one for one in found.alternatives if not room.hangs_in_air(one.guess))
+                found = replace(found, alternatives=held)
         if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not room.is_there(index, found, around):
@@ -248,6 +258,8 @@ class RoomFitter:
             found = self._placed_by_sight(index, found, before)
         if found is None:
             room.reasons.setdefault(index, "no model explains it")
+        for other, fit in above.items():
+            room.keep(other, fit)
         return room.keep(index, found)
 
     def _placed_by_sight(self, index: int, found: Fit, before: Fit | None) -> Fit:

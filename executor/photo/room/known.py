@@ -174,6 +174,17 @@ class KnownRoom:
         found = self.fits.get(index)
         return found is not None and not self._is_on_one(found)
 
+    def on_nothing_but(self, index: int) -> list[int]:
+        """Returns what is raised and on no top but a thing's, or on none at all."""
+        tops = list(tops_of(self.fits[other] for other in self._besides(index)))
+        raised = (other for other in self._besides(index) if self.fits[other].guess.bottom_m > 0.0)
+        return [other for other in raised if not is_on_one(self.fits[other].guess, tops, EQUAL_M)]
+
+    def hangs_in_air(self, guess: Guess) -> bool:
+        """Decides whether furniture would have nothing under it; by sight, what is smaller and nearer looks the same."""
+        is_raised = guess.bottom_m > 0.0 and is_large(guess.entry)
+        return is_raised and not is_on_one(guess, tops_of(self.fits.values()), EQUAL_M)
+
     def is_doubtful_in_air(self, found: Fit) -> bool:
         """Decides whether a fit stands on nothing that is known, and explains too little to wait for that."""
         return found.explained < _DOUBTFUL and not self._is_on_one(found)

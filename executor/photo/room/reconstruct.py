@@ -163,6 +163,8 @@ def _fit_unboxed(fitter: RoomFitter, carried: Sequence[int], told: Callable[[str
 def _look_again(fitter: RoomFitter, standing: Sequence[int], told: Callable[[str], None]) -> None:
     """Searches on for each thing among all that is known in the end, and leaves out what cannot be."""
     room = fitter.room
+    if not room.seen.has_depth:
+        _put_down(fitter, told)
     for index in sorted(room.fits, key=room.unlikeliness, reverse=True):
         told(fitter.shake(index))
     for index in standing:
@@ -171,6 +173,12 @@ def _look_again(fitter: RoomFitter, standing: Sequence[int], told: Callable[[str
     for index in standing:
         told(fitter.sharpen(index))
     room.leave_out_what_is_inside()
+    _put_down(fitter, told)
+
+
+def _put_down(fitter: RoomFitter, told: Callable[[str], None]) -> None:
+    """Fits anew what stands on nothing any more."""
+    room = fitter.room
     for index in list(room.fits):
         if room.is_in_air(index):
             told(fitter.fit(index, None, hidden_by=()))
