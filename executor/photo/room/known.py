@@ -181,7 +181,7 @@ class KnownRoom:
         return [other for other in raised if not is_on_one(self.fits[other].guess, tops, EQUAL_M)]
 
     def hangs_in_air(self, guess: Guess) -> bool:
-        """Decides whether furniture would have nothing under it; by sight, what is smaller and nearer looks the same."""
+        """Decides whether furniture would have nothing under it: by sight, what is smaller and nearer looks alike."""
         is_raised = guess.bottom_m > 0.0 and is_large(guess.entry)
         return is_raised and not is_on_one(guess, tops_of(self.fits.values()), EQUAL_M)
 

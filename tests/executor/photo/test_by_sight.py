@@ -19,6 +19,7 @@ from executor.photo.inputs.annotations import Sighting
 from executor.photo.room.fitter import RoomFitter
 from executor.photo.room.known import KnownRoom
 from executor.photo.room.reconstruct import reconstruct
+from executor.photo.room.supports import tops_of
 from executor.photo.space.observation import Observation
 from tests.executor.photo.test_fit import SIZE, TABLE, seen_from_above
 
@@ -210,3 +211,37 @@ def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> Non
     assert guess.entry.model == "table_four_legs"
     # By its depths it is 4.4 cm farther off.
     assert math.dist((guess.x_m, guess.y_m), (TABLE.x_m, TABLE.y_m)) < 0.015
+
+
+COUNTER = Guess(LIBRARY["counter_plain"], 3.2, -0.3, 0.0, 0.0, (0.62, 0.9, 0.76))
+MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 3.2, -0.3, 0.0, 0.76, (0.45, 0.5, 0.3))
+
+
+def test_what_is_called_wrongly_is_nothing_smaller_that_hangs_before_it() -> None:
+    nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.35, 0.0, 0.0, (0.9, 0.6, 0.66))
+    seen, (box, beside) = by_sight(COUNTER, nearer)
+    called = replace(box, label="refrigerator", category="refrigerator")
+    room = KnownRoom(lit(lit(seen, COUNTER), nearer), (), [called, beside], 0.0)
+    room.keep(1, Fit(nearer, -100.0, (), 1.0, 0.0, 100, None))
+    fitter = RoomFitter(room)
+    fitter.fit_anything(0, entries=[MICROWAVE.entry])
+    assert 0 not in room.fits
+    assert fitter.fit_anything(0, entries=[COUNTER.entry, MICROWAVE.entry]) == "refrigerator: counter_plain"
+    assert not room.fits[0].alternatives
+
+
+def test_what_was_put_on_nothing_does_not_hide_what_it_stands_on() -> None:
+    seen, (box, above) = by_sight(COUNTER, MICROWAVE)
+    called = replace(box, label="refrigerator", category="refrigerator")
+    room = KnownRoom(lit(lit(seen, COUNTER), MICROWAVE), (), [called, above], 0.0)
+    hanging = replace(MICROWAVE, x_m=2.3, y_m=-0.215, bottom_m=0.48)
+    room.keep(1, Fit(hanging, -100.0, (), 1.0, 0.0, 100, None))
+    assert room.on_nothing_but(0) == [1]
+    RoomFitter(room).fit_anything(0, entries=[COUNTER.entry])
+    found = room.fits[0].guess
+    assert math.dist((found.x_m, found.y_m), (COUNTER.x_m, COUNTER.y_m)) < 0.05
+    assert room.fits[1].guess is hanging, "and is kept"
+    room.fits[1] = replace(
+        room.fits[1], guess=replace(MICROWAVE, bottom_m=max(top.height_m for top in tops_of([room.fits[0]])))
+    )
+    assert room.on_nothing_but(0) == [1] and room.on_nothing_but(1) == []
