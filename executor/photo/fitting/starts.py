@@ -43,6 +43,7 @@ _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a 
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
 _SCALED = (1.0, 0.7)  # Of its usual size, as which a thing is looked for where only its box tells that.
+_LOW = 0.6  # Of its usual height, what is a low one.
 _FLAT_M = 0.05  # What is no higher: plates, lying books.
 _ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
 
@@ -246,9 +247,7 @@ def outline_starts(
     if foot is None:
         return
     for entry in entries:
-        for share in _SCALED:
-            length, width, height = (share * side for side in usual_size_m(entry))
-            size = (length, width, height)
+        for size in _sizes_m(entry):
             for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
                 # Tables stand as they like in a room, cabinets along its walls.
                 count = 4 if entry.category in AT_WALLS or not is_large(entry) else _ASKEW_HEADINGS
@@ -256,6 +255,18 @@ def outline_starts(
                 away = math.atan2(y, x)
                 for turned in turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
                     yield Guess(entry, x, y, turned, bottom_m, size)
+
+
+def _sizes_m(entry: ModelEntry) -> Iterator[Size]:
+    """Yields sizes that a model is looked for as: its usual one and smaller, and those that it has if it is a low one.
+
+    Shelves are as high as a knee or as a man, and as wide either way.
+    """
+    length, width, height = usual_size_m(entry)
+    for share in _SCALED:
+        yield share * length, share * width, share * height
+    if is_large(entry) and entry.height.low < _LOW * height:
+        yield length, width, entry.height.low
 
 
 def _middles_m(

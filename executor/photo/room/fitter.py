@@ -234,13 +234,10 @@ class RoomFitter:
             box_px = detection.box_px
             entries = high_enough(room.seen, box_px, places) if points is None else large_enough(points, places)
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
-        if found is not None and not room.seen.has_depth:
-            if room.hangs_in_air(found.guess):
-                standing = [entry for entry in entries if entry.category not in CARRIED]
-                found = fit_anything(around, detection.box_px, standing, places, points)
-            else:
-                held = tuple(one for one in found.alternatives if not room.hangs_in_air(one.guess))
-                found = replace(found, alternatives=held)
+        if found is not None and not room.seen.has_depth and not room.hangs_in_air(found.guess):
+            # What hangs before it looks like it once what hides it is taken for something else.
+            held = tuple(one for one in found.alternatives if not room.hangs_in_air(one.guess))
+            found = replace(found, alternatives=held)
         if found is not None and found.guess.entry.category != (detection.category or found.guess.entry.category):
             found = called(around, detection.box_px, found, named_models(detection))
         if found is not None and not room.is_there(index, found, around):

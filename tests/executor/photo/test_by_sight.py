@@ -217,15 +217,13 @@ COUNTER = Guess(LIBRARY["counter_plain"], 3.2, -0.3, 0.0, 0.0, (0.62, 0.9, 0.76)
 MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 3.2, -0.3, 0.0, 0.76, (0.45, 0.5, 0.3))
 
 
-def test_what_is_called_wrongly_is_nothing_smaller_that_hangs_before_it() -> None:
+def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> None:
     nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.35, 0.0, 0.0, (0.9, 0.6, 0.66))
     seen, (box, beside) = by_sight(COUNTER, nearer)
     called = replace(box, label="refrigerator", category="refrigerator")
     room = KnownRoom(lit(lit(seen, COUNTER), nearer), (), [called, beside], 0.0)
     room.keep(1, Fit(nearer, -100.0, (), 1.0, 0.0, 100, None))
     fitter = RoomFitter(room)
-    fitter.fit_anything(0, entries=[MICROWAVE.entry])
-    assert 0 not in room.fits
     assert fitter.fit_anything(0, entries=[COUNTER.entry, MICROWAVE.entry]) == "refrigerator: counter_plain"
     assert not room.fits[0].alternatives
 
@@ -245,3 +243,13 @@ def test_what_was_put_on_nothing_does_not_hide_what_it_stands_on() -> None:
         room.fits[1], guess=replace(MICROWAVE, bottom_m=max(top.height_m for top in tops_of([room.fits[0]])))
     )
     assert room.on_nothing_but(0) == [1] and room.on_nothing_but(1) == []
+
+
+def test_a_low_shelf_is_looked_for_as_low_as_it_is_and_as_wide_as_others() -> None:
+    low = Guess(LIBRARY["shelf_open"], 3.0, 0.6, math.pi / 2, 0.0, (0.33, 0.9, 0.63), (("boards", 1),))
+    seen, boxes = by_sight(low)
+    room = KnownRoom(lit(seen, low), (), boxes, 0.0)
+    RoomFitter(room).fit(0, [0.0], ())
+    found = room.fits[0].guess
+    assert found.size_m[2] == pytest.approx(0.63, abs=0.02)
+    assert math.dist((found.x_m, found.y_m), (low.x_m, low.y_m)) < 0.05
