@@ -27,7 +27,10 @@ _OPEN, _OPEN_BEHIND = 4.0, 29.0
 _ALIKE_M, _ALIKE_MOST = 0.01, 40.0  # Units of a kitchen come in one height and one depth.
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
-_TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
+_TURNED_AWAY, _FROM_BEHIND = 6.0, 24.0
+"""Fronts are mostly seen: who takes a picture of a room looks at them. Where nothing is measured, what is seen from
+behind is most likely something else: backs are as plain as what has no front."""
+
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
 _OUTGROWN = 1.1  # Of the largest that a model comes as.
@@ -87,8 +90,9 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
         beyond = max(span.low * unit - value, value - span.high * unit, 0.0)
         cost += 0.5 * (beyond / sigma) ** 2
     ahead = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
-    away = entry.category in _FRONTED and _dot(ahead, (guess.x_m, guess.y_m)) < 0.0
-    cost += _TURNED_AWAY if away else 0.0
+    facing = _dot(ahead, (guess.x_m, guess.y_m)) / max(math.hypot(guess.x_m, guess.y_m), 1e-9)
+    away = entry.category in _FRONTED and facing < 0.0
+    cost += _TURNED_AWAY - _FROM_BEHIND * facing * around.without_depth if away else 0.0
     opened = bool(dict(guess.parameters).get("open_fraction"))
     if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
         # What stands open has room to.

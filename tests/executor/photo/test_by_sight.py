@@ -162,6 +162,9 @@ def test_without_walls_what_faces_one_way_stands_against_one() -> None:
     turned = replace(cabinet, y_m=0.6, yaw_rad=math.pi)
     assert prior_cost(turned, beside) > prior_cost(replace(turned, yaw_rad=0.0), beside) + 4.0, "its back is to us"
     measured = Neighbourhood((), (cabinet,))
+    behind, aside = turned, replace(turned, yaw_rad=math.pi / 2 + 0.3)
+    unseen_front, half_seen = (prior_cost(one, beside) - prior_cost(one, measured) for one in (behind, aside))
+    assert unseen_front > half_seen + 10.0, "what is seen from straight behind is rather something else"
     assert prior_cost(replace(counter, size_m=(0.62, 0.9, 0.78)), measured) < 0.5, "what is measured may be otherwise"
     lower = replace(counter, x_m=3.4, size_m=(0.55, 0.9, 0.78))
     (aligned,) = in_rows(lower, (cabinet,))
