@@ -92,9 +92,9 @@ class _Lines:
             np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD,
         )
 
-    def aligned_px(self, up: Array, spread_rad: float) -> float:
-        """Returns how long all are together that go upright or in two level directions, but for about some angle."""
-        off = np.abs(self.normals @ self.ways(up).T).min(axis=1)
+    def aligned_px(self, ways: Array, spread_rad: float) -> float:
+        """Returns how long all are together that go in one of some directions (N, 3), but for about some angle."""
+        off = np.abs(self.normals @ ways.T).min(axis=1)
         return float(self.length @ np.exp(-0.5 * (off / spread_rad) ** 2))
 
     def ways(self, up: Array) -> Array:
@@ -142,13 +142,13 @@ def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = 
     """
     lines = _Lines.of(picture, camera)
     if about is not None:
-        return _squared(lines, about)
-    found = [_squared(lines, up) for up in _likely(lines)] if len(lines.length) else []
-    aligned_px = [lines.aligned_px(one.up, _LINE_RAD) for one in found]
-    best = int(np.argmax(aligned_px)) if found else -1
-    if best < 0 or found[best].lines < _LEAST_LINES or aligned_px[best] < _LEAST_TOLD * lines.length.sum():
-        raise _unlevelled(picture, found[best].lines if found else 0)
-    return found[best]
+        return _squared(lines, about)[0]
+    squared = [_squared(lines, up) for up in _likely(lines)] if len(lines.length) else []
+    rated = [(lines.aligned_px(ways, _LINE_RAD), found) for found, ways in squared]
+    aligned_px, best = max(rated, key=lambda one: one[0], default=(0.0, None))
+    if best is None or best.lines < _LEAST_LINES or aligned_px < _LEAST_TOLD * lines.length.sum():
+        raise _unlevelled(picture, 0 if best is None else best.lines)
+    return best
 
 
 def _likely(lines: _Lines) -> list[Array]:
@@ -164,7 +164,7 @@ def _likely(lines: _Lines) -> list[Array]:
     by_meeting = meetings[np.argsort(-(near @ length), kind="stable")]
     held = [np.array([0.0, -math.cos(down), -math.sin(down)]) for down in _DOWN_RAD]
     apart = _apart(by_meeting, _MEETINGS)
-    return sorted([*apart, *held], key=lambda up: -lines.aligned_px(up, _MEET_RAD / 2))[:_TRIED]
+    return sorted([*apart, *held], key=lambda up: -lines.aligned_px(lines.ways(up), _MEET_RAD / 2))[:_TRIED]
 
 
 def _apart(ways: Array, most: int) -> list[Array]:
@@ -176,19 +176,22 @@ def _apart(ways: Array, most: int) -> list[Array]:
     return found
 
 
-def _squared(lines: _Lines, up: Array) -> UprightSeen:
-    """Which way is up, of which some degrees are known, by all lines: level ones mostly go in two directions.
+def _squared(lines: _Lines, up: Array) -> tuple[UprightSeen, Array]:
+    """Which way is up, of which some degrees are known, by all lines, and the directions (1 or 3, 3) that they go in.
 
-    Upright lines in the middle of a picture hardly tell how far a camera looks down; level ones do.
+    Level lines mostly go in two directions. Upright ones in the middle of a picture hardly tell how far a camera looks
+    down; level ones do.
     """
+    ways = lines.ways(up)
     if not len(lines.length):
-        return UprightSeen(up, 0)
-    ways, turned = lines.ways(up), Rotation.identity()
+        return UprightSeen(up, 0), ways
+    turned = Rotation.identity()
     for most_rad in _ON_RAD:
         which, on = _nearest(lines, turned.apply(ways), most_rad)
         turned = _turned(lines, on, ways[which[on]], turned)
-    _, on = _nearest(lines, turned.apply(ways), _MEET_RAD)
-    return UprightSeen(turned.apply(up), int(on.sum()))
+    found = turned.apply(ways)
+    _, on = _nearest(lines, found, _MEET_RAD)
+    return UprightSeen(found[0], int(on.sum())), found
 
 
 def _nearest(lines: _Lines, ways: Array, most_rad: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
