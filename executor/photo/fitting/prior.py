@@ -41,7 +41,9 @@ OF_RANGE = 0.29
 _ASKEW, _FACING = math.sin(2 * math.radians(8.0)), math.cos(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
-_UNITS = ("bottom_cabinet", "countertop", "dishwasher", "oven")
+UNITS = ("bottom_cabinet", "countertop", "dishwasher", "oven")
+"""What stands in one row in a kitchen."""
+
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """What mostly stands with its back to a wall."""
 
@@ -221,7 +223,7 @@ def in_rows(guess: Guess, pieces: Sequence[Guess]) -> Iterator[Guess]:
     Those of which it is as high already are left out.
     """
     ahead = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
-    units = [piece for piece in pieces if {guess.entry.category, piece.entry.category} <= {*_UNITS}]
+    units = [piece for piece in pieces if {guess.entry.category, piece.entry.category} <= {*UNITS}]
     heights = {guess.size_m[2]}
     for piece in _facing_alike(guess, units):
         length, _, height = piece.size_m
@@ -252,7 +254,7 @@ def _at_one_wall_cost(guess: Guess, pieces: Sequence[Guess], ahead: Flat) -> flo
         away = piece.x_m - guess.x_m, piece.y_m - guess.y_m
         behind_m = abs(_dot(away, ahead) - (piece.size_m[0] - guess.size_m[0]) / 2)
         apart_m = min(apart_m, behind_m)
-        if behind_m < _FAR_M and {guess.entry.category, piece.entry.category} <= {*_UNITS}:
+        if behind_m < _FAR_M and {guess.entry.category, piece.entry.category} <= {*UNITS}:
             off = [(one - other) / _ALIKE_M for one, other in zip(guess.size_m, piece.size_m, strict=True)]
             unlike = max(unlike, min(0.5 * (off[0] ** 2 + off[2] ** 2), _ALIKE_MOST))
     return unlike + _against(apart_m + _AGAINST_M)

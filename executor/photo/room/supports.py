@@ -13,6 +13,7 @@ from executor.assets.library import asset_for
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.likelihood import Fit
+from executor.photo.fitting.prior import CARRIED, UNITS
 from executor.photo.fitting.starts import foot_of
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
@@ -41,6 +42,11 @@ class Top:
     def height_m(self) -> float:
         """Above the floor."""
         return float(self.T[2, 3])
+
+    @property
+    def is_uppermost(self) -> bool:
+        """Whether it is on top of its furniture, and no board in it."""
+        return self.height_m > self.fit.guess.bottom_m + 0.9 * self.fit.guess.size_m[2]
 
     def is_near(self, at: Array) -> bool:
         """Decides whether a place (2,) is over it, or hardly beside it."""
@@ -125,4 +131,7 @@ def heights_behind(seen: Observation, detection: Sighting, tops: Sequence[Top], 
     # A top hides the floor behind it. One that is misjudged may end before what stands on it.
     on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
     near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
-    return on[:_MOST] or near or [0.0]
+    if detection.category in CARRIED and not near:
+        # Nobody puts a microwave on the floor, and units of a kitchen are of one height.
+        near = [round(top.height_m, 4) for top in tops if top.fit.guess.entry.category in UNITS and top.is_uppermost]
+    return on[:_MOST] or near[:_MOST] or [0.0]

@@ -256,3 +256,13 @@ def test_a_low_shelf_is_looked_for_as_low_as_it_is_and_as_wide_as_others() -> No
     found = room.fits[0].guess
     assert found.size_m[2] == pytest.approx(0.63, abs=0.02)
     assert math.dist((found.x_m, found.y_m), (low.x_m, low.y_m)) < 0.05
+
+
+def test_a_microwave_on_what_nobody_has_boxed_is_as_high_as_on_the_units_beside() -> None:
+    seen, (box,) = by_sight(MICROWAVE)
+    unit = Guess(LIBRARY["cabinet_two_doors"], 3.2, 1.4, 0.0, 0.0, (0.62, 0.9, 0.8))
+    room = KnownRoom(seen, (), [box], 0.0)
+    room.fits[1] = Fit(unit, 0.0, (), 1.0, 0.0, 100, None)
+    (height_m,) = room.heights_m(box, None)
+    assert height_m == pytest.approx(0.8, abs=0.01), "and no shelf in it"
+    assert room.heights_m(replace(box, category="mug"), None) == [0.0]
