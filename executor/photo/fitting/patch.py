@@ -35,6 +35,10 @@ _BENT_WEIGHT = 16.0
 _BENT = (4.0, 2.0)  # Standard deviations: what is farther off, at first and then, is something else.
 _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
+_ODD, _SAME_HUE, _SHADES, _LEAST_SHADED = 2.0, 0.05, (0.45, 2.2), 8
+"""Of one colour in another light: what costs so much, is hardly of another hue, and is how bright; so many pixels."""
+
+_TONE = 3.0  # Colours that a face in two lights counts for beside its own.
 _UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
 _BOX_MOST, _BOX_ALONE = 8.0, 40.0
 _FEW = 0.1  # Of a box's pixels: noise makes about so many stand out beside a thing's edges.
@@ -233,7 +237,7 @@ class Patch:
         """By sight: the colours of faces, those that are left to others, and edges, where borders are."""
         own = depth < self.other_m
         shown, beside = self.inside & own, self.inside & ~own
-        costs, colours = _of_one_colour(self.rgb[shown], group[shown])
+        costs, colours = _of_one_colour(self.rgb[shown], group[shown], shaded=True)
         costs += float(np.minimum(0.5 * (self.unlike_beside[beside] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum())
         costs += float(self.claim[own].sum())
         cost = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
@@ -268,21 +272,58 @@ def _beyond(box_px: tuple[float, float, float, float], rows: NDArray[np.int64], 
     return np.asarray(np.hypot(beyond_x, beyond_y) / _CLAIM_SIGMA)
 
 
-def _of_one_colour(rgb: Array, kind: NDArray[np.int64]) -> tuple[float, int]:
-    """What pixels (N, 3) cost that are not of the middle colour of their kind (N,), and how many kinds there are."""
+def _of_one_colour(rgb: Array, kind: NDArray[np.int64], *, shaded: bool = False) -> tuple[float, float]:
+    """What pixels (N, 3) cost that are not of the middle colour of their kind (N,), and how many colours there are.
+
+    Where a kind may be shaded, a part of it may have that colour in another light: below a top's edge it is dark.
+    """
     if not len(kind):
-        return 0.0, 0
+        return 0.0, 0.0
     # Short numbers are sorted in a time that grows with how many there are.
     order = np.argsort(kind.astype(np.int16), kind="stable")
     rgb = np.ascontiguousarray(rgb[order].T)
     ends = np.append(np.flatnonzero(np.diff(kind[order])) + 1, len(order))
     begins = np.concatenate([[0], ends[:-1]])
-    of_one = [_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)]
-    off = (rgb - np.repeat(np.stack(of_one, axis=1), ends - begins, axis=1)) / _COLOUR_SIGMA
-    return float(np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST).sum()), len(of_one)
+    of_one = np.stack([_middle(rgb[:, first:last]) for first, last in zip(begins, ends, strict=True)], axis=1)
+    of_all = np.repeat(of_one, ends - begins, axis=1)
+    costs = _off(rgb, of_all)
+    if not shaded:
+        return float(costs.sum()), len(ends)
+    number = np.repeat(np.arange(len(ends)), ends - begins)
+    shade = _shade(rgb, of_all, costs, number, len(ends))
+    in_shade = np.minimum(costs, _off(rgb, shade[number] * of_all))
+    return float(in_shade.sum()), len(ends) + _TONE * float((shade != 1.0).sum())
 
 
-def _freedom(colours: int, pixels: int) -> float:
+def _off(rgb: Array, middle: Array) -> Array:
+    """(N,) what pixels (3, N) cost that are not of these colours (3, N)."""
+    off = (rgb - middle) / _COLOUR_SIGMA
+    return np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST)
+
+
+def _shade(rgb: Array, middle: Array, costs: Array, number: NDArray[np.int64], kinds: int) -> Array:
+    """(K,) how bright the part of each kind is, by its middle colour, that is in another light; 1 where there is none.
+
+    Args:
+        rgb, middle: (3, N) pixels and the middle colours of their kinds.
+        costs: (N,) what they cost beside these.
+        number: (N,) which kind each is of.
+        kinds: How many there are.
+    """
+    bright = (rgb * middle).sum(axis=0) / np.maximum((middle * middle).sum(axis=0), 1e-6)
+    aside = rgb - bright * middle
+    alike = (aside * aside).sum(axis=0) < _SAME_HUE**2
+    odd = (costs > _ODD) & alike & (bright > _SHADES[0]) & (bright < _SHADES[1])
+    # What is darker, and what is lighter than the rest.
+    side = 2 * number[odd] + (bright[odd] > 1.0)
+    counts = np.bincount(side, minlength=2 * kinds).reshape(kinds, 2)
+    total = np.bincount(side, bright[odd], minlength=2 * kinds).reshape(kinds, 2)
+    most = counts.argmax(axis=1)
+    count, of_most = counts[np.arange(kinds), most], total[np.arange(kinds), most]
+    return np.where(count >= _LEAST_SHADED, of_most / np.maximum(count, 1), 1.0)
+
+
+def _freedom(colours: float, pixels: int) -> float:
     """What it costs to choose so many colours, each of which makes any picture easier to explain."""
     return 1.5 * colours * math.log(pixels) / 10.0
 

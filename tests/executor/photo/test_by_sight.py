@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
+from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import sharpened
+from executor.photo.fitting.fit import cost_among, sharpened
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood, in_rows, prior_cost
@@ -266,3 +267,20 @@ def test_a_microwave_on_what_nobody_has_boxed_is_as_high_as_on_the_units_beside(
     (height_m,) = room.heights_m(box, None)
     assert height_m == pytest.approx(0.8, abs=0.01), "and no shelf in it"
     assert room.heights_m(replace(box, category="mug"), None) == [0.0]
+
+
+def test_what_is_half_in_shadow_is_of_one_colour_and_what_is_half_of_another_hue_is_not() -> None:
+    seen, (box,) = by_sight(COUNTER)
+    seen = lit(seen, COUNTER)
+    x0, y0, x1, y1 = map(int, box.box_px)
+    rows = slice(y0 + 2 * (y1 - y0) // 3, y1)
+
+    def cost(part: Array) -> float:
+        rgb = seen.rgb.copy()
+        rgb[rows, x0:x1] = part
+        room = KnownRoom(replace(seen, rgb=rgb), (), [box], 0.0)
+        return cost_among(room.around(0), box.box_px, Fit(COUNTER, 0.0, (), 1.0, 0.0, 100, None))
+
+    whole = seen.rgb[rows, x0:x1]
+    plain, shaded, other = cost(whole), cost((0.6 * whole).astype(np.uint8)), cost(whole[..., ::-1])
+    assert shaded - plain < 0.3 * (other - plain)
