@@ -172,7 +172,7 @@ class KnownRoom:
         By sight, a top that is a little higher has what stands on it elsewhere.
         """
         found = self.fits.get(index)
-        return found is not None and not self._is_on_one(found)
+        return found is not None and not self._is_on_one(found.guess)
 
     def on_nothing_but(self, index: int) -> list[int]:
         """Returns what is raised and on no top but a thing's, or on none at all."""
@@ -183,15 +183,15 @@ class KnownRoom:
     def hangs_in_air(self, guess: Guess) -> bool:
         """Decides whether furniture would have nothing under it: by sight, what is smaller and nearer looks alike."""
         is_raised = guess.bottom_m > 0.0 and is_large(guess.entry)
-        return is_raised and not is_on_one(guess, tops_of(self.fits.values()), EQUAL_M)
+        return is_raised and not self._is_on_one(guess)
 
     def is_doubtful_in_air(self, found: Fit) -> bool:
         """Decides whether a fit stands on nothing that is known, and explains too little to wait for that."""
-        return found.explained < _DOUBTFUL and not self._is_on_one(found)
+        return found.explained < _DOUBTFUL and not self._is_on_one(found.guess)
 
-    def _is_on_one(self, found: Fit) -> bool:
+    def _is_on_one(self, guess: Guess) -> bool:
         within_m = SAME_M if self.seen.is_exact else EQUAL_M
-        return is_on_one(found.guess, tops_of(self.fits.values()), within_m)
+        return is_on_one(guess, tops_of(self.fits.values()), within_m)
 
     def is_on_nothing(self, found: Fit) -> bool:
         """Decides whether by sight an item stands on the floor only since nothing else was found that it stands on.
