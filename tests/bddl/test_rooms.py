@@ -19,7 +19,6 @@ LINE = (
     "bddl.parser",
     "bddl",
 )
-MOST_FILES = 12
 
 
 def room(target: str) -> str:
@@ -37,9 +36,3 @@ def test_no_folder_imports_from_one_above_it() -> None:
         if LINE.index(room(found.target)) > LINE.index(room(name if path.name == "__init__.py" else found.module))
     ]
     assert not upward, upward
-
-
-def test_no_folder_holds_many_files() -> None:
-    files = [path.parent for path in modules("bddl").values()]
-    crowded = {str(folder): files.count(folder) for folder in files if files.count(folder) > MOST_FILES}
-    assert not crowded, crowded
