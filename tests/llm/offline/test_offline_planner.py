@@ -208,3 +208,22 @@ def test_an_item_in_a_bowl_in_a_closed_refrigerator_is_reached_through_its_door(
     ]
     assert bddl.format(task.goal) == "(and (ontop apple_0 table_0) (not (open refrigerator_0)))"
     assert oag.compose(task).verify().verdict is oag.Verdict.PROVED
+
+
+@pytest.mark.parametrize(
+    ("category", "model", "front"),
+    [
+        ("bottom_cabinet", "cabinet_drawers", "drawer"),
+        ("desk_with_drawers", "", "drawer"),
+        ("bottom_cabinet", "cabinet_one_door", "door"),
+        ("refrigerator", "fridge_freezer_drawer", "door"),
+    ],
+)
+def test_what_opens_by_a_drawer_is_described_so(category: str, model: str, front: str) -> None:
+    thing = {"category": category, "model": model, "position": [1.2, 0, 0.4], "bbox_extent": [0.6, 0.6, 0.8]}
+    scene = oag.Scene.from_json({"name": "room", "objects": {"unit_0": thing}, "facts": ["(not (open unit_0))"]})
+    (opening,) = llm.propose("open unit_0", scene).task.subtasks
+    assert f"pull the {front} open" in opening.detail
+    opened = oag.Scene.from_json({"name": "room", "objects": {"unit_0": thing}, "facts": ["(open unit_0)"]})
+    (closing,) = llm.propose("close unit_0", opened).task.subtasks
+    assert f"push the {front} shut" in closing.detail
