@@ -47,6 +47,20 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     return run
 
 
+@pytest.mark.physics
+@pytest.mark.parametrize("words", [[], ["--baseline", "checked"]], ids=["executor", "baseline"])
+def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for version in ("outcome_version", "baseline_version"):
+        monkeypatch.setattr(bench, version, lambda: "0123456789abcdef")
+    given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
+    assert main.run(given) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the request is for version '0123456789abcdef'" in said and "start the same command again" in said
+    assert not unit_files(tmp_path / "b")
+
+
 def unit_files(folder: Path) -> dict[str, float]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "units").glob("*.json")}
 

@@ -18,7 +18,9 @@ import pytest
 from executor.cli import main
 from executor.cli.commands.datasets import generate as command
 from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoUnit
+from executor.datasets.units import DemoUnit, Origin
+from executor.datasets.worker import run_unit
+from executor.machine.workers.process import OtherProgram
 from tests.executor.cli.conftest import environment
 from tests.executor.datasets.invented_worker import MENDED
 
@@ -123,6 +125,22 @@ def test_a_full_disk_is_one_message_and_what_was_made_stays(
     assert "make room" in capsys.readouterr().err
     assert [episode.meta["unit"]["seed"] for episode in EpisodeStore.open(folder).episodes()] == [2, 3, 4]
     assert not list(folder.glob("units/.part-*"))
+
+
+@pytest.mark.physics
+def test_a_worker_makes_nothing_for_a_program_that_it_does_not_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
+    assert main.run(["generate", "T1", "--episodes", "2", "--out", str(folder), "--workers", "1"]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"the request is for version '{VERSION}'" in said and "start the same command again" in said
+    store = EpisodeStore.open(folder)
+    assert not list(store.episodes())
+    # So does whoever hands a unit over in another way, such as to another machine.
+    with pytest.raises(OtherProgram):
+        run_unit(store, DemoUnit(Origin("T1"), 0), VERSION)
+    assert not list(folder.glob("units/*"))
 
 
 @pytest.mark.parametrize(
