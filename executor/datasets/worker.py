@@ -21,8 +21,14 @@ from executor.machine.workers.process import check_version, serve
 from executor.pictures.stage import Draughtsman, kept_draughtsman
 from executor.records.rollout import PlanRefused, Rollout, Trajectory
 from executor.scenes.pair import NotDrawn
+from llm import QueryError
 
-_KINDS = {PlanRefused: "plan-refused", NotDrawn: "not-drawn", NotNeeded: "not-needed"}
+_KINDS: dict[type[Exception], str] = {
+    PlanRefused: "plan-refused",
+    NotDrawn: "not-drawn",
+    NotNeeded: "not-needed",
+    QueryError: "not-planned",
+}
 
 Draw = Callable[[DemoUnit, Rollout, Trajectory, Path], Filmed]
 """Draws what a unit's recording asks for of a motion in its rollout's scene into a folder."""
@@ -45,7 +51,8 @@ def run_unit(
         maker: Makes it.
 
     Raises:
-        OtherProgram: This process runs another version of the program; nothing is written.
+        HandoverRefused: This process runs another version of the program, or finds another scene under the name of the
+            unit's; nothing is written.
         OSError: The folder cannot be written.
     """
     check_version(version, running_version())
@@ -53,7 +60,7 @@ def run_unit(
     with store.writing(unit, version) as folder:
         try:
             made = maker(unit)
-        except (PlanRefused, NotDrawn, NotNeeded) as problem:
+        except tuple(_KINDS) as problem:
             failure = {"kind": _KINDS[type(problem)], "message": str(problem)}
             meta: dict[str, Any] = {"ended": "failed", "failure": failure}
         else:

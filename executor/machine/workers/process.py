@@ -20,8 +20,8 @@ class WorkerDied(Exception):
     """A worker process ended in the middle of its work; the message has its status and its last words."""
 
 
-class OtherProgram(RuntimeError):
-    """A process is to work for another version of the program than the one that it runs."""
+class HandoverRefused(RuntimeError):
+    """A process runs another version of the program, or has other inputs, than the request is for that it was given."""
 
 
 def check_version(wanted: str, own: str) -> None:
@@ -32,10 +32,10 @@ def check_version(wanted: str, own: str) -> None:
         own: The version that this process runs.
 
     Raises:
-        OtherProgram: They differ.
+        HandoverRefused: They differ.
     """
     if wanted != own:
-        raise OtherProgram(
+        raise HandoverRefused(
             f"this process runs version {own} of the program, and the request is for version {wanted!r}: the program "
             "was changed meanwhile, or this machine has another copy of it; start the same command again, with one "
             "copy of the program everywhere"

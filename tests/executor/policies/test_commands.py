@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import Origin
 from executor.datasets.variation import Variation
+from executor.policies.settings import PolicySettings, SettingsError, read_settings
 from executor.policies.windows import EpisodeKind
 
 pytestmark = pytest.mark.physics
@@ -39,6 +41,44 @@ def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     """Returns what was printed last."""
     found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
+
+
+def test_what_shows_the_same_counts_once_in_training(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The copies say that other numbers asked for them, as one request had two ids once."""
+    settings, store = tmp_path / "tiny.toml", tmp_path / "s"
+    settings.write_text(TINY)
+    shutil.copytree(picked.path, store)
+    first, *_ = [episode.name for episode in picked.episodes()]
+    again = store / "units" / f"{first[:-8]}0badc0de"
+    shutil.copytree(store / "units" / first, again)
+    meta = json.loads((again / "unit.json").read_text())
+    (again / "unit.json").write_text(json.dumps({**meta, "id": "0badc0de" * 2, "query": "take the glass"}))
+    train = ["train", str(settings), "--data", str(store), "--threads", "1"]
+    assert run([*train, "--out", str(tmp_path / "p"), "--json"]) == 0
+    told = last_json(capsys)
+    assert told["demonstrations"] == 2
+    ((repeated, counts),) = told["repeats"]  # type: ignore[misc, attr-defined]
+    assert {"0badc0de" in repeated, "0badc0de" in counts} == {True, False}
+    assert run([*train, "--out", str(tmp_path / "q"), "--episodes", "2"]) == 0
+    assert f"1 demonstration left out: {repeated} repeats {counts}" in " ".join(capsys.readouterr().err.split())
+    assert json.loads((tmp_path / "q" / "policy.json").read_text())["demonstrations"] == 2
+
+
+def test_one_number_is_one_setting_however_it_is_typed(tmp_path: Path) -> None:
+    def settings(text: str) -> PolicySettings:
+        (tmp_path / "s.toml").write_text(f"{TINY}\n{text}")
+        return read_settings(str(tmp_path / "s.toml"))
+
+    texts = (
+        "noise = 0\njitter_m = -0.0\nlearning_rate = 1",
+        "noise = 0.0\nlearning_rate = 1.0",
+        "noise = 0e0\nlearning_rate = 1e0",
+    )
+    assert len({json.dumps(settings(text).model_dump(mode="json")) for text in texts}) == 1
+    with pytest.raises(SettingsError):
+        settings("noise = false")
 
 
 def test_train_goes_on_and_evaluate_counts(

@@ -45,7 +45,7 @@ def test_a_full_disk_ends_the_work() -> None:
 
 
 def test_a_worker_of_another_program_ends_the_work() -> None:
-    with pytest.raises(WorkersUnusable, match="runs version mine of the program, and the request is for .*'theirs'"):
+    with pytest.raises(WorkersUnusable, match=r"runs version mine of the program, and the request is for .*'theirs'"):
         run("work", "be another program", "work")
 
 

@@ -18,8 +18,8 @@ from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.words.datasets import EvaluateOptions, Family
 from executor.datasets.footage import check_drawable
-from executor.datasets.units import Origin
-from executor.machine.files import content_key, json_text, write_json, write_text
+from executor.datasets.units import Origin, scene_key
+from executor.machine.files import write_json, write_text
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Acting, Actor
@@ -184,8 +184,12 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
     origin = kinds[0].origin
     if origin.scene_key:
         scene = scene_for(origin.query, origin.scene, full_size=kinds[0].full_size)
-        key = content_key(json_text(scene.to_json()))
-        check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
+        check(
+            scene_key(scene) == origin.scene_key,
+            "the scene",
+            origin.scene,
+            "what it was when the demonstrations were made",
+        )
     return kinds[0]
 
 
