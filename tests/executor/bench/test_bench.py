@@ -37,7 +37,8 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     """Runs the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
+    for version in ("outcome_version", "baseline_version"):
+        monkeypatch.setattr(bench, version, lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
@@ -74,6 +75,13 @@ def test_a_crash_costs_one_unit_and_is_counted(run_bench: Bench, tmp_path: Path)
     assert [failed["unit"] for failed in summary["failed"]] == ["T3-014003-planned"]
     assert "status 11" in summary["failed"][0]["failure"]["message"]
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"] == summary["cells"]
+
+
+@pytest.mark.parametrize(("words", "code"), [([], 1), (["--baseline", "checked"], 0)])
+def test_a_benchmark_in_which_nothing_succeeds_fails(run_bench: Bench, words: list[str], code: int) -> None:
+    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code  # Seeds that end in 5 and 6.
+    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code
+    assert run_bench("--seed", 14006, "--episodes", 2, *words)[0] == 0
 
 
 def test_a_missing_unit_is_run_again_and_nothing_else(run_bench: Bench, tmp_path: Path) -> None:
