@@ -47,6 +47,7 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
+        "executor.datasets.work.NotPlannable",
         "executor.photo.refusal.RoomRefused",
         "executor.pictures.render.RenderFailed",
         "executor.records.rollout.PlanRefused",

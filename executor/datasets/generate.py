@@ -106,7 +106,7 @@ def generate(
         more: What else the worker is told of a unit.
 
     Raises:
-        WorkersUnusable: No worker process can be started.
+        WorkersUnusable: No worker process can be started, or it runs another version of the program.
         OSError: The disk is full; what had been finished is kept.
         KeyboardInterrupt: Ctrl-C; what had been finished is kept.
     """

@@ -1,9 +1,9 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
 unit again, as a video and a report.
 
-`bench` returns 0 when every unit that was asked for is done (whatever came of it), 130 after Ctrl-C. Failures are what
-a benchmark measures; they are no failure of the benchmark. `replay` returns 0 when the states were the same as when it
-was measured, whether it succeeded or not; 1 when they were not.
+`bench` returns 0 when every unit that was asked for is done and one at least succeeded, 1 when none did (but for
+baselines, which may come to nothing), 130 after Ctrl-C. Failures are what a benchmark measures. `replay` returns 0 when
+the states were the same as when it was measured, whether it succeeded or not; 1 when they were not.
 """
 
 from __future__ import annotations
@@ -78,14 +78,17 @@ def _measure(options: BenchOptions) -> int:
             interrupted = True
         finally:
             cells = write_results(folder)
+    endings = Counter(result["ended"] for one in asked for result in folder.results(one))
+    hopeless = options.baseline is None and endings.total() > 0 and not endings["succeeded"]
+    code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     if options.json:
-        print_json({"ok": not interrupted, "interrupted": interrupted, **bench_json(cells)})
+        print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting)
         say(f"results in {folder.path}: summary.json, report.html, units/")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
-    return INTERRUPTED if interrupted else DONE
+    return code
 
 
 def write_results(folder: BenchFolder) -> list[Cell]:

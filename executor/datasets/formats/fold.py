@@ -146,9 +146,18 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
         NotADataset: An episode cannot be read.
     """
     seen = _Seen()
+    # The first episode of each motion says which part all of that motion are in: equal ones are never in both.
+    firsts: dict[str, str] = {}
+    known: dict[str, str] = {}
+    repeats: list[tuple[str, str]] = []
     for episode in store.episodes():
         if episode.succeeded and episode.has_samples:
-            part = "valid" if is_for_validation(str(episode.meta["id"])) else "train"
+            first = known.setdefault(episode.demonstration_key, episode.name)
+            if first != episode.name:
+                repeats.append((episode.name, first))
+                continue
+            leader = firsts.setdefault(episode.motion_key, str(episode.meta["id"]))
+            part = "valid" if is_for_validation(leader) else "train"
             seen.add(part, episode, _Motion(episode.name), episode.meta.get("pictures"))
         for pair in episode.corrections if "corrections" in include else ():
             seen.add("corrections", episode, _Motion(episode.name, pair["samples"]), pair.get("pictures"))
@@ -172,11 +181,11 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
         for motion, index in places.items():
             yield _fold(store.episode(motion.unit), motion, index, survey, places)
 
-    return EpisodeStream(survey, episodes, page(store))
+    return EpisodeStream(survey, episodes, page(store), tuple(repeats))
 
 
 def is_for_validation(episode_id: str) -> bool:
-    """Decides which part of a data set an episode is in: it follows from its id, whatever else there is."""
+    """Decides which part of a data set an episode is in: it follows from its id, or that of the first of its motion."""
     return int(episode_id[:8], 16) % _VALIDATION_OF == 0
 
 
@@ -213,7 +222,7 @@ def _fold(
     around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)
     poses = quaternions_last(arrays["object_poses"]).reshape(count, -1)
     opening = qpos[:, 10:12].sum(axis=1, keepdims=True)
-    about = _about(episode, motion, places)
+    about = _about(episode, motion, places, validation=index in found.splits["validation"])
     told = {
         "episode_index": index,
         "length": count,
@@ -277,7 +286,9 @@ def _surroundings(
     return columns, {"things": reader.things, "handles": reader.handles}
 
 
-def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int]) -> dict[str, Any]:
+def _about(
+    episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int], *, validation: bool
+) -> dict[str, Any]:
     """Returns what is said of a motion beside its rows."""
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
@@ -287,7 +298,7 @@ def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int
     if not motion.failed:
         return {
             "kind": DEMONSTRATION,
-            "validation": is_for_validation(str(meta["id"])),
+            "validation": validation,
             **told,
             "state_hash": meta["state_hash"],
             "pictures": meta.get("pictures"),

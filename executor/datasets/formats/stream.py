@@ -36,6 +36,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.visible import counted
 from executor.datasets.footage import DEPTH, SEGMENTATION
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.observations import HANDLES, THINGS
@@ -46,6 +47,10 @@ SCHEMA = "scene2demo-export/2"
 Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
 """What a data set has only where it was asked for."""
 
+Repeats = tuple[tuple[str, str], ...]
+"""Names of episodes that say again what others say, each with the one that counts."""
+
+_MOST_NAMED = 3
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures beside colours, (H, W) uint16; the kind of colours is ""."""
 
@@ -218,11 +223,20 @@ class EpisodeStream:
         found: What its episodes have in common.
         episodes: Begins to go through them; one at a time is in memory.
         page: The text of its card, without what stands before it for readers of formats.
+        repeats: Episodes that are left out, each with the one whose states, sentence and pictures it has.
     """
 
     found: Survey
     episodes: Callable[[], Iterator[FoldedEpisode]]
     page: str
+    repeats: Repeats = ()
+
+
+def repeats_told(repeats: Repeats) -> str:
+    """Return in words which episodes are left out since they repeat others."""
+    named = "; ".join(f"{again} repeats {first}" for again, first in repeats[:_MOST_NAMED])
+    more = len(repeats) - _MOST_NAMED
+    return f"{counted(len(repeats), 'demonstration')} left out: {named}{f'; and {more} more' if more > 0 else ''}"
 
 
 def camera_column(view: str) -> str:

@@ -7,12 +7,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from executor.datasets import samples
 from executor.datasets.footage import DEPTH, SEGMENTATION, footage_path
 from executor.datasets.formats.fold import joint_names
 from executor.datasets.formats.videos import count_of
 from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit, Recording
+from executor.machine.files import content_key, json_text
 from executor.pictures.video import VideoFailed
 from oag.model.errors import InputError
 
@@ -49,24 +52,33 @@ def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done
     store.requests()
     folder = store.path / UNITS
     names = sorted(name for name in os.listdir(folder) if not name.startswith(".")) if folder.is_dir() else []
+    known: dict[str, str] = {}
     for place, name in enumerate(names):
         counted(place, len(names))
         try:
             episode = store.episode(name)
             yield from (StoreFlaw(name, what) for what in _flaws_of(episode))
+            if episode.has_samples and (first := known.setdefault(_content(episode), name)) != name:
+                yield StoreFlaw(name, f"it repeats {first}, whose states, actions, sentence and pictures it has")
         except (NotADataset, VideoFailed, InputError) as problem:
             yield StoreFlaw(name, str(problem))
         except (KeyError, TypeError, ValueError, IndexError) as problem:
             yield StoreFlaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
 
 
+def _content(episode: StoredEpisode) -> str:
+    """Return what is equal where two episodes show the same, by what was recorded and not by what is said of it."""
+    recorded = (part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).tobytes()))
+    return content_key(json_text([episode.meta.get("query"), episode.meta.get("pictures")]), *recorded)
+
+
 def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     meta = episode.meta
     unit, version = DemoUnit.from_json(meta["unit"]), str(meta["version"])
-    if meta["id"] != unit.id(version):
+    if meta["id"] not in unit.ids(version):
         yield f"its id is {meta['id']}, that of its unit is {unit.id(version)}"
-    elif episode.name != unit.folder(version):
-        yield f"its folder should be named {unit.folder(version)}"
+    elif episode.name != unit.folder_of(meta["id"]):
+        yield f"its folder should be named {unit.folder_of(meta['id'])}"
     for pair in episode.corrections:
         motion = episode.motion(pair["samples"])
         if missing := sorted(set(_PER_SAMPLE) - set(motion)):

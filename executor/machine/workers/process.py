@@ -20,6 +20,28 @@ class WorkerDied(Exception):
     """A worker process ended in the middle of its work; the message has its status and its last words."""
 
 
+class HandoverRefused(RuntimeError):
+    """A process runs another version of the program, or has other inputs, than the request is for that it was given."""
+
+
+def check_version(wanted: str, own: str) -> None:
+    """Refuse work whose record would name a version of the program that did not do it.
+
+    Args:
+        wanted: The version that the request names.
+        own: The version that this process runs.
+
+    Raises:
+        HandoverRefused: They differ.
+    """
+    if wanted != own:
+        raise HandoverRefused(
+            f"this process runs version {own} of the program, and the request is for version {wanted!r}: the program "
+            "was changed meanwhile, or this machine has another copy of it; start the same command again, with one "
+            "copy of the program everywhere"
+        )
+
+
 class WorkerProcess:
     """Runs a module in a process of its own, whose standard input and output carry one JSON object a line.
 

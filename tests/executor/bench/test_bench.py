@@ -37,7 +37,8 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     """Runs the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
+    for version in ("outcome_version", "baseline_version"):
+        monkeypatch.setattr(bench, version, lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
@@ -45,6 +46,20 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         return code, json.loads(capsys.readouterr().out)
 
     return run
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("words", [[], ["--baseline", "checked"]], ids=["executor", "baseline"])
+def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for version in ("outcome_version", "baseline_version"):
+        monkeypatch.setattr(bench, version, lambda: "0123456789abcdef")
+    given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
+    assert main.run(given) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the request is for version '0123456789abcdef'" in said and "start the same command again" in said
+    assert not unit_files(tmp_path / "b")
 
 
 def unit_files(folder: Path) -> dict[str, float]:
@@ -60,6 +75,13 @@ def test_a_crash_costs_one_unit_and_is_counted(run_bench: Bench, tmp_path: Path)
     assert [failed["unit"] for failed in summary["failed"]] == ["T3-014003-planned"]
     assert "status 11" in summary["failed"][0]["failure"]["message"]
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"] == summary["cells"]
+
+
+@pytest.mark.parametrize(("words", "code"), [([], 1), (["--baseline", "checked"], 0)])
+def test_a_benchmark_in_which_nothing_succeeds_fails(run_bench: Bench, words: list[str], code: int) -> None:
+    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code  # Seeds that end in 5 and 6.
+    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code
+    assert run_bench("--seed", 14006, "--episodes", 2, *words)[0] == 0
 
 
 def test_a_missing_unit_is_run_again_and_nothing_else(run_bench: Bench, tmp_path: Path) -> None:

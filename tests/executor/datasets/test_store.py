@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from executor.datasets.store import INDEX, META, EpisodeStore, NotADataset, pending
-from executor.datasets.units import DemoSeries, DemoUnit, Origin, Recording
+from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording
 from executor.datasets.variation import Variation
+from executor.machine.files import content_key, json_text
 
 FIRST = DemoUnit(Origin("T1"), 7)
 SERIES = DemoSeries(FIRST, 3)
@@ -88,6 +92,50 @@ def test_only_what_is_missing_is_pending(folder: Path) -> None:
     assert list(pending(store, [SERIES], "v")) == [third]
     assert list(pending(store, [SERIES], "v", again=True)) == [second, third]
     assert list(pending(store, [SERIES], "another program")) == [first, second, third]
+
+
+def old_id(said: dict[str, Any], version: str) -> str:
+    """Returns the id that programs gave a unit which kept numbers, views and paths as they were typed."""
+    return content_key(SCHEMA, version, json_text(said))
+
+
+@pytest.mark.parametrize(
+    ("unit", "typed"),
+    [
+        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0}}),
+        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0.0}}),
+        (replace(FIRST, recording=Recording(views=("wrist", "head"))), {"recording": {"views": ["wrist", "head"]}}),
+        (DemoUnit(Origin(None, "open it", "a/s.json", "k"), 7), {"origin": {"scene": "a/s.json"}}),
+    ],
+)
+def test_what_has_an_id_of_before_is_not_made_again(
+    folder: Path, unit: DemoUnit, typed: dict[str, dict[str, Any]]
+) -> None:
+    said = unit.to_json()
+    for name, values in typed.items():
+        said[name] = {**said[name], **values}
+    store, known_as = EpisodeStore(folder), old_id(said, "v")
+    place = folder / "units" / unit.folder_of(known_as)
+    place.mkdir(parents=True)
+    meta = {"schema": SCHEMA, "id": known_as, "name": unit.name, "version": "v", "unit": said, "ended": "crashed"}
+    (place / META).write_text(json.dumps(meta))
+    assert known_as != unit.id("v")
+    assert list(pending(store, [DemoSeries(unit, 1)], "v")) == []
+    put(store, unit, "succeeded")  # What only broke off gives way, under whatever id it lies.
+    assert [episode.meta["ended"] for episode in store.episodes()] == ["succeeded"]
+
+
+def test_equal_units_have_equal_ids_and_texts_whatever_python_made_them_of() -> None:
+    recording = Recording(np.float64(10), ("wrist", "head"), (np.int64(128), 128))  # type: ignore[arg-type]
+    alike = (
+        DemoUnit(Origin("T1"), 7, recording=recording, variation=Variation(noise_m=-0.0)),
+        DemoUnit(Origin("T1"), np.int64(7), recording=Recording(10, ("head", "wrist"), [128, 128])),  # type: ignore[arg-type]
+        DemoUnit.from_json({"origin": {"family": "T1"}, "seed": 7, "recording": {"views": ["wrist", "head"]}}),
+    )
+    assert len({unit.id("v") for unit in alike}) == len({json.dumps(unit.to_json()) for unit in alike}) == 1
+    for other in ({"evolve": 1}, {"recording": {"rate_hz": True}}, {"seed": 7.0}, {"variation": {"noise_m": True}}):
+        with pytest.raises(ValueError):
+            DemoUnit.from_json({**FIRST.to_json(), **other})
 
 
 def test_another_recording_is_another_unit() -> None:

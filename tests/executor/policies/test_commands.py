@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from executor.bench.units import version_with
 from executor.cli.commands.policies.evaluate import kind_of
 from executor.cli.errors import BadOption
 from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import Origin
 from executor.datasets.variation import Variation
+from executor.policies.settings import PolicySettings, SettingsError, read_settings
 from executor.policies.windows import EpisodeKind
 
 pytestmark = pytest.mark.physics
@@ -38,6 +41,44 @@ def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     """Returns what was printed last."""
     found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
+
+
+def test_what_shows_the_same_counts_once_in_training(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The copies say that other numbers asked for them, as one request had two ids once."""
+    settings, store = tmp_path / "tiny.toml", tmp_path / "s"
+    settings.write_text(TINY)
+    shutil.copytree(picked.path, store)
+    first, *_ = [episode.name for episode in picked.episodes()]
+    again = store / "units" / f"{first[:-8]}0badc0de"
+    shutil.copytree(store / "units" / first, again)
+    meta = json.loads((again / "unit.json").read_text())
+    (again / "unit.json").write_text(json.dumps({**meta, "id": "0badc0de" * 2, "query": "take the glass"}))
+    train = ["train", str(settings), "--data", str(store), "--threads", "1"]
+    assert run([*train, "--out", str(tmp_path / "p"), "--json"]) == 0
+    told = last_json(capsys)
+    assert told["demonstrations"] == 2
+    ((repeated, counts),) = told["repeats"]  # type: ignore[misc, attr-defined]
+    assert {"0badc0de" in repeated, "0badc0de" in counts} == {True, False}
+    assert run([*train, "--out", str(tmp_path / "q"), "--episodes", "2"]) == 0
+    assert f"1 demonstration left out: {repeated} repeats {counts}" in " ".join(capsys.readouterr().err.split())
+    assert json.loads((tmp_path / "q" / "policy.json").read_text())["demonstrations"] == 2
+
+
+def test_one_number_is_one_setting_however_it_is_typed(tmp_path: Path) -> None:
+    def settings(text: str) -> PolicySettings:
+        (tmp_path / "s.toml").write_text(f"{TINY}\n{text}")
+        return read_settings(str(tmp_path / "s.toml"))
+
+    texts = (
+        "noise = 0\njitter_m = -0.0\nlearning_rate = 1",
+        "noise = 0.0\nlearning_rate = 1.0",
+        "noise = 0e0\nlearning_rate = 1e0",
+    )
+    assert len({json.dumps(settings(text).model_dump(mode="json")) for text in texts}) == 1
+    with pytest.raises(SettingsError):
+        settings("noise = false")
 
 
 def test_train_goes_on_and_evaluate_counts(
@@ -68,6 +109,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
     assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
+    assert found["version"] == version_with("envs", "policies")
     assert run(["evaluate", str(out), "--episodes", "3", "--seed", "62979", "--json"]) == 2
     assert "which are from 62980 to 62981" in str(last_json(capsys)["error"])
     asked = ["evaluate", str(out), "--task", "T1", "--episodes", "1", "--seed", "62981", "--json"]

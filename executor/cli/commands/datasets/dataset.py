@@ -17,7 +17,7 @@ from executor.cli.words.datasets import (
 )
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import EpisodeStream
+from executor.datasets.formats.stream import EpisodeStream, repeats_told
 from executor.datasets.store import EpisodeStore
 from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
@@ -39,7 +39,10 @@ def execute(options: Options) -> int:
     match options:
         case ExportOptions():
             _check_apart(options.out, options.store, "STORE")
-            return _write(stream_of(EpisodeStore.open(options.store), options.include), options)
+            stream = stream_of(EpisodeStore.open(options.store), options.include)
+            if stream.repeats:
+                tell(repeats_told(stream.repeats), style="yellow")
+            return _write(stream, options)
         case ConvertOptions():
             _check_apart(options.out, options.source, "SOURCE")
             return _write(open_set(options.source), options)
@@ -67,7 +70,8 @@ def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> in
     pictures = {"views": list(found.views), "channels": list(found.channels)}
     if options.json:
         told = {"ok": True, "out": str(options.out), "format": options.format}
-        print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz})
+        left_out = {"repeats": [list(pair) for pair in stream.repeats]}
+        print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz, **left_out})
         return DONE
     words = f"{counted(found.train + found.validation, 'demonstration')}, {found.validation} of them for validation"
     say(f"{'written':11} {words}, at {found.rate_hz:g} Hz", style="bold")
@@ -85,6 +89,8 @@ def _info(options: InfoOptions) -> int:
         print_json({"ok": True, "store": str(options.store), **found.to_json()})
         return DONE
     say(f"{'episodes':11} {found.made} made of {found.asked} asked for, {found.kept} to export", style="bold")
+    if found.repeats:
+        say(f"{'repeated':11} {counted(found.repeats, 'demonstration')} more, as `dataset check` lists them")
     say(f"{'yield':11} {_share(found)}")
     for label, part in sorted(found.parts.items()):
         long = f", {part.simulated_s / part.kept:.1f} s each" if part.kept else ""
