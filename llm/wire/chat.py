@@ -57,7 +57,7 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     body |= {**profile.extra_body, **request.extra_body}
     try:
         json.dumps(body, ensure_ascii=False, allow_nan=False).encode("utf-8")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"the request cannot be written as JSON: {error}") from error
     return body
 

@@ -219,6 +219,8 @@ def _checked(text: str, file: str) -> dict[str, Table]:
         _FILE.validate_python(found)
     except tomllib.TOMLDecodeError as error:
         raise ModelConfigError(file, f"no TOML: {error}") from error
+    except RecursionError:
+        raise ModelConfigError(file, "no TOML of profiles: it is nested too deeply") from None
     except ValidationError as problem:
         raise _faulty(*problem.errors()[0]["loc"], found=problem.errors()[0]["input"], file=file) from None
     return found

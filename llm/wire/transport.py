@@ -164,7 +164,7 @@ def digest_of(record: Mapping[str, object]) -> str:
     """
     try:
         text = json.dumps(record, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"json_schema and extra_body are JSON: {error}") from error
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
