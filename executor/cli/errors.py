@@ -7,9 +7,10 @@ Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what s
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
-from bddl.files import NO_ROOM
+from bddl.files import no_room
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -63,6 +64,14 @@ FAILURE_ERRORS = frozenset(
 )
 
 
+# By the system's number: what helps is not the same.
+_ADVICE = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room within your share of the disk",
+    errno.EFBIG: "the disk has room, but no file may grow so large here: raise the limit (ulimit -f)",
+}
+
+
 class BadOption(ValueError):
     """An option has a value that cannot be used."""
 
@@ -107,7 +116,7 @@ def explain(error: BaseException) -> Ending:
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+        return Ending(DISK_FULL, "disk-full", f"{where}; {_ADVICE[full.errno or 0]}, and type the same command again")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Ending(FAILED, kind, str(error))
@@ -125,9 +134,9 @@ def explain(error: BaseException) -> Ending:
 
 
 def _full_disk(error: BaseException | None) -> OSError | None:
-    """Returns the system's word that a disk is full, where an exception was caused by one."""
+    """Returns the system's word that nothing more can be written, where an exception was caused by it."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in NO_ROOM:
+        if isinstance(error, OSError) and no_room(error):
             return error
         error = error.__cause__
     return None

@@ -173,3 +173,23 @@ def test_files_nested_without_end_end_in_one_message(
     assert "RecursionError" not in answer.err and "unexpected" not in answer.err
     # What a setting may hold is no mistake before it is too deep; then it is the model that is not there.
     assert len(answer.err.splitlines()) == 1 and (name in answer.err or "no profile for 'm'" in answer.err)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("verify", "large.json", "--scene", "kitchen_t1"),
+        ("verify", T1, "--scene", "large.json"),
+        ("recheck", "large.json"),
+        ("bddl", "check", "large.bddl"),
+        ("train", "large.toml", "--data", "d", "--out", "p"),
+        ("generate", "large.yaml", "--out", "g"),
+    ],
+    ids=str,
+)
+def test_an_input_that_is_too_large_is_no_full_disk(command: Command, tmp_path: Path, words: tuple[str, ...]) -> None:
+    for ending in ("json", "bddl", "toml", "yaml"):
+        (tmp_path / f"large.{ending}").write_text(" " * 8_000_001)
+    answer = command(*words)
+    assert answer.code == 2 and "larger than 8 MB" in answer.err and "room" not in answer.err
+    assert len(answer.err.splitlines()) == 1
