@@ -109,14 +109,16 @@ class Ending:
 def explain(error: BaseException) -> Ending:
     """Returns how a command ends after an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return Ending(INTERRUPTED, "interrupted", "interrupted")
+        return Ending(INTERRUPTED, "interrupted", str(error) or "interrupted")
     if isinstance(error, BrokenPipeError):
         return Ending(UNREAD, "unread", "")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Ending(DISK_FULL, "disk-full", f"{where}; {_ADVICE[full.errno or 0]}, and type the same command again")
+        beside = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
+        advice = f"{_ADVICE[full.errno or 0]}, and type the same command again"
+        return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{beside}")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Ending(FAILED, kind, str(error))
