@@ -7,9 +7,10 @@ Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what s
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
-from bddl.files import NO_ROOM
+from bddl.files import no_room
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -64,6 +65,14 @@ FAILURE_ERRORS = frozenset(
 )
 
 
+# By the system's number: what helps is not the same.
+_ADVICE = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room within your share of the disk",
+    errno.EFBIG: "the disk has room, but no file may grow so large here: raise the limit (ulimit -f)",
+}
+
+
 class BadOption(ValueError):
     """An option has a value that cannot be used."""
 
@@ -101,14 +110,16 @@ class Ending:
 def explain(error: BaseException) -> Ending:
     """Returns how a command ends after an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return Ending(INTERRUPTED, "interrupted", "interrupted")
+        return Ending(INTERRUPTED, "interrupted", str(error) or "interrupted")
     if isinstance(error, BrokenPipeError):
         return Ending(UNREAD, "unread", "")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+        beside = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
+        advice = f"{_ADVICE[full.errno or 0]}, and type the same command again"
+        return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{beside}")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Ending(FAILED, kind, str(error))
@@ -126,9 +137,9 @@ def explain(error: BaseException) -> Ending:
 
 
 def _full_disk(error: BaseException | None) -> OSError | None:
-    """Returns the system's word that a disk is full, where an exception was caused by one."""
+    """Returns the system's word that nothing more can be written, where an exception was caused by it."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in NO_ROOM:
+        if isinstance(error, OSError) and no_room(error):
             return error
         error = error.__cause__
     return None

@@ -142,7 +142,9 @@ def _end(error: BaseException, options: Any) -> int:
     if ending.kind == "unread":
         pass  # What is printed nobody reads.
     elif options.json:
-        output.print_json(_error_json(ending.code, ending.kind, ending.message))
+        usage = getattr(error, "usage", None)
+        used = {} if usage is None else {"usage": usage}
+        output.print_json({**_error_json(ending.code, ending.kind, ending.message), **used})
     else:
         output.tell(f"scene2demo: {ending.message}", style="red" if ending.code else None)
     return int(ending.code)

@@ -96,7 +96,9 @@ def read_plan(path: Path, unsaid: Mapping[str, object] = MappingProxyType({})) -
         content = yaml.load(read_bounded_text(path), _loader(yaml.SafeLoader))
     except OSError as problem:
         raise PlanError(f"cannot be read: {problem.strerror or problem}", source=str(path)) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as problem:
+    except RecursionError:
+        raise PlanError("is not YAML of a plan: it is nested too deeply", source=str(path)) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as problem:
         mark = getattr(problem, "problem_mark", None)
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
         raise PlanError(f"is not YAML: {getattr(problem, 'problem', problem)}{place}", source=str(path)) from None

@@ -54,7 +54,7 @@ def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
     Args:
         path: The folder.
         force: Whether earlier results may be removed.
-        keep: A file that stays all the same: the recording that is replayed.
+        keep: A file that stays all the same: the recording that is replayed, or gone on with.
 
     Raises:
         ResultsExist: It has results, and `force` is not given.

@@ -190,8 +190,10 @@ def read_settings(name: str) -> PolicySettings:
         raise SettingsError(f"expected {', '.join(known_settings())}, or a file that ends in .toml", source=name)
     try:
         content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+    except tomllib.TOMLDecodeError as problem:
         raise SettingsError(f"is not TOML: {problem}", source=name) from None
+    except RecursionError:
+        raise SettingsError("is not TOML of settings: it is nested too deeply", source=name) from None
     return settings_of(content, name)
 
 

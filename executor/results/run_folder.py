@@ -38,9 +38,10 @@ from executor.results.run_record import RunRecord, filled_task, rollout_json
 from llm.errors import LlmError
 from oag import compose
 
+EXCHANGES = "exchanges.jsonl"
 FILES = (
     "proposal.json",
-    "exchanges.jsonl",
+    EXCHANGES,
     "conversation.json",
     "conversations.json",
     "certificate.json",
@@ -53,7 +54,7 @@ FILES = (
     "video.mp4",
     "report.html",
 )
-WORDS = ("exchanges.jsonl", "conversation.json", "conversations.json")
+WORDS = (EXCHANGES, "conversation.json", "conversations.json")
 """Those of them that have a model's words."""
 
 
@@ -61,9 +62,15 @@ class ResultsExist(FileExistsError):
     """The folder has results of an earlier run."""
 
     def __init__(self, folder: Path, found: Iterable[str]) -> None:
+        names = list(found)
+        paid = EXCHANGES in names
         super().__init__(
-            f"{folder} already has results ({', '.join(found)}); "
-            "choose another folder with --out, or replace them with --force"
+            f"{folder} already has results ({', '.join(names)}); choose another folder with --out, "
+            + (
+                "go on from the recorded answers with --resume, or begin anew with --force, which keeps these aside"
+                if paid
+                else "or replace them with --force"
+            )
         )
 
 
@@ -76,13 +83,24 @@ class FolderUnusable(OSError):
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder that is ready to take a run's files; make it with `prepare`."""
+    """A folder that is ready to take a run's files; make it with `prepare`.
+
+    Attributes:
+        path: The folder.
+        kept_aside: Where the answers of a model are that an earlier run had paid for, when it was begun anew.
+    """
 
     path: Path
+    kept_aside: Path | None = None
 
     @classmethod
-    def prepare(cls, path: Path, *, force: bool = False) -> RunFolder:
+    def prepare(cls, path: Path, *, force: bool = False, resume: bool = False) -> RunFolder:
         """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+        Args:
+            path: The folder.
+            force: Removes earlier results; a recording of answers gets another name.
+            resume: Leaves all as it is, for a run that goes on; `clear` removes what it replaces.
 
         Raises:
             ResultsExist: When it has results and `force` is not given.
@@ -93,44 +111,45 @@ class RunFolder:
             # A link counts, wherever it leads: nothing is written through it.
             found = [name for name in (*FILES, FOLDER) if (path / name).is_symlink()]
             found += [name for name in FILES if (path / name).exists() and name not in found]
-            if found and not force:
+            if found and not (force or resume):
                 raise ResultsExist(path, found)
-            for name in found:
-                (path / name).unlink()
-            _remove_pictures(path)
+            kept = None
+            if not resume:
+                kept = kept_aside(path / EXCHANGES)
+                _remove(path, found)
             with tempfile.TemporaryFile(dir=path):
                 pass
         except ResultsExist:
             raise
         except OSError as error:
             raise FolderUnusable(path, error.strerror or str(error)) from error
-        return cls(path)
+        return cls(path, kept)
+
+    def clear(self) -> None:
+        """Remove the results of a run that is gone on with; what a model has answered stays."""
+        _remove(self.path, [name for name in FILES if name not in WORDS])
 
     @contextmanager
     def filling(self) -> Iterator[None]:
         """Takes what was written away again when something breaks, such as a full disk; the next run finds no half.
 
-        A model's words stay, under other names, since they were paid for; where it is the model that failed, as they
-        are.
+        What a model has answered stays, since it was paid for; where it is the model that failed, all stays.
         """
         try:
             yield
         except LlmError:
             raise
-        except Exception:
+        except Exception as problem:
             with suppress(OSError):
-                for name in self.written():
-                    if name in WORDS:
-                        (self.path / name).rename(unused(self.path, name))
-                    else:
-                        (self.path / name).unlink()
-                _remove_pictures(self.path)
+                _remove(self.path, [name for name in FILES if name != EXCHANGES])
+            if self.exchanges.exists():
+                problem.add_note(f"What the model has answered is in {self.exchanges}; --resume goes on from it")
             raise
 
     @property
     def exchanges(self) -> Path:
         """Where everything said to and by a model is recorded."""
-        return self.path / "exchanges.jsonl"
+        return self.path / EXCHANGES
 
     def write_conversation(self, conversation: object) -> None:
         """Writes the rounds in which a model was asked."""
@@ -181,7 +200,7 @@ class RunFolder:
         self.write_rollout(evolution.rollout)
         write_pairs(self.path / "pairs.jsonl", evolution, drawn.files)
         # Last, since an episode that has it counts as complete.
-        write_json(self.path / "evolution.json", evolution_json(evolution))
+        write_json(self.path / "evolution.json", evolution_json(evolution) | {"stopped": record.stopped})
         return done
 
     def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
@@ -195,7 +214,16 @@ class RunFolder:
         write_text(self.path / "report.html", report_page(record, frames, video))
 
 
-def _remove_pictures(path: Path) -> None:
+def kept_aside(recording: Path) -> Path | None:
+    """Return where a recording is kept, for a run that is begun anew; None where nothing was recorded."""
+    if recording.is_symlink() or not recording.is_file() or not recording.stat().st_size:
+        return None
+    return recording.rename(unused(recording.parent, recording.name))
+
+
+def _remove(path: Path, names: Iterable[str]) -> None:
+    for name in names:
+        (path / name).unlink(missing_ok=True)
     for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
         picture.unlink()
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
 from executor.records.rollout import Failure, Rollout, SubtaskRecord
+from llm.answers.spending import Spending
 from oag import Action, ObjectActionGraph, Report, Task
 from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
@@ -36,6 +37,8 @@ class RunRecord:
         command: The command line that repeats the run; empty when it was no command.
         evolution: How failing flows were revised; None when they were not to be.
         attempts: What was drawn of the attempts.
+        spending: What its models took; None where none was asked.
+        stopped: Why the model that judges gave no more answers; empty where that ended nothing.
     """
 
     graph: ObjectActionGraph
@@ -50,6 +53,8 @@ class RunRecord:
     command: str = ""
     evolution: Evolution | None = None
     attempts: AttemptPictures = field(default_factory=AttemptPictures)
+    spending: Spending | None = None
+    stopped: str = ""
 
     @property
     def outcome(self) -> Outcome:

@@ -78,6 +78,8 @@ class Lexicon:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as problem:
             raise LexiconError("file", f"is no TOML: {problem}") from problem
+        except RecursionError:
+            raise LexiconError("file", "is no TOML of a lexicon: it is nested too deeply") from None
         for table in (*_TERMINAL_TABLES, "ignored", "categories"):
             if not isinstance(data.get(table), dict):
                 raise LexiconError(f"[{table}]", "the table is missing")

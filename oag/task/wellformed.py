@@ -12,6 +12,7 @@ from typing import NamedTuple
 import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax.tree import Quantified
+from oag.model.actions import Action
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
 from oag.model.facts import ANY, GRIPPER
@@ -22,7 +23,7 @@ from oag.model.scenefile import FREE_PARAMETERS
 from oag.table.library import NAVIGATION, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET
-from oag.task.sizes import Gripper, scale_factor, too_small
+from oag.task.sizes import Gripper, longest_motion_m, scale_factor, too_small
 from oag.task.task import SimpleTask, Task, step_place, subtask_place
 
 # So many other places of one mistake are listed before the rest is only counted.
@@ -290,6 +291,8 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
             found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
+        elif (longest_m := longest_motion_m(action.primitive, found.scene.robot)) is not None:
+            _check_motion(found, (index, position), action, longest_m)
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
             found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
@@ -307,6 +310,13 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if action.primitive in ARTICULATIONS:
             message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
+
+
+def _check_motion(found: _Findings, at: tuple[int, int], action: Action, longest_m: float) -> None:
+    """Reports a motion of the hand that is longer than the robot's arm allows from anywhere to anywhere."""
+    if isinstance(action.parameter, float) and action.parameter > longest_m:
+        message = f"{action.primitive.name} moves the hand at most {longest_m:g} m with this robot's arm"
+        found.add_step("flow/parameter", f"{message}, got {action.parameter:g} m", at)
 
 
 def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> None:

@@ -14,7 +14,17 @@ from bddl.files import read_bounded
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_limit, check_seed, command_line, studio_for
-from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
+from executor.cli.judging import (
+    NO_VIEWS,
+    PICTURES,
+    REPLAY,
+    Judging,
+    connected,
+    counted_to_the_end,
+    spending_of,
+    stopped_words,
+    tell_kept,
+)
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
@@ -28,7 +38,8 @@ from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
 from executor.scenes.plausible import require_possible
 from executor.scenes.reading import scene_for
-from llm import Image, Metered, ModelProposer, Proposal, propose
+from llm import Image, ModelProposer, Proposal, propose
+from llm.answers.spending import Spending
 from oag import Scene, compose
 from oag.task.sizes import Sizing
 
@@ -54,19 +65,27 @@ def execute(options: RunOptions) -> int:
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
         propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.
-    folder = RunFolder.prepare(options.out, force=options.force)
+    check(not (options.resume and options.force), "--resume", "", "no --force beside it, which begins anew")
+    # A recording that is replayed is read before its folder is prepared for other results.
+    replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
+    folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
+    tell_kept(folder.kept_aside)
     with folder.filling():
-        model = connected(options, folder.exchanges)
-        if model is None:
-            proposal = propose(options.query, scene, sizing=sizing)
-        else:
-            proposal = _proposed_by(model, options, scene, folder, images)
-        record = _executed(options, proposal, scene, folder, model)
+        model = replayed or connected(options, folder.exchanges, resume=options.resume)
+        spending = spending_of(model, quiet=options.json)
+        with counted_to_the_end(spending, quiet=options.json):
+            if spending is None:
+                proposal = propose(options.query, scene, sizing=sizing)
+            else:
+                proposal = _proposed_by(spending, options, scene, folder, images)
+            if options.resume:
+                folder.clear()
+            record = _executed(options, proposal, scene, folder, spending)
     return _finish(record, folder, options)
 
 
 def _executed(
-    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, model: Metered | None
+    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
 ) -> RunRecord:
     """Returns the record of a run, when everything that stands is in its folder.
 
@@ -75,7 +94,7 @@ def _executed(
         proposal: What the offline planner, or the model, proposed.
         scene: Where it is.
         folder: The run's folder.
-        model: Who proposed it; None for the offline planner.
+        spending: Who proposed it, and what it took; None for the offline planner.
     """
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
@@ -85,6 +104,7 @@ def _executed(
         query=options.query,
         proposal=proposal.to_json(),
         notes=proposal.notes,
+        spending=spending,
         command=command_line(
             "run",
             options.query,
@@ -111,7 +131,7 @@ def _executed(
         return record
     _say_plan(record, options)
     with studio_for(options) as studio:
-        record = _evolved(record, options, folder, model) if options.evolve else _moved(record, options)
+        record = _evolved(record, options, folder) if options.evolve else _moved(record, options)
         if record.rollout is not None:
             folder.write_rollout(record.rollout)
             record = studio.finish(record, folder)
@@ -131,19 +151,18 @@ def _moved(record: RunRecord, options: RunOptions) -> RunRecord:
     return replace(record, rollout=done, interrupted=interrupted, wall_s=wall)
 
 
-def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: Metered | None) -> RunRecord:
+def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRecord:
     """Returns the record of a run whose failing flows were revised; how is in the folder.
 
     Args:
-        record: The proved plan.
+        record: The proved plan; the model that proposed it, if one did, judges and revises as well.
         options: What was typed.
         folder: The run's folder.
-        model: Who proposed the plan, and judges and revises as well; None for measurements.
     """
     began = time.perf_counter()
     interrupted = False
     with (
-        Judging(_judged(options), folder.path, force=options.force, model=model, pictures=options.video) as judging,
+        Judging(_judged(options), folder.path, spending=record.spending, pictures=options.video) as judging,
         RolloutProgress(quiet=options.json) as progress,
     ):
         try:
@@ -154,7 +173,8 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: M
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began
         record = folder.write_evolution(record, evolution)
-    return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
+    stopped = "" if evolution.succeeded else judging.stopped
+    return replace(record, interrupted=interrupted, stopped=stopped, wall_s={"planning and physics": moved_s})
 
 
 def _judged(options: RunOptions) -> JudgeOptions:
@@ -181,11 +201,13 @@ def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
     print_summary(record, folder)
     if record.interrupted:
         tell("scene2demo: interrupted; what was finished is in the folder", style="yellow")
+    elif record.stopped:
+        tell(f"scene2demo: {stopped_words(record.stopped)}", style="red")
     return code
 
 
 def _proposed_by(
-    model: Metered, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+    spending: Spending, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> Proposal:
     """Returns a model's proposal for a run's query; what it was asked and answered is in the folder, also on failure.
 
@@ -195,11 +217,13 @@ def _proposed_by(
         AnswersRefused: None of the model's answers held.
     """
     sizing = Sizing(options.seed, options.keep_sizes)
-    proposer = ModelProposer(model, name=options.model or "", images=images, sizing=sizing)
+    name = options.model or ""
+    proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.hear)
     try:
         return proposer.propose(options.query, scene)
     finally:
-        if proposer.conversation is not None:
+        # What is gone on with keeps its record until there is a new one.
+        if proposer.conversation is not None and (spending.rounds or not options.resume):
             folder.write_conversation(proposer.conversation.to_json())
 
 
@@ -235,7 +259,10 @@ def _picture(path: Path) -> Image:
     kind = _media_type(data)
     if kind is None:
         raise BadOption("--image", path, "a picture in PNG, JPEG, WebP or GIF")
-    return Image(data, kind)
+    picture = Image(data, kind)
+    if (problem := picture.problem()) is not None:
+        raise BadOption("--image", path, f"a picture that a model can look at, and {problem}")
+    return picture
 
 
 def _media_type(data: bytes) -> str | None:

@@ -28,6 +28,7 @@ from executor.cli.words.shared import (
     FirstSeed,
     Flag,
     FullSize,
+    GoOn,
     KeepSizes,
     Limit,
     MaxCost,
@@ -77,6 +78,7 @@ class RunOptions(CommonOptions):
     limit: Limit = 5
     memory: Maybe[Path] = None
     """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
+    resume: GoOn = False
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
@@ -179,6 +181,7 @@ class AblateOptions(CommonOptions):
     judged: JudgeOptions = field(default_factory=JudgeOptions)
     out: Maybe[Path] = None
     """Folder for the table, the recording and the pictures."""
+    resume: GoOn = False
     force: ReplaceResults = False
 
 
@@ -301,6 +304,7 @@ class PhotoOptions(CommonOptions):
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
+    resume: GoOn = False
     force: ReplaceResults = False
 
 

@@ -38,7 +38,12 @@ def unless(does: str) -> object:
 Json = Annotated[Flag, helped("Print one JSON object on standard output.")]
 Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
 ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
-ReplaceResults = Annotated[Flag, helped("Replace results that the folder already has.")]
+ReplaceResults = Annotated[
+    Flag, helped("Replace results that the folder already has; what a model answered is kept beside them.")
+]
+GoOn = Annotated[
+    Flag, helped("Go on from a run that ended early: what its model answered is not asked again, and what failed is.")
+]
 KeepSizes = Annotated[Flag, helped("Scale nothing to the gripper; what it cannot take at its own size is refused.")]
 FullSize = Annotated[
     Flag, helped("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")

@@ -35,7 +35,7 @@ STATISTICS = "statistics.json"
 Counted = Callable[[int, int], None]
 # What says that a folder has a data set of ours -> what reads it.
 _READERS = {ABOUT: read_lerobot, FILE: read_demonstrations, ".zattrs": read_zarr}
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError)
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError)
 
 
 class ExportExists(FileExistsError):

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TextIO
 
-from bddl.files import NO_ROOM
+from bddl.files import no_room
 
 _STDERR_LINES = 5
 
@@ -182,6 +182,6 @@ def serve(handle: Handler) -> None:
         except Exception as error:
             trace = traceback.format_exc().splitlines()[-_TRACEBACK_LINES:]
             room = {}
-            if isinstance(error, OSError) and error.errno in NO_ROOM:
+            if isinstance(error, OSError) and no_room(error):
                 room["no_room"] = [error.errno, error.strerror, error.filename]
             answer(answers, error=str(error), kind=type(error).__name__, traceback=trace, **room)

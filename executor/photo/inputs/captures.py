@@ -128,7 +128,7 @@ def _beneath(folder: Path, name: str) -> Path:
 def _exported(folder: Path, frame: int | None) -> Capture:
     try:
         said = _metadata(folder, json.loads(read_bounded_text(folder / "metadata.json")))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise PhotoRefused("picture", folder / "metadata.json", f"is no JSON ({error})", _EXPECTED) from error
     numbers = sorted(int(one.stem) for one in (folder / "depth").glob("*.exr") if one.stem.isdecimal())
     number = numbers[_chosen(folder, len(numbers), frame)]
@@ -152,7 +152,7 @@ def _packed(path: Path, frame: int | None) -> Capture:
             depth = _member(path, archive, f"rgbd/{number}.depth")
             sure = f"rgbd/{number}.conf"
             trust = _member(path, archive, sure) if sure in archive.namelist() else None
-    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+    except (zipfile.BadZipFile, ValueError, RecursionError, EOFError) as error:
         raise PhotoRefused("picture", path, f"cannot be read as an .r3d file ({error})", _EXPECTED) from error
     picture = read_picture(path, jpeg)
     values = _unpacked(path, depth, np.float32)

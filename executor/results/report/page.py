@@ -17,6 +17,7 @@ from executor.results.report.html import badge, bullets, card, document, facts, 
 from executor.results.report.plan import plan_section, verdict_badge
 from executor.results.report.steps import failure_section, steps_section
 from executor.results.run_record import RunRecord, filled_task
+from llm.answers.spending import Spending
 from oag import compose
 
 _OUTCOMES = {
@@ -59,6 +60,8 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
         body.append(f"<h2>The most that was asked of the robot</h2>{_asked(rollout)}")
+    if record.spending is not None:
+        body.append(f"<h2>What the model took</h2>{_spent(record.spending)}")
     body.append(f"<h2>Repeat it</h2>{_reproduce(record)}")
     return document(heading, body, style("page", "graph"), _SEEK)
 
@@ -95,6 +98,13 @@ def _figures(record: RunRecord) -> str:
 def _asked(rollout: Rollout) -> str:
     rows = [(part, text(words)) for part, words in peaks_words(asdict(rollout.peaks))]
     return card(facts(rows), soft("Of the arm's torques, that of joints 1 to 4 and that of joints 5 to 7."))
+
+
+def _spent(spending: Spending) -> str:
+    """Returns the rounds in which a model was asked, with seconds, tokens and cost, and the whole."""
+    rows = ((text(value) for value in row) for row in spending.rows())
+    head = ("asked by", "round", "time", "tokens in + out", "cost")
+    return card(table(rows, head), soft(text(spending.total())))
 
 
 def versions() -> str:

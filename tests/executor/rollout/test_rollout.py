@@ -149,7 +149,7 @@ def test_an_interrupted_rollout_keeps_what_was_done() -> None:
     ("extra", "kind", "told"),
     [
         ({"13": 1.2}, FailureKind.COLLISION, "refrigerator_0"),
-        ({"9": 1.5}, FailureKind.UNREACHABLE, "of 1.5 m along MOVE_EEF_FORWARD"),
+        ({"9": 1.3}, FailureKind.UNREACHABLE, "of 1.3 m along MOVE_EEF_FORWARD"),
     ],
 )
 def test_numbers_that_lead_astray_stop_with_a_measured_reason(

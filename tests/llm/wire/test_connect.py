@@ -26,8 +26,8 @@ def test_live_then_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         live = connect("openai-compatible:small", record=file)
         first = live.complete(ASK)
     assert (first.text, first.attempts) == ("on the table", 2)
-    # One request of the run, however often it was sent; its price is not known.
-    assert (live.usage.requests, live.usage.cost_usd) == (1, None)
+    # Each time that it was sent; its price is not known.
+    assert (live.usage.requests, live.usage.failures, live.usage.cost_usd) == (2, 1, None)
 
     monkeypatch.delenv(KEY_VARIABLE)
     monkeypatch.delenv("SCENE2DEMO_MODEL_URL")
