@@ -24,7 +24,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
         "executor.datasets.formats.export.ExportExists",
-        "executor.datasets.formats.fold.NothingToExport",
+        "executor.datasets.formats.selection.NothingToExport",
         "executor.datasets.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",

@@ -26,7 +26,7 @@ from executor.machine.extras import require
 from executor.machine.vulkan import RendererNotFound, find_renderer
 from executor.pictures.appearance import drawn_lights, strayed_cameras
 from executor.pictures.backdrop import panorama_of
-from executor.pictures.cameras import Camera
+from executor.pictures.cameras import Camera, camera_json
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
 from executor.pictures.surfaces import Surfaces, drawn_surfaces
@@ -168,15 +168,7 @@ def film(
             "lights": asdict(look.lights),
             "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
             "views": {
-                camera.name: {
-                    "size": list(recording.size),
-                    "fov_y_rad": camera.fov_y_rad,
-                    "intrinsics": stage.intrinsics(camera.name),
-                    "mount": camera.mount,
-                    "T_mount_camera": camera.T_mount_camera,
-                    "near_m": camera.near_m,
-                    "far_m": camera.far_m,
-                }
+                camera.name: {**camera_json(camera, recording.size), "intrinsics": stage.intrinsics(camera.name)}
                 for camera in look.cameras
             },
         }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.export import open_set
-from executor.datasets.formats.fold import NothingToExport
+from executor.datasets.formats.selection import WITHOUT_PICTURES, NothingToExport
 from executor.datasets.formats.stream import CLOUD, EpisodeStream, Extra, FoldedEpisode, Repeats
 from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
@@ -239,7 +239,7 @@ def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[li
         NothingToExport: They are of different rates or robots.
         NotADataset: One of them cannot be read.
     """
-    streams = [open_set(path, include) for path in paths]
+    streams = [open_set(path, include, WITHOUT_PICTURES) for path in paths]
     if len({stream.found.rate_hz for stream in streams}) > 1:
         pairs = zip(paths, streams, strict=True)
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
@@ -278,7 +278,7 @@ def learned_from(path: Path) -> LearnedFrom:
         NothingToExport: It has no demonstrations.
         NotADataset: It cannot be read.
     """
-    stream = open_set(path, ())
+    stream = open_set(path, (), WITHOUT_PICTURES)
     shown = [told for told, _ in demonstrations(path, stream)]
     return LearnedFrom(
         rate_hz=stream.found.rate_hz,

@@ -203,10 +203,10 @@ class RunFolder:
         write_json(self.path / "evolution.json", evolution_json(evolution) | {"stopped": record.stopped})
         return done
 
-    def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
-        """Writes the demonstration; a recording that is too short for one leaves no file."""
+    def write_episode(self, rollout: Rollout, frames: Frames | None, query: str = "") -> None:
+        """Write the demonstration of a sentence, where one was typed; one of fewer than two samples leaves no file."""
         if len(rollout.trajectory.time_s) >= 2:
-            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames)])
+            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames, query)])
 
     def write_report(self, record: RunRecord, frames: Frames | None) -> None:
         """Writes the page, with the video in it when there is one."""

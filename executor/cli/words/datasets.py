@@ -127,8 +127,11 @@ class ExportOptions(CommonOptions):
     format: Format = "lerobot"
     """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
     include: Annotated[tuple[Extra, ...], tyro.conf.arg(metavar="WHAT...", help_behavior_hint="")] = ()
-    """What is to be in it too: depth and segmentation (where all episodes have them), point_cloud (of what is there,
+    """What is to be in it too: depth and segmentation (which all episodes have to have), point_cloud (of what is there,
     1,024 points), corrections (attempts that failed and were revised, as episodes of their own)."""
+    only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all successes)")] = ""
+    """Which episodes, such as origin=T5+T6,views=head: origin, ended (succeeded, failed), rate, robot, size (128x128),
+    channels (depth, segmentation), and views, which are all that the data set has then (none: no pictures)."""
     force: ReplaceResults = False
 
 

@@ -27,7 +27,7 @@ from executor.machine.files import plain
 from executor.pictures.frames import Frames
 from executor.records.rollout import Trajectory
 from executor.results.episode import Episode, SubtaskSpan
-from executor.results.robomimic import ABOUT, write_robomimic
+from executor.results.robomimic import ABOUT, LAST, write_robomimic
 from oag import Scene, Task
 
 FILE = "demonstrations.hdf5"
@@ -114,6 +114,9 @@ def _demonstration(episode: FoldedEpisode, found: Survey) -> Episode:
         commanded={"actions_hand": columns["action"][:-1]},
         rewards=columns["next.reward"][1:],
         about=about_text(about),
+        query=episode.task,
+        paraphrases=tuple(about.get("paraphrases") or ()),
+        cameras={view: (about["pictures"] or {})["views"][view] for view in found.views},
     )
 
 
@@ -168,8 +171,8 @@ def _episode(demo: Any, index: int, found: Survey) -> FoldedEpisode:
     about = json.loads(demo["about"].asstr()[()])
 
     def rows(name: str) -> NDArray[Any]:
-        """Returns what is seen before each transition, and after the last one."""
-        return np.concatenate([_own(demo, f"obs/{name}")[:], _own(demo, f"next_obs/{name}")[-1:]])
+        """Return what there is to see before each transition, and after the last one."""
+        return np.concatenate([_own(demo, f"obs/{name}")[:], _own(demo, f"{_after(demo, name)}/{name}")[-1:]])
 
     actions, targets = _own(demo, "actions_hand")[:], _own(demo, "actions_absolute")[:]
     # After the last transition nothing is commanded, and the drives stay where they are.
@@ -196,6 +199,11 @@ def _episode(demo: Any, index: int, found: Survey) -> FoldedEpisode:
     return FoldedEpisode(index, columns, clips, about)
 
 
+def _after(demo: Any, name: str) -> str:
+    """Return the group of what there was to see after the transitions; files of before had pictures in next_obs too."""
+    return LAST if f"{LAST}/{name}" in demo else "next_obs"
+
+
 def _own(demo: Any, name: str) -> Any:
     """Returns an array whose numbers are in the file itself.
 
@@ -210,7 +218,7 @@ def _own(demo: Any, name: str) -> Any:
 
 
 def _pictures(demo: Any, name: str) -> Iterator[NDArray[Any]]:
-    before, after = _own(demo, f"obs/{name}"), _own(demo, f"next_obs/{name}")
+    before, after = _own(demo, f"obs/{name}"), _own(demo, f"{_after(demo, name)}/{name}")
     numbers = name.endswith(tuple(f"_{kind}" for kind in CHANNELS))
     for place in range(len(before) + 1):
         picture = before[place] if place < len(before) else after[-1]

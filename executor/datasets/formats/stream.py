@@ -54,8 +54,8 @@ _MOST_NAMED = 3
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures beside colours, (H, W) uint16; the kind of colours is ""."""
 
-DEMONSTRATION, CORRECTION = "demonstration", "correction"
-"""Kinds of episodes: what reached its goal, and what failed and was put right."""
+DEMONSTRATION, CORRECTION, FAILURE = "demonstration", "correction", "failure"
+"""Kinds of episodes: what reached its goal, what failed and was put right, and what failed in the end."""
 
 HAND_ACTION_NAMES = (
     *("hand_x", "hand_y", "hand_z", "hand_turn_x", "hand_turn_y", "hand_turn_z"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -323,6 +324,16 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
     with pytest.raises(NotAPolicy, match=r"learned nothing of ARTICULATE_OPEN in subtask 0.*trained on pick-up"):
         actor.begin([17, 1, 2, 3, 4, 5, 6], 62985)
     env.close()
+
+
+def test_a_policy_whose_numbers_ran_away_is_named(data: Demonstrations, out: Path) -> None:
+    kind = trained(data, out).kinds[0]
+    actor = Actor.load(out)
+    for weights in actor._network.parameters():
+        weights.data.fill_(float("nan"))
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
+    with closing(env), pytest.raises(NotAPolicy, match=rf"{out.name} gives actions that are not finite"):
+        run_episode(env, actor, 62985)
 
 
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

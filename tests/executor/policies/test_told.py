@@ -14,7 +14,8 @@ import pytest
 from executor.bench.units import outcome_version
 from executor.cli.main import run
 from executor.datasets.formats.export import write_set
-from executor.datasets.formats.fold import NothingToExport, stream_of
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.selection import NothingToExport
 from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.datasets.worker import run_unit

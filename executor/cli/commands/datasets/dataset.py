@@ -17,6 +17,7 @@ from executor.cli.words.datasets import (
 )
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.selection import Selection
 from executor.datasets.formats.stream import EpisodeStream, repeats_told
 from executor.datasets.store import EpisodeStore
 from executor.datasets.upkeep.card import card, page, shares
@@ -39,7 +40,8 @@ def execute(options: Options) -> int:
     match options:
         case ExportOptions():
             _check_apart(options.out, options.store, "STORE")
-            stream = stream_of(EpisodeStore.open(options.store), options.include)
+            only = Selection.parse(options.only)
+            stream = stream_of(EpisodeStore.open(options.store), options.include, only)
             if stream.repeats:
                 tell(repeats_told(stream.repeats), style="yellow")
             return _write(stream, options)
