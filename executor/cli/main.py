@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 import tyro
 
+from executor import require_own_packages
 from executor.cli.usage import TWO_WORDS, missing_input, mistake
 from executor.cli.words.datasets import DatasetOptions
 from executor.cli.words.running import BddlOptions, SubCommand
@@ -81,6 +82,10 @@ def _goes_out(stream: TextIO) -> bool:
 def run(arguments: list[str]) -> int:
     """Returns the exit code of a command line."""
     as_json = "--json" in arguments
+    try:
+        require_own_packages()
+    except ImportError as problem:
+        return _refuse(str(problem), "ImportError", as_json=False)
     if arguments == ["--version"]:
         extras = importlib.import_module("executor.machine.extras")
         print(f"scene2demo {extras.installed_version('scene2demo') or '(not installed)'}")
