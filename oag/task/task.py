@@ -232,9 +232,18 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
     chosen = scene if scene is not None else task.scene
     if chosen is None:
         raise MissingScene(task.name)
-    if not isinstance(chosen, Scene):
-        raise SceneError(f"expected a Scene, got {shown(chosen)}", source=_ARGUMENT, hint=_READ.format("Scene"))
-    return chosen
+    return required_scene(chosen)
+
+
+def required_scene(scene: object) -> Scene:
+    """Returns a scene.
+
+    Raises:
+        SceneError: It is none, but the name of one, say.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"expected a Scene, got {shown(scene)}", source=_ARGUMENT, hint=_READ.format("Scene"))
+    return scene
 
 
 def label(subtask: int, step: int) -> str:
