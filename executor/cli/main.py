@@ -10,13 +10,13 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stderr, suppress
+from contextlib import AbstractContextManager, nullcontext, redirect_stderr, suppress
 from io import StringIO
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 import tyro
 
-from executor import require_own_packages
+import executor
 from executor.cli.usage import TWO_WORDS, missing_input, mistake
 from executor.cli.words.datasets import DatasetOptions
 from executor.cli.words.running import BddlOptions, SubCommand
@@ -83,7 +83,7 @@ def run(arguments: list[str]) -> int:
     """Returns the exit code of a command line."""
     as_json = "--json" in arguments
     try:
-        require_own_packages()
+        executor.require_own_packages()
     except ImportError as problem:
         return _refuse(str(problem), "ImportError", as_json=False)
     if arguments == ["--version"]:
@@ -111,12 +111,20 @@ def run(arguments: list[str]) -> int:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         name = type(options).__name__.removesuffix("Options").lower()
         name += "photo" if getattr(options, "photo", None) is not None else ""
-        module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
+        with _told(options.begins, quiet=options.json):
+            module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
             raise
         return _end(error, options)
+
+
+def _told(what: str, *, quiet: bool) -> AbstractContextManager[object]:
+    """Shows what takes time while it does, where there is anything to show."""
+    if quiet or not what:
+        return nullcontext()
+    return cast("AbstractContextManager[object]", importlib.import_module("executor.cli.output").counting(what))
 
 
 def _refuse(problem: str, kind: str, *, as_json: bool) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bddl
+from bddl.visible import counted
 from executor.pictures.frames import Frames, Picture
 from executor.records.rollout import Rollout, Trajectory
 from oag import Scene, Task, flow_to_json
@@ -105,6 +106,10 @@ class Episode:
     commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     rewards: NDArray[np.float32] | None = None
     about: str = ""
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        return f"<Episode {ended} of {self.task.name!r}, seed {self.seed}: {counted(len(self.actions) + 1, 'sample')}>"
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None) -> Episode:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import bddl
+from bddl.visible import counted
 from oag.model.actions import ActionFlow, flow_to_json
 from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import MissingScene, SceneError, TaskError
@@ -134,6 +135,9 @@ class Task:
             if not isinstance(subtask, SimpleTask):
                 place = f"subtasks[{index}]"
                 raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
+
+    def __repr__(self) -> str:
+        return f"<Task {self.name!r}: {counted(len(self.subtasks), 'subtask')}, goal {bddl.format(self.goal)}>"
 
     @classmethod
     def from_json(cls, source: Source, scene: Scene | None = None) -> Self:

@@ -12,7 +12,7 @@ from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, scene_at_paper_size
 
-# The driver reads it when it is loaded. Tests take all cores already, and the processes that make data sets draw so too.
+# For the renderer's driver. Tests take all cores already, and the processes that make data sets draw so too.
 os.environ.setdefault("LP_NUM_THREADS", "1")
 
 

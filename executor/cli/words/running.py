@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import tyro
 
@@ -94,6 +94,7 @@ class PlanOptions(CommonOptions):
     plan takes hold of, and for a spot wherever it puts it. Collisions, paths and physics are not looked at.
     """
 
+    begins: ClassVar[str] = "loading the planner and the simulator"
     query: Sentence
     scene: SceneName
     seed: int = 0

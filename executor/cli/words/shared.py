@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 import tyro
 
@@ -128,8 +128,13 @@ Profile = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions:
-    """What every command takes."""
+    """What every command takes.
 
+    Attributes:
+        begins: What a command does first, where that takes seconds and nothing is printed before it.
+    """
+
+    begins: ClassVar[str] = ""
     json: Json = False
     debug: Debug = False
 

@@ -72,7 +72,7 @@ def test_the_same_states_give_the_same_files(
         again = tmp_path / "b" / path.name
         # Pictures first: where they differ the renderer is to blame, else the encoder.
         for row, (one, other) in enumerate(zip(pictures(path), pictures(again), strict=True)):
-            assert np.array_equal(one, other), f"{path.name}: picture {row}, at (row, column) {np.argwhere(one != other)}"
+            assert np.array_equal(one, other), f"{path.name}: picture {row} at {np.argwhere(one != other)}"
         assert path.read_bytes() == again.read_bytes(), path.name
 
 
