@@ -56,6 +56,9 @@ class Report:
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
     repair: Callable[[Report], tuple[Fix, ...]] | None = field(default=None, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"<Report {self.verdict.value} of {self.task!r}>"
+
     def __bool__(self) -> bool:
         return self.verdict is Verdict.PROVED
 

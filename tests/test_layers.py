@@ -126,6 +126,7 @@ ROOMS = {
     "executor.cli": (
         "errors",
         "words",
+        "usage",
         "output",
         "progress",
         "summary",

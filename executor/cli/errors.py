@@ -41,6 +41,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.results.run_folder.FolderUnusable",
         "executor.results.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
+        "executor.scenes.vary.SeedError",
         "executor.scenes.vary.VariationError",
         "llm.errors.LlmError",
         "oag.model.errors.OagError",

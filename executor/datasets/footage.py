@@ -5,7 +5,7 @@
     <view>.segmentation.mkv   the same of the number of the body that is seen; `unit.json` says which body it is
 
 Picture i belongs to row i of the samples. They are drawn from packed states, so that they can be drawn again, larger or
-from elsewhere, without simulating. The same states give the same bytes on the same renderer.
+from elsewhere, without simulating. The same states give the same bytes with the same renderer, encoder and processor.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
 from executor.envs.elbow import Elbow
-from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
+from executor.envs.episodes import DrawnEpisode, Source, of_family, of_query, of_task
 from executor.envs.following import HandFollower
 from executor.envs.progress import Progress, ProgressWatch
 from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS, Simulation, steps_each
@@ -29,7 +29,7 @@ from executor.robot.actions import HAND_NUMBERS, joint_limits
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.continuing import checkpoint_of
 from executor.scenes.pair import NotDrawn
-from executor.scenes.vary import LARGEST_SEED
+from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.world.engine import TIMESTEP_S
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
@@ -256,7 +256,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _drawn(self, seed: int | None, index: int | None) -> DrawnEpisode:
         if seed is not None:
-            self._seed_now = check_seed(int(seed))
+            self._seed_now = check_seed(seed)
             return self._source(self._seed_now, index)
         for draw in range(_DRAWS):
             self._seed_now = int(self.np_random.integers(LARGEST_SEED))

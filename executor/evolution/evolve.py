@@ -16,6 +16,7 @@ from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import RECORD_HZ, Run, composed
+from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault
@@ -23,6 +24,7 @@ from executor.world.physics import STANDARD, Physics
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
+from oag.task.task import required_scene
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""
@@ -67,7 +69,8 @@ def evolve(
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
-        TaskError: `graph` is no graph.
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         ValueError: `limit` is negative.
@@ -76,8 +79,8 @@ def evolve(
     """
     if limit < 0:
         raise ValueError(f"limit must not be negative, got {limit}")
-    graph = composed(graph)
-    nominal = scene or graph.scene
+    graph, seed = composed(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
     concrete = nominal.with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)

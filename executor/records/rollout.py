@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.visible import counted
 from executor.machine.files import plain
 from executor.records.commands import DriveCommand
 from oag import ActionFlow, Report, Scene, Task
@@ -210,6 +211,11 @@ class Rollout:
     simulation_wall_s: float
     penetration: Penetration = field(default_factory=Penetration)
     peaks: Peaks = field(default_factory=Peaks)
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        done = f"{len(self.subtasks)} of {counted(len(self.task.subtasks), 'subtask')}"
+        return f"<Rollout {ended} of {self.task.name!r}, seed {self.seed}: {done}, {self.simulated_s:.1f} s>"
 
     @property
     def failure(self) -> Failure | None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bddl
+from bddl.visible import counted
 from executor.pictures.cameras import camera_json
 from executor.pictures.frames import Frames, Picture
 from executor.pictures.overview import cameras_for
@@ -114,6 +115,10 @@ class Episode:
     query: str = ""
     paraphrases: tuple[str, ...] = ()
     cameras: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        return f"<Episode {ended} of {self.task.name!r}, seed {self.seed}: {counted(len(self.actions) + 1, 'sample')}>"
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None, query: str = "") -> Episode:

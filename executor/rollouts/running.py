@@ -32,6 +32,7 @@ from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.recorder import TrajectoryRecorder
 from executor.rollouts.regrasp import found_no_place, regrasps
+from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.world import penetration
 from executor.world.belief import believed_scene
@@ -41,6 +42,7 @@ from executor.world.world import World
 from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
 from oag.revision.grounds import GoalReading
+from oag.task.task import required_scene
 
 BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
 GOAL_HOLDS_S = 1.0  # A goal has to hold, not to flash by.
@@ -357,13 +359,15 @@ def rollout(
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
-        TaskError: `graph` is no graph.
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         RolloutInterrupted: Ctrl-C; carries the finished part.
     """
-    graph = composed(graph)
-    concrete = (scene or graph.scene).with_scales(graph.task.scales)
+    graph, seed = composed(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
+    concrete = nominal.with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
     return Run(graph, concrete, seed, listen, record_hz, (), physics, noise, stances).from_start()

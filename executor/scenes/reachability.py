@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -169,12 +169,13 @@ class Reach:
         return {"reachable": self.reachable, "margin_rad": self.margin_rad, "parts": parts}
 
 
-def reach(scene: Scene, task: Task) -> Reach:
+def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda done, total: None) -> Reach:
     """Returns what the rule says of a task.
 
     Args:
         scene: Concrete: the sizes of things are those that they are handled with.
         task: With a flow for every subtask.
+        listen: Called with how many subtasks are decided, and of how many.
 
     Raises:
         MissingFlow: A subtask has none, so that nobody knows what it takes hold of.
@@ -182,14 +183,15 @@ def reach(scene: Scene, task: Task) -> Reach:
     """
     require_flows(task)
     with World(Scene("empty", RobotPose(scale=scene.robot.scale), {})) as world:
-        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)))))
+        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)), listen)))
 
 
-def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]:
+def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int, int], None]) -> Iterator[PartReach]:
     """Yields what the hand has to get to, subtask by subtask."""
     assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
     pitches: dict[str, frozenset[float]] = {}  # With which of them things can be taken.
-    for subtask in task.subtasks:
+    for index, subtask in enumerate(task.subtasks):
+        listen(index, len(task.subtasks))
         used = {action.primitive for action in subtask.flow or ()}
         obj, asset = scene.objects[subtask.target], assets[subtask.target]
         if used & _OF_DOORS:

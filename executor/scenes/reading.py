@@ -25,6 +25,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     Raises:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
         SceneError: When the file is missing or malformed, or what it says makes no scene; all that is wrong is listed.
+            Also when the argument is neither a name nor a path.
     """
     return converted(name_or_path).scene
 

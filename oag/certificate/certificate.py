@@ -58,6 +58,9 @@ class Certificate:
     body: dict[str, object]
     evidence: tuple[Mapping[str, object], ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Certificate {self.verdict} of task {self.task_hash[:12]}, scene {self.scene_sha[:12]}>"
+
     @property
     def assumptions(self) -> tuple[dict[str, object], ...]:
         """What the verdict rests on beside the scene's facts: the reset, and for CONDITIONAL what is unknown."""

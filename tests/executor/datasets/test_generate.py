@@ -56,6 +56,17 @@ def test_what_fails_is_counted_and_left_out(run_generate: Generate, folder: Path
     assert "status 11" in crashed.meta["failure"]["message"] or "-11" in crashed.meta["failure"]["message"]
 
 
+def test_how_many_are_made_is_told_line_by_line(
+    run_generate: Generate, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_generate("T1", "--seed", 0, "--episodes", 1)
+    assert main.run(["generate", "T1", "--seed", "0", "--episodes", "4", "--workers", "1", "--out", str(folder)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert "1 of 4 episodes made already, 3 to make now" in lines[0]
+    assert [line.split()[:4] for line in lines[1:]] == [[f"{k}", "of", "4", f"T1-00000{k - 1}"] for k in (2, 3, 4)]
+    assert [line.split("s  ", 1)[1].split(":")[0] for line in lines[1:]] == ["succeeded", "succeeded", "slipped"]
+
+
 def test_what_crashed_is_made_again_when_that_is_asked_for(run_generate: Generate, folder: Path) -> None:
     words = ("T1", "--seed", 3, "--episodes", 2)
     assert run_generate(*words)[1]["endings"] == {"failed": 1, "crashed": 1}

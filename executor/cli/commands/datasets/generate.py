@@ -172,7 +172,9 @@ def shown_progress(
             good = result["ended"] == "succeeded"
             words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
             if not (shows_bar and good):
-                tell(f"  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
+                count = f"{tally.endings.total():{len(str(total))}} of {total}"
+                line = f"  {count}  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}"
+                tell(line, style="red" if shows_bar else None)
             bar.update(task, advance=1, description=f"{yield_words(tally)}, {tally.kept_an_hour:.0f} an hour")
 
         yield told

@@ -72,6 +72,8 @@ def execute(options: EvaluateOptions) -> int:
         def told(actor: Acting, outcome: EpisodeOutcome, footage: Footage) -> None:
             bar.update(task, advance=1)
             if outcome.success_once:
+                if not options.json:
+                    tell(f"  {actor.name} seed {outcome.seed}: succeeded")
                 return
             if not options.json:
                 after = {True: ", done with the planner's help", False: ", and the planner did not do it either"}
