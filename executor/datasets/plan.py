@@ -29,6 +29,7 @@ from executor.datasets.variation import Variation
 from executor.machine.extras import require
 from executor.machine.files import content_key, json_text
 from executor.scenes.drawn import is_of_seeds
+from executor.scenes.plausible import require_possible
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag.model.errors import InputError
@@ -153,4 +154,5 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         yield Origin(query=wanted.query, scene=name)
         return
     scene = scene_for(wanted.query, name, full_size=wanted.full_size)
+    require_possible(scene)
     yield Origin(query=wanted.query, scene=name, scene_key=content_key(json_text(scene.to_json())))
