@@ -30,6 +30,7 @@ from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, 
 from executor.datasets.variation import Variation
 from executor.machine.extras import require
 from executor.scenes.drawn import is_of_seeds
+from executor.scenes.plausible import require_possible
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag.model.errors import InputError
@@ -169,4 +170,5 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         yield Origin(query=wanted.query, scene=name)
         return
     scene = scene_for(wanted.query, name, full_size=wanted.full_size)
+    require_possible(scene)
     yield Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))

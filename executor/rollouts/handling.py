@@ -13,9 +13,8 @@ import numpy as np
 
 import bddl
 from bddl import Atom
-from executor.assets.transforms import bounds
+from executor.assets.transforms import bounds, rolls_freely
 from executor.geometry import transform_from_quaternion
-from executor.motion.placing.place import rolls_freely
 from executor.world.detectors import GRIPPER, box_around, read
 from executor.world.world import World
 from oag.revision.measurements import NOTHING_MEASURED, AtomMeasured

@@ -28,6 +28,7 @@ import bddl
 from executor.assets.footprint import Footprint, link_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import rolls_freely
 from executor.geometry import (
     Array,
     heading_of,
@@ -40,7 +41,6 @@ from executor.geometry import (
 )
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.place import rolls_freely
 from executor.motion.placing.spots import spots
 from executor.motion.planning.candidates import HandGoal
 from executor.records.rollout import require_flows

@@ -98,9 +98,14 @@ def things_of(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
     return {key: Solid.of(obj) for key, obj in objects.items() if is_upright(obj)}
 
 
-def is_upright(obj: SceneObject) -> bool:
-    """Decides whether an object's own z axis is vertical, within five degrees."""
-    _, x, y, _ = obj.orientation
+def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
+    """Decides whether an object's own z axis is vertical, within five degrees.
+
+    Args:
+        obj: The object.
+        w_last: Whether its quaternion is read as x y z w.
+    """
+    _, x, y, _ = (obj.orientation[3], *obj.orientation[:3]) if w_last else obj.orientation
     return 1.0 - 2.0 * (x * x + y * y) > _UPRIGHT
 
 

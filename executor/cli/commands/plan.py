@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED
 from executor.cli.executing import check_seed
-from executor.cli.output import counting, print_json, say, tell, tell_notes
+from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 from executor.cli.words.running import PlanOptions
 from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
@@ -27,8 +27,8 @@ def execute(options: PlanOptions) -> int:
     check_seed(options.seed)
     quiet = options.json
     with counting(f"reading the scene {options.scene}", quiet=quiet):
-        scene = scene_for(options.query, options.scene, full_size=options.full_size)
-        require_possible(scene)
+        scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
+        tell_warnings(require_possible(scene))
     with counting("planning, and proving the plan", quiet=quiet):
         proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
         graph = compose(proposal.task, scene=scene)

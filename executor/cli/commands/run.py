@@ -25,7 +25,7 @@ from executor.cli.judging import (
     stopped_words,
     tell_kept,
 )
-from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
 from executor.cli.words.running import JudgeOptions, RunOptions
@@ -59,9 +59,9 @@ def execute(options: RunOptions) -> int:
     images = _pictures(options.image, options.model)
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
-    scene = scene_for(options.query, options.scene, full_size=options.full_size)
+    scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
     # A model would be paid for a plan with things that nobody can build.
-    require_possible(scene)
+    tell_warnings(require_possible(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
         propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.

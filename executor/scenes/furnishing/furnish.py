@@ -38,6 +38,7 @@ FLOOR_THICKNESS_M = 0.12
 _CLEARANCES = (Clearance(), Clearance(edge_m=0.01, other_m=0.01))
 _EDGES = ("-x", "-y", "+y", "+x")  # The front first, the back last.
 _INSETS_M = (0.08, 0.16)
+_ROUNDED = 0.02  # What two digits may change in the length of a quaternion.
 _SMALL_M = 0.12  # Half of a top or hollow that has one place, its middle.
 
 
@@ -49,11 +50,13 @@ class Furnished:
         scene: The scene; None where something in the file is wrong.
         problems: All that is wrong, with the place in the file.
         rest: Where something is wrong, the scene without the entries that are, as far as there is one.
+        warnings: What was read otherwise than it is written.
     """
 
     scene: Scene | None
     problems: tuple[str, ...] = ()
     rest: Scene | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def furnished(source: Source) -> Furnished:
@@ -83,7 +86,17 @@ def furnished(source: Source) -> Furnished:
         scene = furnishing.scene()
     except SceneError as problem:
         return Furnished(None, (*problems, _at_place(problem)), furnishing.without_statements())
-    return Furnished(None, tuple(problems), scene) if problems else Furnished(scene)
+    warnings = tuple(_stretched(document))
+    return Furnished(None, tuple(problems), scene, warnings) if problems else Furnished(scene, warnings=warnings)
+
+
+def _stretched(document: Document) -> Iterator[str]:
+    """Yields which quaternions of a well-formed file are not of length one, by more than rounding."""
+    for key, entry in document.data["objects"].items():
+        length = math.sqrt(sum(part * part for part in entry.get("orientation") or ()))
+        if length and abs(length - 1.0) > _ROUNDED:
+            said = f"is a quaternion of length {length:.3g}, expected 1; it was divided by its length"
+            yield f"objects.{key}.orientation: {said}"
 
 
 def _at_place(problem: InputError) -> str:
