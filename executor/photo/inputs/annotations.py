@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ LEAST_PX = 3.0
 
 _OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
 _PLAIN = re.compile("[a-z][a-z0-9_]*")  # Labels that can be categories, and begin names of things.
+Provenance: TypeAlias = Literal["person", "detector", "search"]
+"""Whose a box and its label are: a person's, whose label is kept; a detector's, a network's or a model's, whose label is
+evidence and gives way to what fits clearly better; or the search's for what nobody has boxed, which has no label."""
+
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
 
@@ -51,6 +55,7 @@ class Sighting:
         doors, drawers: How many it was told to have; None where nobody says.
         on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
             nobody says.
+        provenance: Whose the box and its label are, which decides whether the fit may take another name.
     """
 
     label: str
@@ -62,12 +67,17 @@ class Sighting:
     doors: int | None = None
     drawers: int | None = None
     on: int | None = None
+    provenance: Provenance = "person"
 
     @property
     def area_px(self) -> float:
         """Of its box."""
         x0, y0, x1, y1 = self.box_px
         return (x1 - x0) * (y1 - y0)
+
+    def may_be(self, entry: ModelEntry) -> bool:
+        """Decide whether the thing may be taken for a model: of a person's label only for one of that category."""
+        return self.provenance != "person" or self.category in (None, entry.category)
 
     def name_as(self, entry: ModelEntry) -> str:
         """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model.
@@ -108,6 +118,7 @@ class Sighting:
             "doors": self.doors,
             "drawers": self.drawers,
             "on": self.on,
+            "provenance": self.provenance,
         }
 
 
