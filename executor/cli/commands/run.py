@@ -21,6 +21,7 @@ from executor.cli.summary import print_summary, summary_json
 from executor.cli.words.running import JudgeOptions, RunOptions
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
+from executor.photo.inputs.picture import opened_picture
 from executor.pictures.render import check_size
 from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
@@ -220,6 +221,7 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
 
     Raises:
         BadOption: Nobody looks at them, or a file cannot be read, is too large, or is no picture that models take.
+        PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
         raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")
@@ -235,6 +237,9 @@ def _picture(path: Path) -> Image:
     kind = _media_type(data)
     if kind is None:
         raise BadOption("--image", path, "a picture in PNG, JPEG, WebP or GIF")
+    # What nobody can look at is not sent, and not paid for.
+    with opened_picture(path, data) as image:
+        image.load()
     return Image(data, kind)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import zlib
 from pathlib import Path
 
 import pytest
+from PIL import Image as Drawing
 
 from tests.executor.cli.conftest import Command
 from tests.llm.live import KEY, KEY_VARIABLE
@@ -90,17 +92,26 @@ def test_a_picture_of_the_scene_goes_along_with_the_query(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     picture = tmp_path / "scene.png"
-    picture.write_bytes(b"\x89PNG\r\n\x1a\nand what follows")
+    Drawing.new("RGB", (40, 30), (90, 120, 60)).save(picture)
     words = ("run", "open the refrigerator", "--scene", "kitchen_t1", "--no-video", "--image", str(picture))
     with ModelServer(replies("no idea"), key=KEY) as server:
         point_to(server, monkeypatch)
         answer = command(*words, "--out", "r", "--model", MODEL)
     assert answer.code == 1
     assert server.seen[0].images == (picture.read_bytes(),)
-    picture.write_text("a letter")
-    with_a_letter, with_nobody = command(*words, "--out", "s", "--model", MODEL), command(*words, "--out", "s")
-    assert with_a_letter.code == with_nobody.code == 2 and not (tmp_path / "s").exists()
-    assert "PNG" in with_a_letter.err and "--model" in with_nobody.err
+    whole = picture.read_bytes()
+    header = whole[12:16] + (30000).to_bytes(4, "big") * 2 + whole[24:29]
+    unseen = {
+        b"a letter": "PNG",
+        whole[:60]: "cannot be read as a picture",
+        whole[:12] + header + zlib.crc32(header).to_bytes(4, "big") + whole[33:]: "at most 4096 pixels on a side",
+    }
+    for content, said in unseen.items():
+        picture.write_bytes(content)
+        refused = command(*words, "--out", "s", "--model", MODEL)
+        assert refused.code == 2 and said in " ".join(refused.err.split()) and not (tmp_path / "s").exists()
+    with_nobody = command(*words, "--out", "s")
+    assert with_nobody.code == 2 and "--model" in with_nobody.err
 
 
 def test_half_a_character_in_an_answer_is_asked_about_and_kept(
