@@ -146,6 +146,7 @@ def result_json(result: Result) -> dict[str, object]:
             {"scene": f"scene_{one.number}.json", "models": dict(one.models), "refused": one.made.refused}
             for one in result.varied
         ],
+        "doubts": list(result.given.doubts),
         "notes": list(result.made.notes),
         "took_s": dict(result.took_s),
     }

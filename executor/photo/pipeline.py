@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.photo.fitting.rim import levelled_by_rim
+from executor.photo.inputs.agreement import depth_doubts
 from executor.photo.inputs.annotations import Detections, Detector, LeftOut, Sighting
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
@@ -50,6 +51,7 @@ class Given:
         seen, floor: The picture in the level frame, and what levels it.
         left_out: What was found and the library has nothing for.
         find_more: Whether what nobody has boxed is searched for.
+        doubts: What speaks against the depth or the boxes being of this picture, in sentences.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Given:
     floor: FloorSeen
     left_out: tuple[LeftOut, ...] = ()
     find_more: bool = False
+    doubts: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -149,6 +152,10 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
     if beside.detect is None and not beside.find_more:
         hint = "give --boxes, --detector or --model, or have things searched for in its depths by --find-more"
         raise PhotoRefused("boxes", picture, "has no boxes", hint)
+    # A network's depth is of the picture, and bent.
+    doubts: tuple[str, ...] = ()
+    if measured is not None and not measured.bend_share:
+        doubts = depth_doubts(shown, measured, intrinsics)
     if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if measured is not None and beside.length is not None:
@@ -168,7 +175,17 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
     if level is None:
         floor = _levelled(shown, intrinsics, found.things, beside)
         level = flat_observation(shown, intrinsics, floor), floor
-    return Given(picture.stem, shown, measured, intrinsics, found.things, *level, found.left_out, beside.find_more)
+    return Given(
+        picture.stem,
+        shown,
+        measured,
+        intrinsics,
+        found.things,
+        *level,
+        found.left_out,
+        beside.find_more,
+        (*doubts, *found.doubts),
+    )
 
 
 def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
@@ -209,6 +226,8 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
     """
     began = time.perf_counter()
     seen, floor = given.seen, given.floor
+    for doubt in given.doubts:
+        told(doubt)
     walls = () if given.depth is None else find_walls(seen, given.detections)
     walled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")

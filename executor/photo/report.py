@@ -47,6 +47,7 @@ def photo_page(result: Result) -> str:
             strip("photograph and fits", [(jpeg(picture), "the photograph with outlines of the fits")]),
         ),
         card("<h2>What was given and measured</h2>", _given(result)),
+        card("<h2>In doubt</h2>", bullets(result.given.doubts)) if result.given.doubts else "",
         card("<h2>Left out</h2>", bullets(left_out)) if left_out else "",
         card("<h2>Moved so that it can be</h2>", bullets(result.made.notes)) if result.made.notes else "",
         "<h2>Things</h2>",

@@ -30,6 +30,7 @@ _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call the
 MOST_DECODED_BYTES = 300_000_000
 """Of a file of depths when it is unpacked: 4096 x 4096 pixels of four channels."""
 
+_SAME_SHAPE = 0.02
 _MOST_NAMES_BYTES = 64_000  # Of the directory of an .npz, which holds one array or a few.
 _FORMS = "a 16-bit PNG, .npz, .npy or .exr"
 _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
@@ -135,7 +136,9 @@ def read_exr(path: Path) -> np.ndarray:
         # Of what can be wrong with a file, the library raises some ten kinds.
         raise PhotoRefused("depth", path, f"cannot be read as EXR ({error})") from error
     if values.shape != size_px[::-1]:
-        raise PhotoRefused("depth", path, f"its channel {name} is not of the {size_px[0]} x {size_px[1]} pixels it says")
+        raise PhotoRefused(
+            "depth", path, f"its channel {name} is not of the {size_px[0]} x {size_px[1]} pixels it says"
+        )
     return values.astype(np.float32)
 
 
@@ -161,7 +164,9 @@ def _announced(path: Path, headers: Sequence[Mapping[str, Any]]) -> tuple[tuple[
 
 def _too_much(path: Path, size: int) -> PhotoRefused:
     problem = f"would take {size / 1e6:.0f} MB when it is unpacked"
-    return PhotoRefused("depth", path, problem, f"at most {MOST_DECODED_BYTES / 1e6:g} MB are, of one channel of depths")
+    return PhotoRefused(
+        "depth", path, problem, f"at most {MOST_DECODED_BYTES / 1e6:g} MB are, of one channel of depths"
+    )
 
 
 def _values(path: Path, size_px: tuple[int, int]) -> np.ndarray:
@@ -233,8 +238,14 @@ def _require_few_names(content: bytes) -> None:
 
 def _require_size(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> None:
     """Refuses depths that are not as many as the picture's pixels."""
-    if tuple(got) != size_px:
-        shown = " x ".join(map(str, got))
+    if tuple(got) == size_px:
+        return
+    shown, (width, height) = " x ".join(map(str, got)), size_px
+    problem = f"the depth is {shown} pixels, the picture {width} x {height}"
+    if tuple(got) == (height, width):
+        hint = "it lies on its side: turn it by 90 degrees, as the picture is when its EXIF has turned it upright"
+    elif abs(got[0] * height - got[1] * width) > _SAME_SHAPE * abs(got[1]) * width:
+        hint = "it is shaped otherwise: give it as the picture's own camera has it (registered), and cut as that is"
+    else:
         hint = "scale one to the other, depth by nearest neighbours"
-        problem = f"the depth is {shown} pixels, the picture {size_px[0]} x {size_px[1]}"
-        raise PhotoRefused("depth", path, problem, hint)
+    raise PhotoRefused("depth", path, problem, hint)

@@ -132,7 +132,7 @@ class KnownRoom:
     def in_boxes(self) -> dict[int, float]:
         """Return the IoU of each thing's box with the box around what is visible of its fit, 0 to 1.
 
-        Visible is what is in the picture and hidden by no other fit, and with depth by nothing nearer that was measured.
+        Visible is what is in the picture and hidden by no other fit, nor by anything nearer that was measured.
         """
         shown = {}
         for index, visible in self._layers.visible().items():
@@ -152,7 +152,9 @@ class KnownRoom:
                 return
             model = self.fits[worst].guess.entry.model
             self.take(worst)
-            problem = f"the best fit ({model}) is not in its box: what is visible of it has an IoU of {share:.2f} with it"
+            problem = (
+                f"the best fit ({model}) is not in its box: what is visible of it has an IoU of {share:.2f} with it"
+            )
             self.reasons[worst] = f"{problem}, and {LEAST_IN_BOX:g} is the least"
 
     def _carries_what_is_boxed(self, index: int) -> bool:

@@ -1,4 +1,4 @@
-"""A person's label is kept or its thing dropped; what is no success is dropped with its reason, and sure is nothing of it."""
+"""A person's label is kept or its thing dropped, what is no success is dropped with its reason, and is never sure."""
 
 from __future__ import annotations
 
@@ -99,7 +99,9 @@ def test_boxes_of_files_are_a_persons_and_those_of_networks_a_detectors(tmp_path
     (by_file,) = read_boxes(tmp_path / "boxes.json", (160, 120))
     (by_network,) = sorted_out([FoundBox("mug", (10, 10, 60, 60), 0.9)], (160, 120), "SSD").things
     assert (by_file.provenance, by_network.provenance) == ("person", "detector")
-    assert by_file.to_json()["provenance"] == "person" and Sighting("", None, (0, 0, 9, 9), 1.0, "me").may_be(CHAIR.entry)
+    assert by_file.to_json()["provenance"] == "person" and Sighting("", None, (0, 0, 9, 9), 1.0, "me").may_be(
+        CHAIR.entry
+    )
 
 
 @pytest.mark.parametrize("find_more", [False, True])
@@ -142,7 +144,7 @@ def test_nothing_is_sure_that_explains_nothing_or_is_somewhere() -> None:
 
 
 def test_a_thing_that_stands_on_nothing_is_left_out_with_its_reason() -> None:
-    seen, boxes = seen_from_above(TABLE, MICROWAVE)
+    _, boxes = seen_from_above(TABLE, MICROWAVE)
     things = [
         FittedThing("table_0", boxes[0], Fit(replace(TABLE, x_m=3.5, y_m=1.0), 0.0, (), 1.0, 0.0, 100, None)),
         FittedThing("microwave_0", boxes[1], Fit(MICROWAVE, 0.0, (), 1.0, 0.0, 100, None)),
