@@ -244,6 +244,7 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
 
     Raises:
         BadOption: Nobody looks at them, or a file cannot be read, is too large, or is no picture that models take.
+        PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
         raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")

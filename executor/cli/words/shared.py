@@ -170,3 +170,5 @@ class PhotoInputs:
     """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
     camera_height_m: Maybe[float] = None
     """Without depth: how high above the floor the camera was."""
+    find_more: Flag = False
+    """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""

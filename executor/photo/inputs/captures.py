@@ -24,7 +24,7 @@ from PIL import Image
 from bddl.files import read_bounded_text
 from executor.machine.extras import require
 from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.depth import Depth, checked_depth, read_depth, read_exr
+from executor.photo.inputs.depth import MOST_DECODED_BYTES, Depth, checked_depth, read_depth, read_exr
 from executor.photo.inputs.picture import MOST_BYTES, Photograph, read_picture
 from executor.photo.refusal import PhotoRefused
 
@@ -179,6 +179,10 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
     lzfse = require("lzfse", "captures")
+    # Each of its blocks says first how much it unpacks to.
+    size = sum(int.from_bytes(said, "little") for said in re.findall(rb"bvx[-12n](.{4})", content, re.DOTALL))
+    if size > MOST_DECODED_BYTES:
+        raise PhotoRefused("depth", path, f"its depth would take {size / 1e6:.0f} MB when it is unpacked")
     try:
         return np.frombuffer(lzfse.decompress(content), dtype=kind)
     except (lzfse.error, ValueError) as error:

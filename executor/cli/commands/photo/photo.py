@@ -101,6 +101,8 @@ def _say(result: Result) -> None:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
     for other in result.given.left_out:
         say(f"{other.label}: left out, {other.reason}", style="yellow")
+    if result.found.unfitted and not result.given.find_more:
+        say("what has no box was not searched for; --find-more does")
     for note in result.made.notes:
         say(note)
     for variation in result.varied:
