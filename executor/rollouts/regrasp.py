@@ -20,6 +20,9 @@ from oag.flows.search import PICK, PLACE
 from oag.model.facts import GRIPPER
 from oag.revision.measurements import SupportDrive, first_of
 
+MORE = 2
+"""How many subtasks are inserted: the thing is set down, and taken again."""
+
 MOST_SUPPORTS = 2
 """On how many supports a thing is set down, one after the other, before the plan is left as it was."""
 

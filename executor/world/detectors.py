@@ -153,9 +153,10 @@ def _ontop(world: World, object_id: str, support: str) -> Detection:
     measured = [_above(world, object_id, support, *surface) for surface in _surfaces(world, support)]
     height, outside = max(measured, key=lambda pair: (pair[1] <= 0.0, -abs(pair[0])))
     value = touching and height >= -_SINK_M and outside <= 0.0
+    beyond_m = None if support == FLOOR else outside  # The floor has no edge.
     return Detection(
         value,
-        AtomMeasured(height_above_surface_m=height, centre_beyond_edge_m=outside, touching=touching),
+        AtomMeasured(height_above_surface_m=height, centre_beyond_edge_m=beyond_m, touching=touching),
     )
 
 

@@ -111,10 +111,11 @@ def _executed(
         return record
     _say_plan(record, options)
     with studio_for(options) as studio:
-        record = _evolved(record, options, folder, model) if options.evolve else _moved(record, options)
-        if record.rollout is not None:
-            folder.write_rollout(record.rollout)
-            record = studio.finish(record, folder)
+        if options.evolve:
+            record = _evolved(record, options, folder, model)
+        else:
+            record = folder.write_rollout(_moved(record, options))
+        record = studio.finish(record, folder)
     return record
 
 
