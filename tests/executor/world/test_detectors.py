@@ -76,6 +76,8 @@ def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> No
     settle(world, 0.2)
     assert value(world, "ontop", "glass_0", "table_0") is False
     assert value(world, "ontop", "glass_0", "floor") is True
+    measured = read(Atom("ontop", ("glass_0", "floor")), world).measurements
+    assert measured.centre_beyond_edge_m is None and measured.height_above_surface_m is not None
     assert value(world, "under", "glass_0", "table_0") is True
 
 
