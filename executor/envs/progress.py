@@ -148,8 +148,8 @@ class ProgressWatch:
 def hand_off_m(world: World, object_id: str) -> float:
     """Returns how far the point between the fingertips is from what a hand can take of a thing.
 
-    That is the nearest point on the bars of its handles, wherever they are now, and where it has none, the nearest one of
-    the box along its own axes.
+    That is the nearest point on the bars of its handles, wherever they are now, and where it has none, the nearest one
+    of the box along its own axes.
     """
     asset, hand = world.assets[object_id], world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
 

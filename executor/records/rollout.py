@@ -259,7 +259,9 @@ class Rollout:
 def _detour_note(task: Task, detour: Detour) -> str:
     end = detour.first + detour.count
     names = " and ".join(subtask.name for subtask in task.subtasks[detour.first : end])
-    numbers, were = (f"subtask {end}", "was") if detour.count == 1 else (f"subtasks {detour.first + 1} to {end}", "were")
+    numbers, were = (
+        (f"subtask {end}", "was") if detour.count == 1 else (f"subtasks {detour.first + 1} to {end}", "were")
+    )
     return f"{numbers} ({names}) of {len(task.subtasks)} {were} inserted on the way: {detour.reason}"
 
 

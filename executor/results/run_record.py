@@ -52,7 +52,7 @@ class RunRecord:
     attempts: AttemptPictures = field(default_factory=AttemptPictures)
 
     def as_ran(self) -> RunRecord:
-        """Returns the record with the plan that ran, its numbers and what was inserted, and what `verify` says of it."""
+        """Returns the record with the plan that ran, its numbers and insertions, and what `verify` says of it."""
         if self.rollout is None:
             return self
         graph = compose(filled_task(self.rollout), scene=self.graph.scene)

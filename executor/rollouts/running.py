@@ -187,7 +187,9 @@ class Run:
             self.change(as_it_was)
             self.detours, self.simulated_s = detours, simulated_s
             self.recorder.restore(failed)
-            self.tell_revision(index, start, f"{item} was taken again in vain: the plan and its failure stay as they were")
+            self.tell_revision(
+                index, start, f"{item} was taken again in vain: the plan and its failure stay as they were"
+            )
         return None
 
     def tell_revision(self, index: int, start: Checkpoint, reason: str) -> None:

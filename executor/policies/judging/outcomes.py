@@ -18,6 +18,7 @@ from bddl import Atom
 from executor.envs.episodes import DrawnEpisode
 from executor.envs.progress import hand_off_m
 from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
+from executor.rollouts.handling import tilt_deg
 from executor.world.detectors import GRIPPER, fingers_touching, read
 from executor.world.world import World
 from oag.model.primitives import Primitive
@@ -144,13 +145,8 @@ class OutcomeWatch:
     def _failure(self) -> str:
         if self._deed == "other":
             return "incomplete"
-        if self._deed == "pick" and not self._in_hand():
-            T = self._pose()
-            # The axis that pointed up says how far it leans.
-            up = np.argmax(np.abs(self._start[2, :3]))
-            lean = np.clip(T[2, up] * np.sign(self._start[2, up]) / max(abs(self._start[2, up]), 1e-6), -1.0, 1.0)
-            if np.degrees(np.arccos(lean)) > TIPPED_DEG:
-                return "tipped"
+        if self._deed == "pick" and not self._in_hand() and tilt_deg(self._world, self._target) > TIPPED_DEG:
+            return "tipped"
         if self._most > OPEN_FRACTION if self._deed == "open" else self._gripped:
             held = self._gripped and fingers_touching(self._world, self._target) == 2
             return "not-far-enough" if held else "lost"

@@ -101,7 +101,7 @@ def measurements(values: Mapping[str, object]) -> str:
 
 
 def value_text(value: object) -> str:
-    """Returns a measured value for people: numbers with four digits, lists in brackets, "none" for what is no number."""
+    """Returns a measured value for people: numbers with four digits, lists in brackets, "none" where none is finite."""
     if isinstance(value, float) and not math.isfinite(value):
         return "none"
     if isinstance(value, bool):

@@ -21,7 +21,12 @@ from executor.world.world import World
 from oag import flow_from_json
 from tests.executor.helpers import scene_object
 
-FIXTURES = [("refrigerator", None), ("cabinet_drawers", (0.5, 0.8, 0.9)), ("oven", (0.5, 0.8, 0.9)), ("microwave", None)]
+FIXTURES = [
+    ("refrigerator", None),
+    ("cabinet_drawers", (0.5, 0.8, 0.9)),
+    ("oven", (0.5, 0.8, 0.9)),
+    ("microwave", None),
+]
 ITEMS = ["water_glass", "bowl", "apple", "bottle", "book"]
 EXTENTS = {"microwave": (0.4, 0.5, 0.3), "bottle": (0.06, 0.06, 0.28), "book": (0.2, 0.14, 0.03)}
 
@@ -37,7 +42,7 @@ class _Placed:
             for name in (None, *(link.name for link in asset.links))
         }
 
-    def T_world_link(self, object_id: str, link: str | None = None) -> Array:  # noqa: N802
+    def T_world_link(self, object_id: str, link: str | None = None) -> Array:
         return transform(np.eye(3), self.hand_m) if (object_id, link) == (ROBOT, TCP_LINK) else self._links[link]
 
     def contacts(self, of: object) -> list[Any]:
@@ -53,7 +58,9 @@ def _world(category: str, extent: tuple[float, float, float] | None, seed: int =
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(("category", "extent"), FIXTURES)
-def test_anywhere_on_a_bar_is_at_the_handle(category: str, extent: tuple[float, float, float] | None, seed: int) -> None:
+def test_anywhere_on_a_bar_is_at_the_handle(
+    category: str, extent: tuple[float, float, float] | None, seed: int
+) -> None:
     world = _world(category, extent, seed)
     for handle in world.assets["it"].handles:
         T, axis, middle = world.T_world_link("it", handle.link), np.array(handle.axis), np.array(handle.position_m)
@@ -83,7 +90,7 @@ def test_a_thing_is_as_near_as_its_box_however_it_lies(category: str) -> None:
 
 
 def _failure(world: _Placed, primitives: list[Any], local_m: Array, link: str | None) -> str:
-    """What is said of an episode in which the hand was once at a place, in a link's frame, and nothing else happened."""
+    """What is recorded of an episode in which the hand was once at a place, in a link's frame, and nothing else."""
     subtask = SimpleNamespace(target="it", flow=flow_from_json(primitives))
     world.hand_m = np.full(3, 9.0)
     watch = OutcomeWatch(cast(Any, SimpleNamespace(task=SimpleNamespace(subtasks=[subtask]))), cast(World, world))

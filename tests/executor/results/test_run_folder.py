@@ -91,12 +91,16 @@ def test_the_certificate_is_of_the_plan_that_ran_with_its_numbers_and_what_was_i
     names = ["open_refrigerator", "pick_up_glass"]
     with h5py.File(tmp_path / "episode.hdf5") as file:
         stored = [one["name"] for one in json.loads(file["data/demo_0"].attrs["subtasks"])]
-    assert names == [one["task_activity_name"] for one in task["sub_tasks"]] == [one["name"] for one in told["subtasks"]]
+    assert (
+        names == [one["task_activity_name"] for one in task["sub_tasks"]] == [one["name"] for one in told["subtasks"]]
+    )
     assert names == stored
     assert told["detours"] == [{"first": 0, "count": 1, "reason": "the door was shut"}]
     note = "subtask 1 (open_refrigerator) of 2 was inserted on the way: the door was shut"
     page = (tmp_path / "report.html").read_text()
-    assert page.count(note) == 2 and "asked for has 1 subtask, and was proved" in page and "inserted on the way</" in page
+    assert (
+        page.count(note) == 2 and "asked for has 1 subtask, and was proved" in page and "inserted on the way</" in page
+    )
     lines = " ".join(line.strip() for line, _ in summary_lines(ran, folder))
     assert "2 of 2 subtasks" in lines and f"detour      {note}" in lines
 

@@ -150,7 +150,9 @@ class _Scripted(Run):
         return record, replace(start, steps=start.steps + 1250, held="glass_0", state_hash=self.recorder.state_hash)
 
 
-def _scripted(monkeypatch: pytest.MonkeyPatch, *, succeeds: bool, last: int | None = None) -> tuple[_Scripted, list[Event]]:
+def _scripted(
+    monkeypatch: pytest.MonkeyPatch, *, succeeds: bool, last: int | None = None
+) -> tuple[_Scripted, list[Event]]:
     """A run of all T1 whose third subtask finds no place at first."""
     monkeypatch.setattr(
         "executor.rollouts.running.found_no_place",
@@ -165,9 +167,17 @@ def _scripted(monkeypatch: pytest.MonkeyPatch, *, succeeds: bool, last: int | No
 
 
 @pytest.mark.physics
-def test_a_run_goes_back_to_the_time_that_it_says_and_ends_where_it_was_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_goes_back_to_the_time_that_it_says_and_ends_where_it_was_asked_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     run, heard = _scripted(monkeypatch, succeeds=True, last=3)
-    names = ["open_refrigerator", "pick_up_glass", "set_glass_0_down", "take_glass_0_again", "put_glass_into_refrigerator"]
+    names = [
+        "open_refrigerator",
+        "pick_up_glass",
+        "set_glass_0_down",
+        "take_glass_0_again",
+        "put_glass_into_refrigerator",
+    ]
     assert [record.name for record in run.subtasks] == names, "the fourth of those asked for was not to be run"
     (event,) = heard
     assert (event.kind, event.subtask, event.subtask_count) == ("revision", 4, 6)
@@ -175,7 +185,9 @@ def test_a_run_goes_back_to_the_time_that_it_says_and_ends_where_it_was_asked_to
     done = run.finish()
     assert done.inserted == {2, 3} and len(done.asked_for.subtasks) == 4
     (note,) = done.detour_notes
-    assert note.startswith("subtasks 3 to 4 (set_glass_0_down and take_glass_0_again) of 6 were inserted on the way: no")
+    assert note.startswith(
+        "subtasks 3 to 4 (set_glass_0_down and take_glass_0_again) of 6 were inserted on the way: no"
+    )
 
 
 @pytest.mark.physics
@@ -186,6 +198,8 @@ def test_what_was_inserted_in_vain_leaves_the_record_as_it_was(monkeypatch: pyte
     assert done.detours == () and len(done.task.subtasks) == 4
     assert done.state_hash == "after 3 of put_glass_into_refrigerator" and done.simulated_s == 15.0
     assert len(run.recorder.overlaps) == 3
-    assert run.ran[3:] == ["set_glass_0_down"], "there is one other top, and the failed attempt is not run a second time"
+    assert run.ran[3:] == ["set_glass_0_down"], (
+        "there is one other top, and the failed attempt is not run a second time"
+    )
     assert [event.subtask_count for event in heard] == [6, 4]
     assert "in vain" in heard[-1].message
