@@ -43,6 +43,8 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
         total = len(rollout.task.subtasks)
         yield f"{words:11} {reached} of {counted(total, 'subtask')}, {rollout.simulated_s:.1f} s simulated", style
         yield from ((line, None) for line in _subtasks(rollout))
+        for note in rollout.detour_notes:
+            yield from ((line, "yellow") for line in _rows("detour", note)[:3])
         if record.evolution is not None:
             yield from ((line, None) for line in _rows("evolved", _evolved(record.evolution))[:2])
         if rollout.goal_readings:

@@ -78,7 +78,7 @@ class Made:
 
     Attributes:
         of: What was to be done.
-        graph: The composed task that was run: after a takeover, what was left of it.
+        graph: The composed task that was to be run: after a takeover, what was left of it.
         rollout: What happened.
         story: The revisions, where flows evolve.
         takeover: What is said of whoever acted before, and of where the planner began; None from an episode's start.
@@ -237,13 +237,15 @@ def drawn_values(unit: DemoUnit, scene: Scene, strays: Mapping[str, Stray]) -> d
 
 def meta_of(made: Made) -> dict[str, Any]:
     """Returns what a unit's `unit.json` says of a rollout; `docs/datasets.md` documents each key."""
-    done = made.rollout
-    report, scale = made.graph.verify(), done.scene.robot.scale
+    done, scale = made.rollout, made.rollout.scene.robot.scale
+    task = filled_task(done)
+    report = compose(task, scene=made.graph.scene).verify()
     return {
         **described(done),
         "query": made.of.query,
         "paraphrases": list(paraphrases(made.of.query)),
-        "task": filled_task(done).to_json(),
+        "task": task.to_json(),
+        "detours": [asdict(detour) for detour in done.detours],
         "scene": done.scene.to_json(),
         "verdict": report.verdict.name,
         "certificate": None if report.certificate is None else report.certificate.task_hash,

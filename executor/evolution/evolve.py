@@ -12,7 +12,7 @@ from bddl.visible import counted
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
 from executor.primitives.noise import QUIET, CommandNoise
-from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord, ignore
+from executor.records.rollout import FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import RECORD_HZ, Run, composed
@@ -238,8 +238,7 @@ class EvolutionLoop:
             early, before = self._visits[blamed].history.reopened(_hindsight(index, attempt))
             self._visits[blamed].history = before.add(_blamed(early, answer), answer)
         self._run.change(compose(with_flow(self._run.task, blamed, answer), scene=self._scene))
-        name, count = self._run.task.subtasks[blamed].name, len(self._visits)
-        self._run.listen(Event("revision", blamed, count, -1, name, self._run.simulated_s, answer.explanation))
+        self._run.tell_revision(blamed, self._starts[blamed], answer.explanation)
         return blamed
 
 

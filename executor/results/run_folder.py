@@ -4,7 +4,7 @@ proposal.json     what was proposed, in the paper's names
 exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
 conversation.json with a model: every round of questions, with what was wrong with each answer
 conversations.json  with a model that judges: every round of critiques and revisions
-certificate.json  the verdict's evidence, for `scene2demo recheck`
+certificate.json  the evidence for the verdict on task.json: `scene2demo recheck certificate.json --task task.json`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
@@ -34,9 +34,8 @@ from executor.results.episode import Episode
 from executor.results.evolution_files import evolution_json, write_pairs
 from executor.results.report.page import report_page
 from executor.results.robomimic import write_robomimic
-from executor.results.run_record import RunRecord, filled_task, rollout_json
+from executor.results.run_record import RunRecord, rollout_json
 from llm.errors import LlmError
-from oag import compose
 
 EXCHANGES = "exchanges.jsonl"
 FILES = (
@@ -165,18 +164,27 @@ class RunFolder:
         return tuple(name for name in FILES if (self.path / name).exists())
 
     def write_plan(self, record: RunRecord) -> None:
-        """Writes what is known before anything moves: proposal, certificate, scene."""
+        """Writes what is known of the plan: proposal, task, scene, and the certificate of that task."""
         if record.proposal is not None:
             write_json(self.path / "proposal.json", record.proposal)
         if record.report.certificate is not None:
             write_json(self.path / "certificate.json", record.report.certificate.to_json())
+        else:
+            (self.path / "certificate.json").unlink(missing_ok=True)
         write_json(self.path / "scene.json", record.graph.scene.to_json())
         write_json(self.path / "task.json", record.graph.task.to_json())
 
-    def write_rollout(self, rollout: Rollout) -> None:
-        """Writes what was executed, as JSON, and the task with its numbers filled in."""
-        write_json(self.path / "task.json", filled_task(rollout).to_json())
-        write_json(self.path / "rollout.json", rollout_json(rollout))
+    def write_rollout(self, record: RunRecord) -> RunRecord:
+        """Writes what was executed, with the plan that ran, and returns the record of that plan.
+
+        Args:
+            record: The run, of which something moved, with the plan that was asked for.
+        """
+        ran = record.as_ran()
+        self.write_plan(ran)
+        if ran.rollout is not None:
+            write_json(self.path / "rollout.json", rollout_json(ran.rollout))
+        return ran
 
     def write_evolution(self, record: RunRecord, evolution: Evolution) -> RunRecord:
         """Writes how an episode evolved, and returns its record: the plan that was run in the end, and what was drawn.
@@ -185,19 +193,10 @@ class RunFolder:
             record: The run as it was asked for, in the nominal scene.
             evolution: What became of it.
         """
-        # What the folder calls the plan, and certifies, is the one that was run in the end.
-        graph = compose(evolution.evolved, scene=record.graph.scene)
         drawn = draw_attempts(evolution, self.path)
-        done = replace(
-            record,
-            graph=graph,
-            report=graph.verify(),
-            rollout=evolution.rollout,
-            evolution=evolution,
-            attempts=drawn,
-        )
-        self.write_plan(done)
-        self.write_rollout(evolution.rollout)
+        done = replace(record, rollout=evolution.rollout, evolution=evolution, attempts=drawn)
+        # What the folder calls the plan, and certifies, is the one that was run in the end.
+        done = self.write_rollout(done)
         write_pairs(self.path / "pairs.jsonl", evolution, drawn.files)
         # Last, since an episode that has it counts as complete.
         write_json(self.path / "evolution.json", evolution_json(evolution) | {"stopped": record.stopped})

@@ -11,7 +11,7 @@ from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
 from executor.records.rollout import Failure, Rollout, SubtaskRecord
 from llm.answers.spending import Spending
-from oag import Action, ObjectActionGraph, Report, Task
+from oag import Action, ObjectActionGraph, Report, Task, compose
 from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
 from oag.task.sizes import Resizing, handled_sizes, resized, resizings
@@ -25,8 +25,8 @@ class RunRecord:
     """One run, however far it got.
 
     Attributes:
-        graph: The composed task.
-        report: What `verify` decided.
+        graph: The composed task: the plan that was asked for, and once something moved, the one that ran.
+        report: What `verify` decided of it.
         query: What was asked for; None when a task file was given.
         proposal: The proposal's JSON; None when a task file was given.
         notes: What the proposer took on trust, left out or scaled.
@@ -55,6 +55,13 @@ class RunRecord:
     attempts: AttemptPictures = field(default_factory=AttemptPictures)
     spending: Spending | None = None
     stopped: str = ""
+
+    def as_ran(self) -> RunRecord:
+        """Returns the record with the plan that ran, its numbers and insertions, and what `verify` says of it."""
+        if self.rollout is None:
+            return self
+        graph = compose(filled_task(self.rollout), scene=self.graph.scene)
+        return replace(self, graph=graph, report=graph.verify())
 
     @property
     def outcome(self) -> Outcome:
@@ -108,6 +115,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
     """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
     return {
         "task": rollout.task.name,
+        "detours": [asdict(detour) for detour in rollout.detours],
         "seed": rollout.seed,
         "succeeded": rollout.succeeded,
         "failure": _failure_json(rollout.failure),

@@ -86,7 +86,7 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         support_goal=None if step.end is None else step.end.object_id,
         init=init,
         goal=goal,
-        flow=step.flow(),
+        flow=step.flow(around.scene),
     )
 
 

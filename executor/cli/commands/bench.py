@@ -40,7 +40,6 @@ from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
-from oag import compose
 
 BASELINE_WORKER = "executor.baselines.worker"
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
@@ -215,11 +214,9 @@ def _replay(options: BenchReplayOptions) -> int:
         began = time.perf_counter()
         again = replay(recorded)
         wall = {"planning and physics": time.perf_counter() - began}
-        # What the folder calls the plan, and certifies, is the one that was run in the end.
-        graph = again.graph if again.story is None else compose(again.story.evolved, scene=again.pair.scene)
         record = RunRecord(
-            graph=graph,
-            report=graph.verify(),
+            graph=again.graph,
+            report=again.graph.verify(),
             query=again.pair.query,
             notes=(f"unit {recorded['name']}: {again.verdict}",),
             rollout=again.rollout,
@@ -233,8 +230,7 @@ def _replay(options: BenchReplayOptions) -> int:
                 size=None if options.size == BenchReplayOptions.size else options.size,
             ),
         )
-        folder.write_plan(record)
-        folder.write_rollout(again.rollout)
+        record = folder.write_rollout(record)
         if again.story is not None:
             write_json(folder.path / "evolution.json", evolution_json(again.story))
         record = studio.finish(record, folder)

@@ -131,10 +131,8 @@ def _executed(
         return record
     _say_plan(record, options)
     with studio_for(options) as studio:
-        record = _evolved(record, options, folder) if options.evolve else _moved(record, options)
-        if record.rollout is not None:
-            folder.write_rollout(record.rollout)
-            record = studio.finish(record, folder)
+        record = _evolved(record, options, folder) if options.evolve else folder.write_rollout(_moved(record, options))
+        record = studio.finish(record, folder)
     return record
 
 

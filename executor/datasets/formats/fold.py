@@ -316,7 +316,7 @@ def _about(
     """Returns what is said of a motion beside its rows."""
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
-    told = {name: meta.get(name) for name in same}
+    told = {name: meta.get(name) for name in same} | {"detours": meta.get("detours", [])}
     if "takeover" in meta:
         told["takeover"] = meta["takeover"]
     if not motion.failed:

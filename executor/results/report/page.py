@@ -7,6 +7,7 @@ from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
+from bddl.visible import counted
 from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import peaks_words, readable
@@ -16,9 +17,8 @@ from executor.results.report.graph_picture import graph_picture
 from executor.results.report.html import badge, bullets, card, document, facts, fold, soft, style, table, text, video
 from executor.results.report.plan import plan_section, verdict_badge
 from executor.results.report.steps import failure_section, steps_section
-from executor.results.run_record import RunRecord, filled_task
+from executor.results.run_record import RunRecord
 from llm.answers.spending import Spending
-from oag import compose
 
 _OUTCOMES = {
     "succeeded": ("succeeded in simulation", "good"),
@@ -54,9 +54,9 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
         body.append(soft(f"Overview, head and wrist cameras, {SPEED:g} times real time."))
     elif record.pictures and rollout is not None:
         body.append(f"<h2>Video</h2>{card(f'<p>No pictures: {text(record.pictures)}</p>')}")
-    graph = record.graph if rollout is None else compose(filled_task(rollout), scene=record.graph.scene)
-    body.append(f"<h2>The object-action graph</h2>{card(graph_picture(graph, rollout), kind='graph')}")
-    body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
+    body.append(f"<h2>The object-action graph</h2>{card(graph_picture(record.graph, rollout), kind='graph')}")
+    of_what = "What was proved before anything moved" if rollout is None else "What is proved of the plan that ran"
+    body.append(f"<h2>{of_what}</h2>{_detours(rollout)}{plan_section(record.report)}")
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
         body.append(f"<h2>The most that was asked of the robot</h2>{_asked(rollout)}")
@@ -68,12 +68,21 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
 
 def _header(record: RunRecord, heading: str) -> str:
     words, tone = _OUTCOMES[record.outcome]
-    notes = dict.fromkeys((*record.notes, *map(str, record.sizes)))
+    detours = () if record.rollout is None else record.rollout.detour_notes
+    notes = dict.fromkeys((*record.notes, *map(str, record.sizes), *detours))
     return (
         f"<header><h1>{text(heading)}</h1><p class='lead'>{text(record.graph.task.detail)}</p>"
         f"<div class='row'>{verdict_badge(record.report)}{badge(words, tone)}</div>"
         f"{bullets(notes) if notes else ''}{_figures(record)}</header>"
     )
+
+
+def _detours(rollout: Rollout | None) -> str:
+    if rollout is None or not rollout.detours:
+        return ""
+    asked = counted(len(rollout.asked_for.subtasks), "subtask")
+    words = f"The plan that was asked for has {asked}, and was proved before anything moved."
+    return f"{soft(words)}{bullets(rollout.detour_notes)}"
 
 
 def _figures(record: RunRecord) -> str:

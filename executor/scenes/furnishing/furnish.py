@@ -21,7 +21,7 @@ from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
 from executor.scenes.rooms.furniture import robot_has_room
 from executor.scenes.rooms.room import CLOSED
 from executor.scenes.rooms.tops import EDGE_M
-from executor.scenes.standing import door_states, is_upright, relations, things_of
+from executor.scenes.standing import door_states, fallen_of, is_upright, relations, things_of
 from oag import InputError, Kind, RobotPose, Scene, SceneError, SceneObject
 from oag.model.jsonfile import Document, Source, load
 from oag.model.scene import object_of, robot_of
@@ -337,7 +337,10 @@ class _Furnishing:
     def _derived(self, objects: Mapping[str, SceneObject], facts: tuple[bddl.Formula, ...]) -> tuple[bddl.Formula, ...]:
         """Returns what geometry says and no fact does."""
         stated = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
-        found: list[bddl.Formula] = [*relations(things_of(objects)), *door_states(objects.values())]
+        found: list[bddl.Formula] = [
+            *relations(things_of(objects), fallen_of(objects).values()),
+            *door_states(objects.values()),
+        ]
         return tuple(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
 
     def _with_floor(self, objects: dict[str, SceneObject], robot: RobotPose) -> dict[str, SceneObject]:
@@ -349,8 +352,8 @@ class _Furnishing:
         named = named or any(FLOOR in _words(fact) for fact in self._form.facts or ())
         floor = floor_of(objects, robot)
         if self._form.closed is None and not (listed or named):
-            around = things_of({**objects, FLOOR: floor})
-            named = any(atom.args[1] == FLOOR for atom in relations(around))
+            around, fallen = things_of({**objects, FLOOR: floor}), fallen_of(objects).values()
+            named = any(atom.args[1] == FLOOR for atom in relations(around, fallen))
         return {**objects, FLOOR: floor} if listed or named else objects
 
 

@@ -13,7 +13,12 @@ import pytest
 from executor.datasets.store import INDEX, META, EpisodeStore, NotADataset, pending
 from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording
 from executor.datasets.variation import Variation
+from executor.datasets.work import Made, Prepared, meta_of
 from executor.machine.files import content_key, json_text
+from executor.records.rollout import Detour
+from executor.results.run_record import opened
+from oag import Task, compose
+from tests.executor.recordings import invented_rollout
 
 FIRST = DemoUnit(Origin("T1"), 7)
 SERIES = DemoSeries(FIRST, 3)
@@ -197,3 +202,12 @@ def test_what_is_asked_for_again_is_there_once(folder: Path) -> None:
     store.add_requests([SERIES.to_json(), SERIES.to_json()])
     store.add_requests([SERIES.to_json(), *store.requests()])
     assert len(store.requests()) == 1
+
+
+def test_a_unit_certifies_the_plan_that_it_has_with_its_numbers_and_what_was_inserted() -> None:
+    done = replace(invented_rollout(), detours=(Detour(0, 1, "the door was shut"),))
+    asked = compose(opened(done.asked_for), scene=done.scene)
+    meta = meta_of(Made(Prepared("pick up the glass", asked), asked, done))
+    certificate = compose(Task.from_json(meta["task"], scene=done.scene)).verify().certificate
+    assert certificate is not None and meta["certificate"] == certificate.task_hash
+    assert meta["detours"] == [{"first": 0, "count": 1, "reason": "the door was shut"}]

@@ -227,3 +227,20 @@ def test_what_opens_by_a_drawer_is_described_so(category: str, model: str, front
     opened = oag.Scene.from_json({"name": "room", "objects": {"unit_0": thing}, "facts": ["(open unit_0)"]})
     (closing,) = llm.propose("close unit_0", opened).task.subtasks
     assert f"push the {front} shut" in closing.detail
+
+
+@pytest.mark.parametrize(
+    ("category", "backs_out"),
+    [("shelf", True), ("bookshelf", True), ("shoe_rack", True), ("table", False), ("cabinet", False), ("bed", False)],
+)
+def test_the_hand_backs_out_with_what_it_takes_off_a_board(category: str, backs_out: bool) -> None:
+    thing = {"category": category, "bbox_extent": [0.4, 0.9, 0.7], "position": [1.0, 0.0, 0.35]}
+    can = {"category": "can", "bbox_extent": [0.05, 0.05, 0.1], "position": [1.0, 0.0, 0.75]}
+    stand = f"{category}_0"
+    scene = oag.Scene.from_json(
+        {"name": "s", "objects": {stand: thing, "can_0": can}, "facts": [f"(ontop can_0 {stand})"], "closed": ["ontop"]}
+    )
+    (pick,) = llm.propose("pick up the can", scene).task.subtasks
+    assert pick.flow is not None
+    names = [action.primitive.name for action in pick.flow]
+    assert names[4:] == ["LIFT_EEF_UP", *(["RETREAT"] if backs_out else [])]
