@@ -80,12 +80,10 @@ def _array(rule: Mapping[str, Any], defs: Mapping[str, Any]) -> _Check:
     def check(value: Any) -> str | None:
         if type(value) not in (list, tuple) or not low <= len(value) <= high:
             return ""
-        index = 0
-        for part in value:
+        for index, part in enumerate(value):
             fault = (rest or first[index])(part)
             if fault is not None:
                 return f"[{index}]{fault}"
-            index += 1
         return None
 
     return check

@@ -13,7 +13,7 @@ import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, Severity
 from oag.model.facts import ANY, GRIPPER
 from oag.model.jsonfile import did_you_mean
 from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
@@ -33,7 +33,10 @@ _HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
 def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
-    """Returns everything that is wrong with a task's form, each cause once, in order of place."""
+    """Returns everything that is wrong with a task's form, each cause once, in order of place.
+
+    A warning says that the task is too much to be decided, and nothing else is.
+    """
     found = _Findings(task, scene)
     found.extend(task.issues)
     _check_scene(found)
@@ -108,6 +111,7 @@ class _Findings:
         hint: str | None = None,
         field: str | None = None,
         cause: tuple[str, ...] = (),
+        severity: Severity = "error",
     ) -> None:
         """Adds one finding; findings of an equal `cause`, a kind of mistake with what it is about, are one mistake."""
         key: object = cause or len(self._found)
@@ -116,7 +120,7 @@ class _Findings:
                 self._repeats.setdefault(key, []).append(place)
             return
         about = cause[1:]
-        self._found[key] = Diagnostic(code, "error", message, place, subtask, step, hint=hint, field=field, about=about)
+        self._found[key] = Diagnostic(code, severity, message, place, subtask, step, hint=hint, field=field, about=about)
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""
@@ -227,18 +231,19 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
 
 
 def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
-    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    """Warns of the condition with which a task says more than can be decided: nested quantifiers multiply."""
     within = found.instances <= MOST_INSTANCES
     found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
     if within and found.instances > MOST_INSTANCES:
         found.add(
             "bddl/too-many-instances",
             f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
-            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            f"the task's quantifiers say more than {MOST_INSTANCES} things: nothing of the plan was decided",
             place,
             index,
             field=field,
             hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+            severity="warning",
         )
 
 
