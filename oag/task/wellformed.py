@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
+from bddl.syntax.structure import affirmed as affirmed_in
 from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, Severity
@@ -120,7 +121,9 @@ class _Findings:
                 self._repeats.setdefault(key, []).append(place)
             return
         about = cause[1:]
-        self._found[key] = Diagnostic(code, severity, message, place, subtask, step, hint=hint, field=field, about=about)
+        self._found[key] = Diagnostic(
+            code, severity, message, place, subtask, step, hint=hint, field=field, about=about
+        )
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""
@@ -203,6 +206,7 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     if binders:
         _check_size(found, formula, index, place, field)
     bound = frozenset(binder.variable for binder in binders)
+    affirmed = frozenset(affirmed_in(formula))
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
         if spec is None:
@@ -216,7 +220,9 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
                     found.check_name(name, place, index, field)
-            _check_kind(found, atom, index, place, field)
+            # That something is not what it cannot be holds anyway; who names the robot means the gripper.
+            if atom in affirmed or ROBOT in atom.args:
+                _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
         found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
