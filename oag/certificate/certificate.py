@@ -154,10 +154,10 @@ def _proof(trace: Trace) -> _Shown:
     first = trace.assumptions[0] if trace.assumptions else None
     if miss is None and first is not None and first.condition is not None:
         miss = ((unknown_since(trace, first), first.condition.fact, not made_true(first.condition)),)
-    said = _said((a.time, a.condition.fact, made_true(a.condition)) for a in trace.assumptions if a.condition)
+    written = _written((a.time, a.condition.fact, made_true(a.condition)) for a in trace.assumptions if a.condition)
     return _Shown(
         [_unknown(trace, assumption) for assumption in trace.assumptions],
-        [_link(obligation, link, said) for obligation in trace.obligations for link in obligation.links],
+        [_link(obligation, link, written) for obligation in trace.obligations for link in obligation.links],
         [
             {"consumer": list(o[:3]), "tree": [None if fact is None else list(fact) for fact in o.cases]}
             for o in trace.obligations
@@ -176,7 +176,7 @@ def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
             assumed[assumption.time, assumption.condition.fact, value] = _unknown(trace, assumption)
     shown = refutation(plan, assumed)
     # What only a choice made known is not known to a checker, who takes up what is forced.
-    known = _said(shown.forced)
+    known = _written(shown.forced)
     failed = trace.obligations[number]
     links = [
         _link(failed, link, known)
@@ -190,15 +190,15 @@ def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
     return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
 
 
-def _said(assumed: Iterable[tuple[int, Fact, Value]]) -> set[tuple[Fact, int]]:
-    """Returns what is written by (time, fact, value) that are assumed: those facts and what they exclude, and when."""
+def _written(assumed: Iterable[tuple[int, Fact, Value]]) -> set[tuple[Fact, int]]:
+    """Return what (time, fact, value) write that are assumed: those facts and what they exclude, and when."""
     return {(stated, time) for time, fact, value in assumed for stated, _ in with_consequences(fact, value)}
 
 
-def _link(obligation: Obligation, link: CausalLink, said: Container[tuple[Fact, int]]) -> list[object]:
+def _link(obligation: Obligation, link: CausalLink, written: Container[tuple[Fact, int]]) -> list[object]:
     (fact, value, positive), producer, _ = link
-    # All of a boundary comes after what is assumed there, which writes anew what a step may have written before.
-    last = obligation.time if (fact, obligation.time) in said else producer
+    # All of a boundary comes after what is assumed there, which writes again what a step may have written before.
+    last = obligation.time if (fact, obligation.time) in written else producer
     return [*obligation[:3], list(fact), value, positive, last]
 
 

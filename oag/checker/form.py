@@ -29,7 +29,7 @@ _Check = Callable[[Any], str | None]
 
 @cache
 def form_check() -> _Check:
-    """Returns what finds the first place at which a certificate has not the documented form; None when it has it."""
+    """Return what finds the first place at which a certificate has not the documented form; None when it has it."""
     schema = json.loads(_SCHEMA.read_text(encoding="utf-8"))
     return _check(schema, schema["$defs"])
 

@@ -210,7 +210,7 @@ _LINKS = frozenset((str, int, int, list, value, bool, int) for value in (bool, s
 
 
 def is_link(link: Any) -> bool:
-    """Returns whether something has the form of a link."""
+    """Return whether something has the form of a link."""
     return type(link) is list and tuple(map(type, link)) in _LINKS and set(map(type, link[3])) == {str} and all(link[3])
 
 

@@ -215,7 +215,7 @@ class LinkedPlan:
                 del self.unneeded[assumption]
 
     def _without(self, read: Reader, assumption: _Write, said: tuple[Fact, ...]) -> Reader:
-        """Returns a reader to whom what an assumption says is what it was before."""
+        """Return a reader to whom what an assumption says is what it was before."""
         run, time = self.run, assumption[1]
         return with_values(read, {fact: run.before[fact, time] for fact in said if run.last(fact)[0] == time})
 

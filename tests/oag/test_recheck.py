@@ -172,6 +172,33 @@ def test_what_is_needed_twice_is_assumed_once() -> None:
     assert oag.recheck(report.certificate)
 
 
+def test_an_assumption_is_not_needed_for_what_a_step_wrote() -> None:
+    """What is carried is in nothing, so that the cup in the bowl need not be assumed to have nothing in it."""
+    objects = {
+        "table_0": {"category": "table", "bbox_extent": [1.0, 1.0, 0.7]},
+        **{name: {"category": "cup", "bbox_extent": [0.05, 0.05, 0.1]} for name in ("cup_0", "cup_1")},
+    }
+    scene = oag.Scene.from_json({"objects": objects, "facts": ["(ontop cup_1 table_0)"]})
+    pick = {**PICK, "target": "cup_1", "init": "(ontop cup_1 table_0)", "goal": "(not (ontop cup_1 table_0))"}
+
+    def certificate_for(goal: str) -> dict[str, Any]:
+        made = oag.compose(oag.Task.from_json({"goal": goal, "sub_tasks": [pick]}, scene=scene)).verify().certificate
+        assert made is not None and oag.recheck(made), oag.recheck(made)
+        data: dict[str, Any] = json.loads(json.dumps(made.to_json()))
+        return data
+
+    # Honest: it is asked for, beside what excludes it, which the lift has written.
+    asked = certificate_for("(and (not (inside cup_1 cup_0)) (inside cup_0 cup_1))")
+    assert [entry["text"] for entry in asked["assumptions"] if entry["kind"] == "assumed"] == ["inside(cup_0, cup_1)"]
+    forged = certificate_for("(and (not (inside cup_1 cup_0)) (hot cup_0))")
+    assert forged["verdict"] == "CONDITIONAL"
+    (link,) = [link for link in forged["links"] if link[3] == ["inside", "cup_1", "cup_0"]]
+    (hot,) = [entry for entry in forged["assumptions"] if entry["kind"] == "assumed"]
+    forged["assumptions"].append({**hot, "fact": ["inside", "cup_0", "cup_1"], "text": "inside(cup_0, cup_1)"})
+    link[-1] = hot["time"]
+    assert "nothing needs it" in oag.recheck(forged).reason
+
+
 def test_certificates_of_another_version_are_refused_by_name() -> None:
     data = certificate()
     data["schema"] = "scene2demo-certificate/1"
