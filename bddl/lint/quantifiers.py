@@ -199,13 +199,13 @@ def find_empty_ranges(formula: Formula, objects: Mapping[str, str], reporter: Re
 
 
 def ranges_over_wildcard(formula: Formula, objects: Mapping[str, str]) -> bool:
-    """Decides whether some quantifier of a formula ranges over a wildcard."""
+    """Decide whether some quantifier of a formula ranges over a wildcard."""
     members = Members(objects)
     return any(_wildcard_of(bound, members) for bound in _variables(formula))
 
 
 def find_counted_wildcards(formula: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
-    """Reports quantifiers over wildcards, which are counted as one object, however many the scene has.
+    """Report quantifiers over wildcards, which are counted as one object, however many the scene has.
 
     Where `forall` or `exists` range over other objects too, that is a note, and one for each category.
     """
@@ -232,7 +232,7 @@ def find_counted_wildcards(formula: Formula, objects: Mapping[str, str], reporte
 
 
 def _asked(bound: Bound, members: Members) -> str:
-    """Returns what the number of a category's objects changes about a quantifier that counts them."""
+    """Return what the number of a category's objects changes about a quantifier that counts them."""
     node, counts = bound.quantifier, [len(members.of(binder)) for binder in bound.quantifier.binders]
     own, other = counts[bound.position], counts[bound.position - 1]
     if not isinstance(node, ForPairs):
@@ -245,14 +245,14 @@ def _asked(bound: Bound, members: Members) -> str:
 
 
 def _variables(formula: Formula) -> Iterator[Bound]:
-    """Yields every variable that a quantifier of a formula binds."""
+    """Yield every variable that a quantifier of a formula binds."""
     for node in formula.walk():
         if isinstance(node, Quantified):
             yield from (Bound(node, position) for position in range(len(node.binders)))
 
 
 def _wildcard_of(bound: Bound, members: Members) -> str:
-    """Returns the wildcard that a variable ranges over, or ""."""
+    """Return the wildcard that a variable ranges over, or ""."""
     return next((name for name in members.of(bound.binder) if name.endswith(WILDCARD)), "")
 
 

@@ -218,7 +218,7 @@ def find_contradictions(problem: Problem, reporter: Reporter) -> None:
 
 
 def _check_futures(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Reports what cannot be meant of objects that do not exist at the start, and of those that do.
+    """Report what cannot be meant of objects that do not exist at the start, and of those that do.
 
     The goal has to ask that the former come into being, :init can say nothing of them, and of the latter it is idle to
     ask that.
@@ -253,12 +253,12 @@ def _check_futures(problem: Problem, profile: Profile, reporter: Reporter) -> No
         )
 
 
-# What can be said of an object that does not exist yet.
+# What may hold of an object that does not exist yet.
 _OF_FUTURES = frozenset({"future", "insource"})
 
 
 def _report_described(problem: Problem, futures: Mapping[str, Span | None], reporter: Reporter) -> None:
-    """Reports literals of :init that say where, or how, an object is that does not exist."""
+    """Report literals of :init that say where, or how, an object is that does not exist."""
     for literal, span in init_literals(problem):
         name = next((name for name in literal.atom.args if name in futures), "")
         if name and literal.value and literal.atom.predicate not in _OF_FUTURES and span is not None:
@@ -272,7 +272,7 @@ def _report_described(problem: Problem, futures: Mapping[str, Span | None], repo
 
 
 def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str], reporter: Reporter) -> None:
-    """Warns of `real` about objects all of which exist from the start."""
+    """Warn of `real` about objects all of which exist from the start."""
     for atom in affirmed(problem.goal):
         name = atom.args[0] if atom.predicate == "real" and atom.args else ""
         category = ranges.get(name)
@@ -290,7 +290,7 @@ def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str],
 
 
 def _check_wildcards(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Reports wildcards that are not the last of their category, or of which more or less than the room is said."""
+    """Report wildcards that are not the last of their category, or of which more or less than the room is said."""
     if not any(item.name.endswith(WILDCARD) for item in problem.objects):
         return
     for item, following in pairwise(problem.objects):

@@ -53,7 +53,7 @@ def atoms(formula: Formula) -> frozenset[Atom]:
 
 
 def affirmed(formula: Formula) -> Iterator[Atom]:
-    """Yields the atoms that are not negated: those under an even number of negations."""
+    """Yield the atoms that are not negated: those under an even number of negations."""
     pending: list[tuple[Formula, bool]] = [(formula, True)]
     while pending:
         node, value = pending.pop()

@@ -352,7 +352,7 @@ def _check_parts(word: str, parts: object) -> None:
 
 
 def formula_text(formula: FormulaNode, marked: bool | None = None) -> str:
-    """Returns the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`.
+    """Return the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`.
 
     Args:
         formula: Any formula, of any depth.
@@ -390,7 +390,7 @@ def formula_text(formula: FormulaNode, marked: bool | None = None) -> str:
 
 
 def _marks(atom: Atom, marked: bool | None) -> Sequence[bool]:
-    """Returns which arguments of an atom are marked with `?` although nothing binds them."""
+    """Return which arguments of an atom are marked with `?` although nothing binds them."""
     if marked is False or not atom.word_spans:
         return (marked is True,) * len(atom.args)
     # A word that is longer than its name was written with its mark.

@@ -111,7 +111,8 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
 def _open(world: World, object_id: str) -> Detection:
     asset = world.assets.get(object_id)
     if asset is None or not asset.joints:
-        return Detection(None, AtomMeasured(reason=f"{object_id} has no joint"))
+        # An object without a joint is not open; of what is no object nothing is known.
+        return Detection(None if asset is None else False, AtomMeasured(reason=f"{object_id} has no joint"))
     fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.joints}
     widest = max(fractions, key=lambda name: fractions[name])
     position, turns = world.joint_position(object_id, widest), asset.joint(widest).kind == "revolute"

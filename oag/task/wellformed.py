@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
+from bddl.syntax.structure import affirmed as affirmed_in
 from bddl.syntax.tree import Quantified
 from oag.model.actions import Action
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, Severity
 from oag.model.facts import ANY, GRIPPER
 from oag.model.jsonfile import did_you_mean
 from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
@@ -34,7 +35,10 @@ _HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
 def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
-    """Returns everything that is wrong with a task's form, each cause once, in order of place."""
+    """Returns everything that is wrong with a task's form, each cause once, in order of place.
+
+    A warning says that the task is too much to be decided, and nothing else is.
+    """
     found = _Findings(task, scene)
     found.extend(task.issues)
     _check_scene(found)
@@ -109,6 +113,7 @@ class _Findings:
         hint: str | None = None,
         field: str | None = None,
         cause: tuple[str, ...] = (),
+        severity: Severity = "error",
     ) -> None:
         """Adds one finding; findings of an equal `cause`, a kind of mistake with what it is about, are one mistake."""
         key: object = cause or len(self._found)
@@ -117,7 +122,9 @@ class _Findings:
                 self._repeats.setdefault(key, []).append(place)
             return
         about = cause[1:]
-        self._found[key] = Diagnostic(code, "error", message, place, subtask, step, hint=hint, field=field, about=about)
+        self._found[key] = Diagnostic(
+            code, severity, message, place, subtask, step, hint=hint, field=field, about=about
+        )
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""
@@ -200,6 +207,7 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     if binders:
         _check_size(found, formula, index, place, field)
     bound = frozenset(binder.variable for binder in binders)
+    affirmed = frozenset(affirmed_in(formula))
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
         if spec is None:
@@ -213,7 +221,9 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
                     found.check_name(name, place, index, field)
-            _check_kind(found, atom, index, place, field)
+            # That something is not what it cannot be holds anyway; who names the robot means the gripper.
+            if atom in affirmed or ROBOT in atom.args:
+                _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
         found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
@@ -228,18 +238,19 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
 
 
 def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
-    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    """Warns of the condition with which a task says more than can be decided: nested quantifiers multiply."""
     within = found.instances <= MOST_INSTANCES
     found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
     if within and found.instances > MOST_INSTANCES:
         found.add(
             "bddl/too-many-instances",
             f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
-            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            f"the task's quantifiers say more than {MOST_INSTANCES} things: nothing of the plan was decided",
             place,
             index,
             field=field,
             hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+            severity="warning",
         )
 
 

@@ -215,13 +215,19 @@ def test_what_cannot_be_told_is_none_with_a_reason(make_world: MakeWorld) -> Non
     for atom in (
         Atom("inroom", ("glass_0", "kitchen")),
         Atom("cooked", ("glass_0",)),
-        Atom("open", ("table_0",)),
+        Atom("open", ("robot",)),
         Atom("ontop", ("robot", "floor")),
         Atom("inside", ("robot", "refrigerator_0")),
         Atom("nextto", ("robot", "glass_0")),
     ):
         reading = read(atom, world)
         assert reading.value is None and reading.measurements.reason
+
+
+def test_what_has_no_joint_is_not_open(make_world: MakeWorld) -> None:
+    """A proved plan may say so: `(not (open table_0))` holds by what kind of thing a table is."""
+    reading = read(Atom("open", ("table_0",)), make_world("kitchen_t1"))
+    assert reading.value is False and reading.measurements.reason == "table_0 has no joint"
 
 
 def in_rooms(scene: Scene) -> Scene:
