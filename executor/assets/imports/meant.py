@@ -1,7 +1,7 @@
 """Finds joints that cannot be meant: hardly any range, a knob, a door that opens into the body, a follower.
 
 Whoever opens things takes every joint for a door or a drawer. What is none is made fast; what opens into the body opens
-the other way, where that is free. Either is told.
+the other way, where that is free. A note names either.
 """
 
 from __future__ import annotations

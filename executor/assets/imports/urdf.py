@@ -184,7 +184,7 @@ class _Reader:
                     self._notes.append(f"joint {joint.name} turns without end; it was made fast")
                 elif joint.type in _MOVES:
                     self._notes.append(f"warning: joint {joint.name} has no range; it was made fast")
-                elif self._looks_like_front(joint.child):
+                elif carrier == self._root and self._looks_like_front(joint.child):
                     said = f"joint {joint.name} is fixed, and {joint.child} looks like a door or a drawer"
                     self._notes.append(f"warning: {said}: it will not open")
                 waiting.append((joint.child, joint.child if moves else carrier, T_joint))
@@ -209,7 +209,7 @@ class _Reader:
         return joint.type in _MOVES and not fast
 
     def _looks_like_front(self, name: str) -> bool:
-        """Whether a link is called a door or a drawer, or has a handle beside other parts."""
+        """Whether a link is called a door or a drawer, or has a handle and other parts."""
         link = self._links[name]
         handles = [_is_handle_name(element.name) for element in (*link.visuals, *link.collisions)]
         called = _FRONT.search(name.replace("_", " ")) is not None and not _is_handle_name(name)

@@ -1,4 +1,4 @@
-"""Joints that cannot be meant are told: hardly any range, into the body, sideways, followers, knobs, fixed fronts."""
+"""Joints that cannot be meant are named: hardly any range, into the body, sideways, followers, knobs, fixed fronts."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def warned(stored: StoredAsset) -> list[str]:
     return [note.removeprefix("warning: ") for note in stored.notes if note.startswith("warning: ")]
 
 
-def test_a_door_that_is_right_is_told_nothing(tmp_path: Path) -> None:
+def test_a_door_that_is_right_has_no_warning(tmp_path: Path) -> None:
     stored = imported(tmp_path, *door())
     assert warned(stored) == [] and len(stored.asset.handles) == 1
     assert [region.kind for region in stored.asset.regions] == ["interior", "surface"]
@@ -68,7 +68,7 @@ def test_a_joint_that_hardly_moves_is_made_fast(
     assert warned(stored) == [said] and stored.asset.joints == ()
 
 
-def test_what_opens_a_little_is_told(tmp_path: Path) -> None:
+def test_what_opens_a_little_is_a_warning(tmp_path: Path) -> None:
     stored = imported(tmp_path, *door(limits=(0.0, 0.6)))
     assert warned(stored) == ["joint door_joint opens by 34 degrees only"] and len(stored.asset.joints) == 1
 
@@ -77,7 +77,7 @@ def test_what_opens_a_little_is_told(tmp_path: Path) -> None:
     ("axis", "limits"),
     [("0 0 -1", (0.0, 1.6)), ("0 0 1", (-1.6, 0.0)), ("0 0 -3", (0.0, 1.6)), ("0 0 -1", (-0.1, 1.6))],
 )
-def test_a_door_into_its_own_body_opens_outwards_and_is_told(
+def test_a_door_into_its_own_body_opens_outwards_with_a_warning(
     axis: str, limits: tuple[float, float], tmp_path: Path
 ) -> None:
     stored = imported(tmp_path, *door(axis=axis, limits=limits))
@@ -182,7 +182,7 @@ def test_knobs_on_the_body_are_no_doors(tmp_path: Path) -> None:
     assert not any("its front faces" in note for note in stored.notes)
 
 
-def test_a_front_that_is_fixed_is_told(tmp_path: Path) -> None:
+def test_a_front_that_is_fixed_is_a_warning(tmp_path: Path) -> None:
     fixed = joint("fixed", "drawer_2", "0 0 1").replace('<limit lower="0.0" upper="1.5"/>', "")
     drawer = boxes("drawer_2", [((-0.27, -0.3, -0.4), (-0.25, 0.3, 0.0))])
     stored = imported(tmp_path, drawer, fixed)
@@ -191,7 +191,7 @@ def test_a_front_that_is_fixed_is_told(tmp_path: Path) -> None:
     ]
 
 
-def test_a_door_heavier_than_its_body_is_told(tmp_path: Path) -> None:
+def test_a_door_heavier_than_its_body_is_a_warning(tmp_path: Path) -> None:
     heavy, hinge = door()
     mass = '<inertial><mass value="{}"/></inertial></link>'
     body = boxes("body", SHELL).replace("</link>", mass.format(5))
