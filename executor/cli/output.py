@@ -52,7 +52,7 @@ def tell_notes(notes: Iterable[str]) -> None:
 
 
 def tell_warnings(warnings: Iterable[object]) -> None:
-    """Prints what will not go as it is written, a line each, beside the result."""
+    """Prints what will not go as it is written, a line each, on standard error."""
     for warning in warnings:
         tell(f"warning: {warning}", style="yellow")
 

@@ -94,12 +94,12 @@ class Checkpoint:
             start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
             control = Controller(world, start, float(world.robot.get_qlimits()[-1, 1]), lambda: None)
             control.settle(START_SETTLE_S)
-            start = cls.of(world, control)
+            begins = cls.of(world, control)
             if not faults:
                 # The checkpoint is packed: what happens from here on decides, and leaves no trace in the states.
                 settle_to_rest(control, LOOK_EVERY_S)
                 _require_unmoved(scene, world)
-            return start
+            return begins
 
     def to_bytes(self) -> bytes:
         """Returns the checkpoint as UTF-8 JSON."""

@@ -197,7 +197,8 @@ def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int,
         if used & _OF_DOORS:
             handles = _handle_poses(obj, asset, closing=Primitive.ARTICULATE_CLOSE in used)
             best = search.best(handles) if handles else None
-            yield PartReach(subtask.name, f"a handle of {obj.id}", best, "does not exist" if best is None else "")
+            why_none = "moves too little to open anything" if asset.handles else "does not exist"
+            yield PartReach(subtask.name, f"a handle of {obj.id}", best, why_none if best is None else "")
             continue
         if Primitive.GRASP in used:
             by_pitch: dict[float, list[HandGoal]] = {}
@@ -229,7 +230,8 @@ def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int,
 
 def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[HandGoal]:
     fraction = CLOSING_FRACTION if closing else None
-    return [goal for bar in asset.handles for goal in handle_goals(bar, link_frame(obj, bar.link, fraction))]
+    bars = [bar for bar in asset.handles if asset.joint(bar.joint).opens]
+    return [goal for bar in bars for goal in handle_goals(bar, link_frame(obj, bar.link, fraction))]
 
 
 def _put_poses(obj: SceneObject, region: Region, item: Asset) -> list[HandGoal]:

@@ -42,7 +42,7 @@ def scene_for(
         query: The sentence.
         name_or_path: As for `load_scene`.
         full_size: Whether the robot is of full size, whatever the scene has.
-        listen: Told what differs in the scene from what its file says, in sentences.
+        listen: Receives what differs in the scene from what its file has, in sentences.
 
     Raises:
         SceneNotFound, SceneError: As for `load_scene`.

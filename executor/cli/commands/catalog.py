@@ -149,7 +149,7 @@ def _check_scene(options: ScenesOptions, name: str) -> int:
 
 
 def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[str, ...], tuple[Flaw, ...]]:
-    """Returns a scene as far as there is one, and what is to be told of it.
+    """Returns a scene as far as there is one, and what has to be known of it.
 
     That is what is wrong in its file, what was read otherwise than it is written, and what is wrong with the scene.
     """

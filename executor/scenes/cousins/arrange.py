@@ -27,8 +27,8 @@ MOST_MOVED_M = 0.30
 STANDS_M = 0.10
 """By position, what is no farther than this from a top stands on it."""
 
-TOLD_M = 0.03
-"""Reconstructed heights are off by centimetres; what is moved up or down by more is told."""
+NOTED_M = 0.03
+"""Reconstructed heights are off by centimetres; a note names what is moved up or down by more."""
 
 _RING_M, _DIRECTIONS = 0.02, 16
 _TOUCH_M = 5e-4
@@ -147,7 +147,7 @@ class Arrangement:
             self.relations.append(("inside" if spot.is_hollow else "ontop", obj.id, spot.support))
             if shifted_m > _RING_M:
                 self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {spot.support}")
-        if abs(raised_m) > TOLD_M:
+        if abs(raised_m) > NOTED_M:
             how = "lifted" if raised_m > 0.0 else "let down"
             self.notes.append(f"{obj.id} was {how} by {100 * abs(raised_m):.0f} cm onto {spot.name}")
 

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def furnished(source: Source) -> Furnished:
 
 def _stretched(document: Document) -> Iterator[str]:
     """Yields which quaternions of a well-formed file are not of length one, by more than rounding."""
-    for key, entry in document.data["objects"].items():
+    data: Any = document.data
+    for key, entry in data["objects"].items():
         length = math.sqrt(sum(part * part for part in entry.get("orientation") or ()))
         if length and abs(length - 1.0) > _ROUNDED:
             said = f"is a quaternion of length {length:.3g}, expected 1; it was divided by its length"

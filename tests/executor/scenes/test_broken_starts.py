@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 
 from executor.cli import main
+from executor.datasets.plan import series_of
 from executor.rollouts.checkpoint import Checkpoint, StartUnstable
 from executor.scenes.reading import load_scene
+from oag import SceneError
 
 Entry = dict[str, Any]
 TABLE: Entry = {"category": "table", "position": [1.2, 0.0, 0.35], "bbox_extent": [0.8, 0.7, 0.70]}
@@ -159,12 +161,18 @@ def test_a_quaternion_that_is_not_of_length_one_is_a_warning(
     assert (errors, warnings) == ([], [said] if length else [])
 
 
-def test_commands_tell_warnings_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_print_warnings_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lying = can(1.2, 0.2, 0.68, orientation=about("x", 90))
     scene = written(tmp_path, {"table_0": TABLE, "can_0": can(1.0, 0.0, orientation=[2, 0, 0, 0]), "can_1": lying})
     assert main.run(["plan", "pick up can_0", "--scene", str(scene)]) in (0, 1)
     told = " ".join(capsys.readouterr().err.split())
     assert "warning: can_1 lies on its side" in told and "orientation: is a quaternion of length 2" in told
+
+
+def test_no_data_set_is_planned_in_a_scene_that_cannot_be(tmp_path: Path) -> None:
+    scene = written(tmp_path, {"table_0": TABLE, "can_0": can(0.78, 0.1)})
+    with pytest.raises(SceneError, match="can_0 stands with its middle beyond the edge of table_0"):
+        series_of({"sources": [{"query": "pick up the can", "scene": str(scene)}]})
 
 
 @pytest.mark.physics

@@ -1,4 +1,4 @@
-"""Reconstructions with faults: what floats, sinks or leans is brought to what is below it and told, or refused."""
+"""Reconstructions with faults: what floats, sinks or leans is brought to what is below it with a note, or refused."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_scene_graph_is_believed_where_things_are_near_what_it_says(tmp_path: 
     assert far.notes == (said, "mug_0 was let down by 12 cm onto table_0")
 
 
-def test_a_scene_graph_that_names_what_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_scene_graph_that_names_what_is_not_there_is_noted(tmp_path: Path) -> None:
     beneath = {"table_0": "floor", "mug_0": "shelf_7", "lamp_3": "table_0", "can_0": "can_0"}
     can = thing("can", (0.06, 0.06, 0.11), (0.3, 1.6, TOP_M + 0.055))
     found = from_cousins(write(tmp_path, {"table_0": TABLE, "mug_0": mug(TOP_M), "can_0": can}, beneath))
@@ -111,7 +111,7 @@ def test_a_scene_graph_that_names_what_is_not_there_is_told(tmp_path: Path) -> N
     )
 
 
-def test_ids_are_made_legal_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ids_are_made_legal_with_a_note(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path, {"my table": TABLE, "mug": mug(TOP_M)})
     said = "'my table' is called my_table here: ids have letters, digits, '_', '.' and '-'"
     assert from_cousins(path).notes == (said,)
@@ -127,7 +127,7 @@ def test_an_id_that_no_scene_can_have_is_refused(key: str, tmp_path: Path) -> No
         from_cousins(write(tmp_path, {"table_0": TABLE, key: mug(TOP_M)}))
 
 
-def test_a_lean_of_everything_is_told_once(tmp_path: Path) -> None:
+def test_a_lean_of_everything_is_one_note(tmp_path: Path) -> None:
     objects = {
         "table_0": thing("breakfast_table", (0.8, 0.7, 0.72), (0.4, 1.5, 0.36), (0.0, 0.14, 0.0)),
         "mug_0": thing("mug", (0.11, 0.08, 0.09), (0.5, 1.4, TOP_M + 0.045), (0.0, 0.14, 0.0)),
