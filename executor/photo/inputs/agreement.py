@@ -236,18 +236,17 @@ def _inverse_depth(z_m: Array) -> Array:
 def _depth_steps(inverse: Array) -> Array:
     """(h, w) how much depth bends or jumps in each cell, 0 where that is not known."""
     found = np.zeros(inverse.shape)
-    inner = (np.s_[:, _STEP:-_STEP], np.s_[_STEP:-_STEP])
-    for window, (near, mid, far) in zip(inner, _triples(inverse, _STEP), strict=True):
-        found[window] = np.maximum(found[window], np.nan_to_num(np.abs(far - 2.0 * mid + near) / mid))
+    for (_, here, _), (near, mid, far) in zip(_triples(found, _STEP), _triples(inverse, _STEP), strict=True):
+        here[:] = np.maximum(here, np.nan_to_num(np.abs(far - 2.0 * mid + near) / mid))
     return np.minimum(found, _MOST_BENT)
 
 
 def _picture_steps(rgb: NDArray[np.uint8]) -> Array:
     """(h, w) how much the picture differs across each cell, in its most different colour."""
-    light, inner = _cells(rgb / 255.0).mean(axis=2), (np.s_[:, 1:-1], np.s_[1:-1])
+    light = _cells(rgb / 255.0).mean(axis=2)
     found = np.zeros(light.shape[:2])
-    for window, (near, _, far) in zip(inner, _triples(light, 1), strict=True):
-        found[window] = np.maximum(found[window], np.abs(far - near).max(axis=2))
+    for (_, here, _), (near, _, far) in zip(_triples(found, 1), _triples(light, 1), strict=True):
+        here[:] = np.maximum(here, np.abs(far - near).max(axis=2))
     return np.minimum(found, _MOST_LIGHT)
 
 
