@@ -1,4 +1,4 @@
-"""Whether what is given beside a picture is of that picture: its depth, pixel by pixel, and its boxes.
+"""Whether what is given with a picture is of that picture: its depth, pixel by pixel, and its boxes.
 
 Borders of things are edges of the picture and of its depth, and boxes end at them. What lies on its side, is of another
 camera or was drawn on a smaller picture has them elsewhere; a right input has them where they are, by far.
@@ -30,7 +30,7 @@ _FINE, _COARSE = 1.0, 8.0  # Cells: edges are as wide as the first, and what goe
 _NEAR = 1  # Cells by which edges may be off.
 _FOUND, _FOUND_ANYWHERE, _AHEAD = 5.0, 7.0, 3.0
 """Standard deviations of chance: from so many on edges lie on each other, turned or scaled, or also moved anywhere; and
-how far ahead of the depth as it is. On 16 pictures, ten of them real, right depths have 7 to 16, turned ones below 5."""
+how far ahead of the depth as it is. On 16 pictures, ten of them real, right depths have 7 to 16, others less than 5."""
 
 _NOTHING = 4.0
 _SCALES = tuple(float(scale) for scale in np.geomspace(0.5, 2.0, 29))
@@ -59,7 +59,7 @@ _ALONG = 40  # Places along each side of a box.
 
 
 def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple[str, ...]:
-    """Return what speaks against a measured depth being that of a picture, in sentences, without telling for sure.
+    """Return what speaks against a measured depth being that of a picture, in sentences, where that is not certain.
 
     Args:
         picture, depth, camera: What is given; the depth has the picture's size.
@@ -69,17 +69,19 @@ def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple
     """
     inverse = _inverse_depth(depth.z_m)
     _require_depths(depth, camera, inverse)
-    seen, measured = _edges(_picture_steps(picture.rgb)), _depth_steps(inverse)
-    if not seen.any() or not measured.any():
+    colours, measured = _edges(_picture_steps(picture.rgb)), _depth_steps(inverse)
+    if not colours.any() or not measured.any():
         return ()
-    as_is = _agreement(seen, _edges(measured))
-    turned = {name: _agreement(seen, _edges(_shaped(turn(measured), measured.shape))) for name, turn in _TURNS.items()}
+    as_is = _agreement(colours, _edges(measured))
+    turned = {
+        name: _agreement(colours, _edges(_shaped(turn(measured), measured.shape))) for name, turn in _TURNS.items()
+    }
     name = max(turned, key=lambda one: turned[one].here)
     if turned[name].here > max(_FOUND, as_is.here + _AHEAD):
         problem = f"lies otherwise than the picture: its edges are the picture's when it is {name}"
-        hint = f"give it {name}, as the picture is when it is shown upright as its EXIF says"
+        hint = f"give it {name}, as the picture is when its EXIF has turned it upright"
         raise PhotoRefused("depth", depth.source, problem, hint)
-    scaled = {scale: _agreement(seen, _edges(_scaled(measured, scale))) for scale in _SCALES}
+    scaled = {scale: _agreement(colours, _edges(_scaled(measured, scale))) for scale in _SCALES}
     found = [
         (one.here if near else one.anywhere, scale, (0.0, 0.0) if near else one.shift)
         for scale, one in scaled.items()
@@ -123,7 +125,7 @@ def box_doubts(path: Path, boxes: Sequence[Box], picture: Photograph) -> tuple[s
     found = {by: _on_edges(edges, boxes, picture.size_px, by) for by in sorted(drawn)}
     best = max(found, key=lambda by: found[by])
     hint = (
-        'give the size of what they were drawn on: "size_px": [WIDTH, HEIGHT] beside "things" '
+        'give the size of what they were drawn on: "size_px": [WIDTH, HEIGHT] next to "things" '
         f"(1000, 1000 for thousandths; {width}, {height} for this picture), or that of the image in COCO and LabelMe"
     )
     if len(boxes) >= _LEAST_BOXES and found[best] > as_is + _BETTER:
@@ -175,12 +177,12 @@ class _Agreement:
     shift: tuple[float, float]
 
 
-def _agreement(seen: Array, other: Array) -> _Agreement:
-    together = np.fft.irfft2(np.fft.rfft2(seen) * np.conj(np.fft.rfft2(other)), seen.shape)
+def _agreement(colours: Array, other: Array) -> _Agreement:
+    together = np.fft.irfft2(np.fft.rfft2(colours) * np.conj(np.fft.rfft2(other)), colours.shape)
     together /= max(float(together.std()), 1e-9)
     near = (np.arange(-_NEAR, _NEAR + 1)[:, None], np.arange(-_NEAR, _NEAR + 1))
     row, column = np.unravel_index(int(together.argmax()), together.shape)
-    height, width = seen.shape
+    height, width = colours.shape
     shift = (
         ((int(column) + width // 2) % width - width // 2) / width,
         ((int(row) + height // 2) % height - height // 2) / height,
@@ -234,18 +236,17 @@ def _inverse_depth(z_m: Array) -> Array:
 def _depth_steps(inverse: Array) -> Array:
     """(h, w) how much depth bends or jumps in each cell, 0 where that is not known."""
     found = np.zeros(inverse.shape)
-    inner = (np.s_[:, _STEP:-_STEP], np.s_[_STEP:-_STEP])
-    for window, (near, mid, far) in zip(inner, _triples(inverse, _STEP), strict=True):
-        found[window] = np.maximum(found[window], np.nan_to_num(np.abs(far - 2.0 * mid + near) / mid))
+    for (_, here, _), (near, mid, far) in zip(_triples(found, _STEP), _triples(inverse, _STEP), strict=True):
+        here[:] = np.maximum(here, np.nan_to_num(np.abs(far - 2.0 * mid + near) / mid))
     return np.minimum(found, _MOST_BENT)
 
 
 def _picture_steps(rgb: NDArray[np.uint8]) -> Array:
     """(h, w) how much the picture differs across each cell, in its most different colour."""
-    light, inner = _cells(rgb / 255.0).mean(axis=2), (np.s_[:, 1:-1], np.s_[1:-1])
+    light = _cells(rgb / 255.0).mean(axis=2)
     found = np.zeros(light.shape[:2])
-    for window, (near, _, far) in zip(inner, _triples(light, 1), strict=True):
-        found[window] = np.maximum(found[window], np.abs(far - near).max(axis=2))
+    for (_, here, _), (near, _, far) in zip(_triples(found, 1), _triples(light, 1), strict=True):
+        here[:] = np.maximum(here, np.abs(far - near).max(axis=2))
     return np.minimum(found, _MOST_LIGHT)
 
 

@@ -3,8 +3,8 @@
 Files are COCO, LabelMe, YOLO, or of a form of our own.
 
 Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
-with boxes in pixels from the upper left corner of the picture; beside it "size_px": [width, height] says what they were
-drawn on, where that is not the picture as it is: [1000, 1000] where they are thousandths of it.
+with boxes in pixels from the upper left corner of the picture. A "size_px": [width, height] next to "things" is the
+size of what they were drawn on, where that is not the picture as it is: [1000, 1000] of thousandths of it.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def boxes_in(path: Path, picture_name: str) -> Detector:
     """
 
     def detect(picture: Photograph) -> Detections:
-        """Raises PhotoRefused where the file cannot be used, or was drawn on another picture by all that is seen."""
+        """Raises PhotoRefused where the file cannot be used, or its boxes end at no edges but larger ones do."""
         things, drawn_on = _read(path, picture.size_px, picture_name)
         if drawn_on is None:
             doubts = box_doubts(path, [one.box_px for one in things], picture) if things else ()
@@ -233,7 +233,7 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
 
 
 def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tuple[Sighting, ...], _Size | None]:
-    """The things of a file, and the size of what it says that their boxes were drawn on, if it does."""
+    """The things of a file, and the size of what their boxes were drawn on, where it has that."""
     try:
         text = read_bounded_text(path)
     except UnicodeDecodeError as error:
@@ -284,7 +284,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
 def _of_json(
     path: Path, text: str, size_px: tuple[int, int], picture_name: str
 ) -> tuple[list[_Found], str, _Size | None]:
-    """What a JSON file has found, who did, and the size of what the boxes were drawn on, where it says that."""
+    """The boxes of a JSON file, their source, and the size of what they were drawn on, where it has that."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -297,30 +297,32 @@ def _of_json(
         raise PhotoRefused("boxes", path, f"an entry of {key} is no object", _FORMS)
     try:
         found = list(forms[key](data, picture_name))
-        said = {"things": _own_size, "annotations": _coco_size, "shapes": _labelme_size}[key](data, picture_name)
-        drawn_on = _size(said)
+        sides = {"things": _own_size, "annotations": _coco_size, "shapes": _labelme_size}[key](data, picture_name)
+        drawn_on = _size(sides)
     except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
         raise PhotoRefused("boxes", path, f"an entry of {key} is malformed ({error!r})", _FORMS) from error
     named = {"things": str(data.get("source", "own annotation")), "annotations": "COCO", "shapes": "LabelMe"}
-    # Of what is our own, thousandths may be said; the others have the size of a picture.
+    # In our own form thousandths are a size, too; the others have the size of a picture.
     if key != "things" and drawn_on is not None and not _is_shaped_alike(drawn_on, size_px):
         sizes = [f"{width:g} x {height:g}" for width, height in (drawn_on, size_px)]
         problem = f"its boxes are of a picture of {sizes[0]} pixels, and this one has {sizes[1]}"
-        raise PhotoRefused("boxes", path, problem, "give those of this picture, upright as its EXIF says, and not cut")
+        raise PhotoRefused(
+            "boxes", path, problem, "give those of this picture, turned upright by its EXIF, and not cut"
+        )
     return found, named[key], drawn_on
 
 
-def _size(said: Sequence[object] | None) -> _Size | None:
+def _size(sides: Sequence[object] | None) -> _Size | None:
     """A width and a height, None where they are not both there.
 
     Raises:
         ValueError: They are no sizes.
     """
-    if said is None or None in said:
+    if sides is None or None in sides:
         return None
-    width, height = (_finite(value) for value in said)
+    width, height = (_finite(value) for value in sides)
     if min(width, height) <= 0.0:
-        raise ValueError(f"{list(said)!r} is no width and height")
+        raise ValueError(f"{list(sides)!r} is no width and height")
     return width, height
 
 
@@ -329,8 +331,8 @@ def _is_shaped_alike(size: _Size, size_px: tuple[int, int]) -> bool:
 
 
 def _own_size(data: Mapping[str, Any], picture_name: str) -> Sequence[object] | None:
-    said = data.get("size_px")
-    return None if said is None else list(said)
+    sides = data.get("size_px")
+    return None if sides is None else list(sides)
 
 
 def _coco_size(data: Mapping[str, Any], picture_name: str) -> Sequence[object] | None:

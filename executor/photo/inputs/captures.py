@@ -179,8 +179,8 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
     lzfse = require("lzfse", "captures")
-    # Each of its blocks says first how much it unpacks to.
-    size = sum(int.from_bytes(said, "little") for said in re.findall(rb"bvx[-12n](.{4})", content, re.DOTALL))
+    # Each of its blocks begins with how much it unpacks to.
+    size = sum(int.from_bytes(one, "little") for one in re.findall(rb"bvx[-12n](.{4})", content, re.DOTALL))
     if size > MOST_DECODED_BYTES:
         raise PhotoRefused("depth", path, f"its depth would take {size / 1e6:.0f} MB when it is unpacked")
     try:

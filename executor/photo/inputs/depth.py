@@ -137,7 +137,7 @@ def read_exr(path: Path) -> np.ndarray:
         raise PhotoRefused("depth", path, f"cannot be read as EXR ({error})") from error
     if values.shape != size_px[::-1]:
         raise PhotoRefused(
-            "depth", path, f"its channel {name} is not of the {size_px[0]} x {size_px[1]} pixels it says"
+            "depth", path, f"its channel {name} is not of the {size_px[0]} x {size_px[1]} pixels of its header"
         )
     return values.astype(np.float32)
 
@@ -153,7 +153,7 @@ def _announced(path: Path, headers: Sequence[Mapping[str, Any]]) -> tuple[tuple[
         low, high = (np.asarray(corner, dtype=np.int64) for corner in header["dataWindow"])
         width, height = (int(side) for side in high - low + 1)
         if not (0 < width <= MOST_SIDE_PX and 0 < height <= MOST_SIDE_PX):
-            problem = f"says that it has {width} x {height} pixels"
+            problem = f"has {width} x {height} pixels by its header"
             raise PhotoRefused("depth", path, problem, f"expected 1 to {MOST_SIDE_PX} on a side")
         sizes.append((width, height))
         total += 4 * width * height * len(header["channels"])
@@ -170,7 +170,7 @@ def _too_much(path: Path, size: int) -> PhotoRefused:
 
 
 def _values(path: Path, size_px: tuple[int, int]) -> np.ndarray:
-    """The numbers of a file, which are unpacked only where it says that it has as many as the picture."""
+    """The numbers of a file, which are unpacked only where its header has as many as the picture."""
     if path.suffix.lower() == ".exr":
         return read_exr(path)
     content = read_file(path, "depth")
@@ -210,7 +210,7 @@ def _array(path: Path, content: bytes, size_px: tuple[int, int]) -> np.ndarray:
 
 
 def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expected: str) -> np.ndarray:
-    """An array in NumPy's form, of which so much is read as its header says, if that is what it should be."""
+    """An array in NumPy's form, of which as much is read as its header has, if that is as much as it should."""
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"version {version[0]}.{version[1]} of its form has no plain numbers")
@@ -224,7 +224,7 @@ def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expect
     size = shape[0] * shape[1] * kind.itemsize
     content = stream.read(size)
     if len(content) < size:
-        raise ValueError(f"its header says {size} bytes of numbers, and it has {len(content)}")
+        raise ValueError(f"its header is of {size} bytes of numbers, and it has {len(content)}")
     return np.frombuffer(content, kind).reshape(shape, order="F" if by_columns else "C")
 
 

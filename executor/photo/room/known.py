@@ -140,7 +140,7 @@ class KnownRoom:
             shown[index] = overlap(box_of(visible), box_px) if visible.any() else 0.0
         return shown
 
-    def leave_out_what_is_beside_its_box(self) -> None:
+    def leave_out_what_is_outside_its_box(self) -> None:
         """Leave out fits of which too little is visible in the boxes that somebody has drawn, the worst one first.
 
         What it hid is visible then.

@@ -86,7 +86,7 @@ def reconstruct(
         told: Is told of each thing when it is fitted for good.
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
         find_more: Whether things are looked for that nobody has put a box around: with depth those that stand out of
-            it, and by sight what carries those with boxes. In depths that are bent more stands out than is there, so
+            it, and without what carries those with boxes. In depths that are bent more stands out than is there, so
             that these are searched where there is no box at all.
     """
     room = KnownRoom(seen, walls, detections, scale_share)
@@ -180,9 +180,9 @@ def _look_again(fitter: RoomFitter, standing: Sequence[int], told: Callable[[str
 
 
 def _judge(fitter: RoomFitter, told: Callable[[str], None]) -> None:
-    """Leaves out what is no success after all: beside its box, or of hardly any of its pixels."""
+    """Leave out what is no success after all: outside its box, or of hardly any of its pixels."""
     room = fitter.room
-    room.leave_out_what_is_beside_its_box()
+    room.leave_out_what_is_outside_its_box()
     for index, in_box in room.in_boxes().items():
         told(fitter.judge(index, in_box))
 

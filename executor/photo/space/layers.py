@@ -48,7 +48,7 @@ class Layers:
         self._empty = depth_of_empty(self.seen, self.walls)
 
     def visible(self) -> dict[int, NDArray[np.bool_]]:
-        """Return by thing (H, W) where it is seen: nearest of all, and nothing nearer was measured there."""
+        """Return by thing (H, W) where it is visible: nearest of all, and nothing nearer was measured there."""
         nearest, owner = self._empty[0].copy(), np.full(self.seen.z_m.shape, -1)
         for index, (own_m, _) in self.looks.items():
             nearer = own_m < nearest

@@ -1,4 +1,4 @@
-"""Depths and boxes that are not of their picture are refused or told, and those that are, are not."""
+"""Depths and boxes that are not of their picture are refused or reported, and right ones are taken."""
 
 from __future__ import annotations
 
@@ -125,14 +125,14 @@ def test_a_depth_of_a_camera_with_another_lens_is_refused(case: Callable[[], Cas
     assert scale * by == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_depth_of_another_moment_is_told() -> None:
+def test_a_depth_of_another_moment_is_reported() -> None:
     picture, _, camera = drawn()
     elsewhere = Guess(LIBRARY["wardrobe_two_doors"], 2.6, 0.9, 0.5, 0.0, (0.6, 1.0, 1.2))
     (said,) = depth_doubts(picture, Depth(seen_from_above(elsewhere, finer=2)[0].z_m, "depth.png"), camera)
     assert "both of one camera and moment" in said
 
 
-def test_where_there_is_no_edge_nothing_is_said() -> None:
+def test_where_there_is_no_edge_nothing_is_reported() -> None:
     picture, z_m, camera = planes()
     grey = photograph(np.full_like(picture.rgb, 128))
     assert depth_doubts(grey, Depth(z_m, "depth.png"), camera) == ()
@@ -157,10 +157,10 @@ def test_boxes_of_another_size_are_refused_and_right_ones_taken(
     with pytest.raises(PhotoRefused, match=said) as caught:
         boxes_in(path, "room.png")(large)
     assert caught.value.kind == "boxes" and '"size_px"' in str(caught.value)
-    # One alone may be of something in the corner: it is told.
+    # One alone may be of something in the corner: it is reported.
     path.write_text(json.dumps({"things": things[:1]}))
     assert [said in doubt for doubt in boxes_in(path, "room.png")(large).doubts] == [True]
-    # What the message says is done.
+    # The hint is followed.
     path.write_text(json.dumps({"size_px": whole, "things": things}))
     found = boxes_in(path, "room.png")(large)
     assert np.allclose([one.box_px for one in found.things], right) and "are scaled to" in found.doubts[0]

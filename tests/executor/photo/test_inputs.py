@@ -161,7 +161,7 @@ def _bomb(folder: Path, side: int) -> Path:
 
 
 def _npy(folder: Path, shape: tuple[int, ...], kind: str = "<f4", content: bytes = bytes(64)) -> Path:
-    """Write an array whose header says what it likes."""
+    """Write an array with any header."""
     with (folder / "lying.npy").open("wb") as file:
         np.lib.format.write_array_header_1_0(file, {"descr": kind, "fortran_order": False, "shape": shape})
         file.write(content)

@@ -42,7 +42,7 @@ def known(seen: Observation, *things: tuple[Sighting, Guess]) -> KnownRoom:
 
 
 def written(folder: Path, seen: Observation, things: list[dict[str, object]]) -> list[str]:
-    """Write what a camera has seen as files, and return the command that makes a scene of it."""
+    """Write an observation as files, and return the command that makes a scene of it."""
     Image.fromarray(seen.rgb).save(folder / "room.png")
     np.save(folder / "depth.npy", seen.z_m)
     K = [[seen.K.fx, 0.0, seen.K.cx], [0.0, seen.K.fy, seen.K.cy], [0.0, 0.0, 1.0]]
@@ -111,12 +111,12 @@ def test_what_has_no_box_is_searched_for_only_when_asked(*, find_more: bool) -> 
     assert [thing.fit.guess.entry.category for thing in room.things] == ["table", *["bowl"] * find_more]
 
 
-def test_a_fit_beside_its_box_is_left_out_and_one_that_is_half_hidden_or_cut_is_not() -> None:
+def test_a_fit_outside_its_box_is_left_out_and_one_that_is_half_hidden_or_cut_is_not() -> None:
     seen, (table, bowl) = seen_from_above(TABLE, BOWL)
     x0, y0, x1, y1 = table.box_px
     beside = replace(table, box_px=(0.0, y0, x0 + 0.2 * (x1 - x0), y1))
     room = known(seen, (beside, TABLE), (bowl, BOWL))
-    room.leave_out_what_is_beside_its_box()
+    room.leave_out_what_is_outside_its_box()
     assert list(room.fits) == [1] and "IoU of 0." in room.reasons[0] and "table_four_legs" in room.reasons[0]
     # A chair before it hides its middle and its lower half; boxes are around what is visible.
     before = replace(CHAIR, x_m=1.2, y_m=0.1)
