@@ -10,6 +10,7 @@ Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take Py
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import re
 import shutil
@@ -126,7 +127,10 @@ def install(packages: list[str]) -> None:
     """
     moves, last, count = sys.stdout.isatty(), list[str](), 0
     command = pip("install", "--progress-bar", "off", *packages)
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as process:
+    at_once = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        command, cwd=ROOT, env=at_once, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+    ) as process:
         for line in process.stdout or ():
             last = [*last, line][-_LAST_LINES:]
             what = re.match(r"(?:Downloading|Using cached) (?:\S*/)?([^/\s]+)\.(?:whl|tar\.gz) (\(.*\))", line.strip())
