@@ -10,6 +10,7 @@ Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take Py
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import re
 import shutil
@@ -29,7 +30,7 @@ CONSTRAINTS = ROOT / "constraints.txt"
 EXTRAS = {"demo": "sim,data", "all": "all", "test": "all,dev"}
 """What is installed at each level; each has all of those before it."""
 
-SIZES = {"demo": "1.3 GB", "all": "2.5 GB", "test": "2.8 GB"}
+SIZES = {"demo": "1.5 GB", "all": "2.5 GB", "test": "2.8 GB"}
 LEVELS = tuple(EXTRAS)
 _LAST_LINES = 20  # Of pip's, shown where it fails.
 
@@ -126,7 +127,10 @@ def install(packages: list[str]) -> None:
     """
     moves, last, count = sys.stdout.isatty(), list[str](), 0
     command = pip("install", "--progress-bar", "off", *packages)
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as process:
+    at_once, said = {**os.environ, "PYTHONUNBUFFERED": "1"}, subprocess.PIPE
+    with subprocess.Popen(
+        command, cwd=ROOT, env=at_once, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, text=True
+    ) as process:
         for line in process.stdout or ():
             last = [*last, line][-_LAST_LINES:]
             what = re.match(r"(?:Downloading|Using cached) (?:\S*/)?([^/\s]+)\.(?:whl|tar\.gz) (\(.*\))", line.strip())

@@ -84,8 +84,8 @@ def run(arguments: list[str]) -> int:
     as_json = "--json" in arguments
     try:
         executor.require_own_packages()
-    except ImportError as problem:
-        return _refuse(str(problem), "ImportError", as_json=False)
+    except ImportError as foreign:
+        return _refuse(str(foreign), "ImportError", as_json=False)
     if arguments == ["--version"]:
         extras = importlib.import_module("executor.machine.extras")
         print(f"scene2demo {extras.installed_version('scene2demo') or '(not installed)'}")

@@ -19,7 +19,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from operator import index
-from typing import Annotated, Any, Literal, SupportsIndex
+from typing import Annotated, Any, Literal
 
 import networkx as nx
 import numpy as np
@@ -60,9 +60,13 @@ def check_seed(seed: int) -> int:
     Raises:
         SeedError: It is no whole number, is negative or is too large.
     """
-    if not isinstance(seed, SupportsIndex) or not 0 <= index(seed) <= LARGEST_SEED:
+    try:
+        number = index(seed)
+    except TypeError:
+        number = -1
+    if not 0 <= number <= LARGEST_SEED:
         raise SeedError(f"the seed {seed!r} is not possible: expected a whole number from 0 to {LARGEST_SEED}")
-    return index(seed)
+    return number
 
 
 def vary(scene: Scene, seed: int) -> Scene:

@@ -93,7 +93,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
         if "CONVERGE" in line:
             process.send_signal(signal.SIGINT)
             break
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=600)
     assert process.returncode == 130, "".join(seen) + err
     assert "Traceback" not in err and "interrupted" in err
     assert "INTERRUPTED" in out

@@ -122,7 +122,7 @@ def run_into(stream: int | None, *words: str) -> tuple[int, str]:
         stdout=stream,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     return done.returncode, done.stderr
 

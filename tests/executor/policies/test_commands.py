@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,8 @@ from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import Origin
 from executor.datasets.variation import Variation
+from executor.policies.acting import Actor
+from executor.policies.judging.outcomes import FAILURES, EpisodeOutcome
 from executor.policies.settings import PolicySettings, SettingsError, read_settings
 from executor.policies.windows import EpisodeKind
 
@@ -139,6 +142,21 @@ def test_results_are_seen_even_if_they_cannot_be_written(
         assert run([*evaluate, "--out", str(results)]) == 3
     told = capsys.readouterr()
     assert "0 of 1" in told.out and "No space left on device" in told.err
+
+    def invented(actors: list[Actor], kind: object, seeds: range, told: Callable[..., None], _: object) -> object:
+        ends = [
+            EpisodeOutcome(seed, good, good, "" if good else FAILURES[0], 1.0, {})
+            for seed, good in zip(seeds, (True, False), strict=True)
+        ]
+        for end in ends:
+            told(actors[0], end, None)
+        return {actors[0].name: ends}
+
+    with monkeypatch.context() as patched:
+        patched.setattr("executor.cli.commands.policies.evaluate.evaluate", invented)
+        assert run(["evaluate", str(out), "--episodes", "2", "--seed", "62985"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
 
     def never(*_: object) -> None:
         raise AssertionError("an episode began")

@@ -88,7 +88,7 @@ def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
         "from tests.executor.rollout.tasks import t3\n"
         "print(rollout(t3(), seed=1, record_hz=20.0).state_hash)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout.split()[-1] == t3_rollout.state_hash
 
 

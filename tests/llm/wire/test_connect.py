@@ -52,7 +52,7 @@ def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.Mo
         "print({'openai', 'httpx2', 'httpx', 'anyio'} & set(sys.modules))\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, str(file)], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", code, str(file)], cwd=ROOT, capture_output=True, text=True, timeout=600, check=True
     )
     assert done.stdout.split("\n") == ["here", "set()", ""]
 
