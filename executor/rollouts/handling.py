@@ -81,7 +81,7 @@ def tilt_deg(world: World, item: str) -> float:
     off_upright = _angle_deg(now[2])
     if world.assets[item].symmetric_about_z:
         return min(abs(off_upright - _angle_deg(before[2])), off_upright)
-    return min(_angle_deg(before @ now), off_upright)
+    return min(_angle_deg(float(before @ now)), off_upright)
 
 
 def _angle_deg(cosine: float) -> float:

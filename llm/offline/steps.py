@@ -74,7 +74,8 @@ class PlainTask:
         """Returns the flow in a scene, its numbers open: the executor's geometric planner writes them."""
         flow = TEMPLATES[self.kind.value]
         if self.kind is IntentKind.PICK and self.start is not None:
-            flow = search.taking(self.start.relation, scene[self.start.object_id].category)
+            carrier = scene.objects.get(self.start.object_id)
+            flow = search.taking(self.start.relation, "" if carrier is None else carrier.category)
         return tuple(Action(primitive) for primitive in flow)
 
 

@@ -53,7 +53,8 @@ def test_a_run_leaves_everything_and_can_be_repeated(command: Command, tmp_path:
     again = command("rollout", "r/task.json", "--scene", "r/scene.json", "--seed", 3, "--json")
     assert again.code == 0
     assert again.data["episodes"][0]["state_hash"] == data["rollout"]["state_hash"]
-    assert command("recheck", "r/certificate.json").code == 0
+    checked = command("recheck", "r/certificate.json", "--task", "r/task.json", "--scene", "r/scene.json")
+    assert checked.code == 0, checked.out
     assert command("run", QUERY, "--scene", "kitchen_t1", "--out", "r", "--no-video").code == 2
 
 

@@ -11,14 +11,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from executor.assets.library import asset_for
-from executor.assets.model import Asset
 from executor.envs.progress import hand_off_m
 from executor.geometry import Array, transform
 from executor.policies.judging.outcomes import NEAR_M, OutcomeWatch
 from executor.robot.description import TCP_LINK
 from executor.world.engine import ROBOT
 from executor.world.world import World
-from oag import flow_from_json
+from oag import SceneObject, flow_from_json
 from tests.executor.helpers import scene_object
 
 FIXTURES = [
@@ -34,16 +33,17 @@ EXTENTS = {"microwave": (0.4, 0.5, 0.3), "bottle": (0.06, 0.06, 0.28), "book": (
 class _Placed:
     """A world in which one thing stands anywhere, each link of it somewhere else, and the hand is where it is put."""
 
-    def __init__(self, asset: Asset, seed: int) -> None:
+    def __init__(self, thing: SceneObject, seed: int) -> None:
+        asset, self.scene = asset_for(thing), SimpleNamespace(objects={"it": thing})
         self.assets, self.hand_m, self.time_s = {"it": asset}, np.zeros(3), 0.0
         rng = np.random.default_rng(seed)
-        self._links = {
+        self.links = {
             name: transform(Rotation.random(random_state=int(rng.integers(999))).as_matrix(), rng.normal(size=3))
             for name in (None, *(link.name for link in asset.links))
         }
 
     def T_world_link(self, object_id: str, link: str | None = None) -> Array:
-        return transform(np.eye(3), self.hand_m) if (object_id, link) == (ROBOT, TCP_LINK) else self._links[link]
+        return transform(np.eye(3), self.hand_m) if (object_id, link) == (ROBOT, TCP_LINK) else self.links[link]
 
     def contacts(self, of: object) -> list[Any]:
         return []
@@ -53,7 +53,7 @@ class _Placed:
 
 
 def _world(category: str, extent: tuple[float, float, float] | None, seed: int = 0) -> _Placed:
-    return _Placed(asset_for(replace(scene_object(category, extent or EXTENTS.get(category)), model=category)), seed)
+    return _Placed(replace(scene_object(category, extent or EXTENTS.get(category)), model=category), seed)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -116,5 +116,6 @@ def test_who_was_at_the_end_of_a_bar_reached_it(category: str, extent: tuple[flo
 
 def test_who_was_at_the_top_of_a_tall_bottle_reached_it() -> None:
     world = _world("bottle", None)
+    world.links[None] = transform(np.eye(3), (1.0, 2.0, 0.5))
     assert _failure(world, [17, 1, 2, 3, 7], np.array([0.0, 0.0, 0.13]), None) == "not-grasped"
     assert _failure(world, [17, 1, 2, 3, 7], np.array([0.0, 0.0, 0.13 + 0.01 + NEAR_M + 0.01]), None) == "not-reached"
