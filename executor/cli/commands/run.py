@@ -70,6 +70,8 @@ def execute(options: RunOptions) -> int:
     replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
     tell_kept(folder.kept_aside)
+    same = not options.resume or folder.query in (None, options.query)
+    check(same, "--resume", options.out, f"the folder of a run of the same sentence, not of {folder.query!r}")
     with folder.filling():
         model = replayed or connected(options, folder.exchanges, resume=options.resume)
         spending = spending_of(model, quiet=options.json)
