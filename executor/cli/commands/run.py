@@ -174,9 +174,9 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRe
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began
-        record = folder.write_evolution(record, evolution)
-    stopped = "" if evolution.succeeded else judging.stopped
-    return replace(record, interrupted=interrupted, stopped=stopped, wall_s={"planning and physics": moved_s})
+        stopped = "" if evolution.succeeded else judging.stopped
+        record = folder.write_evolution(replace(record, stopped=stopped), evolution)
+    return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
 def _judged(options: RunOptions) -> JudgeOptions:
