@@ -20,7 +20,7 @@ from executor.pictures.cameras import VIEWS
 from executor.results.run_folder import EXCHANGES, kept_aside, unused
 from llm import Budget, Metered, connect
 from llm.answers.spending import Spending
-from llm.errors import LlmError, PicturesMissing
+from llm.errors import LlmError, ModelError, PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
@@ -227,7 +227,9 @@ def counted_to_the_end(spending: Spending | None, *, quiet: bool) -> Iterator[No
             raise ModelInterrupted(spending.to_json()) from error
         if isinstance(error, LlmError):
             error.usage = spending.to_json()
-        if spending.rounds and not quiet:
+        # Answers that did not hold would come again.
+        goes_on = isinstance(error, ModelError) or not isinstance(error, LlmError)
+        if goes_on and spending.rounds and not quiet and not spending.model.name.startswith(REPLAY):
             tell("  what was answered is recorded, and not asked again with --resume")
         raise
 

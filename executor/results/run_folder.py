@@ -27,7 +27,7 @@ from pathlib import Path
 
 from executor.evolution.frames import FOLDER, draw_attempts
 from executor.evolution.record import Evolution
-from executor.machine.files import write_json, write_text
+from executor.machine.files import read_json, write_json, write_text
 from executor.pictures.frames import Frames
 from executor.records.rollout import Rollout
 from executor.results.episode import Episode
@@ -123,6 +123,15 @@ class RunFolder:
         except OSError as error:
             raise FolderUnusable(path, error.strerror or str(error)) from error
         return cls(path, kept)
+
+    @property
+    def query(self) -> str | None:
+        """The sentence of the run whose results are there; None where they have none."""
+        with suppress(OSError, ValueError):
+            proposal = read_json(self.path / "proposal.json")
+            query = proposal.get("query") if isinstance(proposal, dict) else None
+            return query if isinstance(query, str) else None
+        return None
 
     def clear(self) -> None:
         """Remove the results of a run that is gone on with; what a model has answered stays."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -52,7 +52,7 @@ class Price(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
     input: float = Field(ge=0)
     output: float = Field(ge=0)
-    date: str = Field("", max_length=40)
+    date: Annotated[str, Field(max_length=40)] = ""
 
     def cost_usd(self, input_tokens: int, output_tokens: int) -> float:
         """Returns what so many tokens cost, in US dollars."""

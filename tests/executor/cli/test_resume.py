@@ -209,5 +209,9 @@ def test_another_run_is_not_gone_on_with_and_loses_nothing(
         run(out)
         before = {path.name: path.read_bytes() for path in out.iterdir()}
         assert run(out, "--resume", query="open the refrigerator") == 2
+        assert f"not of {QUERIES['T1']!r}" in capsys.readouterr().err
+        (out / "proposal.json").unlink()
+        del before["proposal.json"]
+        assert run(out, "--resume", query="open the refrigerator") == 2
         assert "another run's" in capsys.readouterr().err and model.asked == 5
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
