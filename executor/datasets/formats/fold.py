@@ -84,6 +84,7 @@ class _Seen:
     robot: Mapping[str, Any] = field(default_factory=dict)
     objects: int = 0
     joints: int = 0
+    repeats: list[tuple[str, str]] = field(default_factory=list)
 
     def add(self, part: str, episode: StoredEpisode, motion: _Motion, drawn: Mapping[str, Any] | None) -> None:
         """Counts a motion, with what is said of its pictures."""
@@ -125,6 +126,7 @@ class _Seen:
             objects=self.objects,
             joints=self.joints,
             point_cloud="point_cloud" in include,
+            repeats=tuple(self.repeats),
             robot=plain(
                 {
                     "scale": self.robot["scale"],
@@ -149,12 +151,11 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
     # The first episode of each motion says which part all of that motion are in: equal ones are never in both.
     firsts: dict[str, str] = {}
     known: dict[str, str] = {}
-    repeats: list[tuple[str, str]] = []
     for episode in store.episodes():
         if episode.succeeded and episode.has_samples:
             first = known.setdefault(episode.demonstration_key, episode.name)
             if first != episode.name:
-                repeats.append((episode.name, first))
+                seen.repeats.append((episode.name, first))
                 continue
             leader = firsts.setdefault(episode.motion_key, str(episode.meta["id"]))
             part = "valid" if is_for_validation(leader) else "train"
@@ -181,7 +182,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
         for motion, index in places.items():
             yield _fold(store.episode(motion.unit), motion, index, survey, places)
 
-    return EpisodeStream(survey, episodes, page(store), tuple(repeats))
+    return EpisodeStream(survey, episodes, page(store))
 
 
 def is_for_validation(episode_id: str) -> bool:
