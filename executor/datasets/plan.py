@@ -107,13 +107,13 @@ def read_plan(path: Path, unsaid: Mapping[str, object] = MappingProxyType({})) -
 
 
 @cache
-def _loader(safe: type[Any]) -> type[Any]:
+def _loader(safe: type) -> Any:
     """Return a safe loader that reads 1e1 as YAML 1.2, TOML and command lines do; by itself it takes that for a text.
 
     Args:
         safe: The library's own safe loader.
     """
-    loader = type("Loader", (safe,), {})
+    loader: Any = type("Loader", (safe,), {})
     loader.add_implicit_resolver("tag:yaml.org,2002:float", _WITH_EXPONENT, [*"-+0123456789"])
     return loader
 

@@ -260,10 +260,9 @@ class EpisodeStore:
             yield aside
             there = self.read(unit, version)
             if there is None or there.broken_off:
+                unfinished = place if there is None else there.path
                 with suppress(FileNotFoundError):
-                    (place if there is None else there.path).rename(
-                        before
-                    )  # At one go: at every moment the unit is whole, or not there.
+                    unfinished.rename(before)  # At one go: at every moment the unit is whole, or not there.
                 try:
                     aside.rename(place)
                 except OSError:

@@ -149,10 +149,10 @@ class DemoUnit:
         Args:
             version: Hash of the program (`executor.bench.units.outcome_version`).
         """
-        said = self.to_json()
+        data = self.to_json()
         if self.origin.scene_key:
-            said["origin"]["scene"] = ""  # Its content says which scene it is, wherever its file lies.
-        return _id_of(said, version)
+            data["origin"]["scene"] = ""  # Its content says which scene it is, wherever its file lies.
+        return _id_of(data, version)
 
     def ids(self, version: str) -> Iterator[str]:
         """Yield the unit's id, and then those of earlier programs, by which it may lie in a store.
@@ -165,10 +165,10 @@ class DemoUnit:
         """
         yield self.id(version)
         for rate_hz, noise_m in product(_spellings(self.recording.rate_hz), _spellings(self.variation.noise_m)):
-            said = self.to_json()
-            said["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
-            said["variation"]["noise_m"] = noise_m
-            yield _id_of(said, version)
+            data = self.to_json()
+            data["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
+            data["variation"]["noise_m"] = noise_m
+            yield _id_of(data, version)
 
     def folder(self, version: str) -> str:
         """Returns the name of the unit's folder: its own, and enough of its id to tell it from others of this name."""
@@ -190,21 +190,21 @@ class DemoUnit:
     def to_json(self) -> dict[str, Any]:
         """Returns the unit as plain data, equal units as equal texts, however their numbers were typed.
 
-        What was not there before there were others of its kind is not said.
+        A field that earlier programs did not have is left out where it has its default.
         """
-        said: dict[str, Any] = plain(asdict(self))
-        said["recording"]["rate_hz"] = _measure(said["recording"]["rate_hz"])
-        said["recording"]["views"].sort(key=VIEWS.index)
-        said["variation"]["noise_m"] = _measure(said["variation"]["noise_m"])
+        data: dict[str, Any] = plain(asdict(self))
+        data["recording"]["rate_hz"] = _measure(data["recording"]["rate_hz"])
+        data["recording"]["views"].sort(key=VIEWS.index)
+        data["variation"]["noise_m"] = _measure(data["variation"]["noise_m"])
         if not self.variation.look:
-            del said["variation"]["look"]
+            del data["variation"]["look"]
         if self.stances == 1:
-            del said["stances"]
+            del data["stances"]
         if self.takeover is None:
-            del said["takeover"]
+            del data["takeover"]
         elif not self.takeover.pushes:
-            del said["takeover"]["pushes"]
-        return said
+            del data["takeover"]["pushes"]
+        return data
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> DemoUnit:
@@ -216,8 +216,8 @@ class DemoUnit:
         return adapter(cls).validate_python(value)
 
 
-def _id_of(said: Mapping[str, Any], version: str) -> str:
-    return content_key(SCHEMA, version, json_text(said))
+def _id_of(data: Mapping[str, Any], version: str) -> str:
+    return content_key(SCHEMA, version, json_text(data))
 
 
 def _measure(value: float) -> float:

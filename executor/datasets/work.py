@@ -159,9 +159,9 @@ def start_alike(series: DemoSeries) -> bool:
     Raises:
         SceneError: The scene cannot be.
     """
-    first, told = series.first, series.first.variation
-    looks = (told.surfaces or told.lights or told.cameras) and bool(first.recording.views)
-    if looks or told.target or told.distractors or told.physics or told.noise_m:
+    first, axes = series.first, series.first.variation
+    looks = (axes.surfaces or axes.lights or axes.cameras) and bool(first.recording.views)
+    if looks or axes.target or axes.distractors or axes.physics or axes.noise_m:
         return False
     if series.episodes < 2 or first.origin.family is not None or is_of_seeds(first.origin.scene):
         return False
@@ -200,7 +200,7 @@ def make(unit: DemoUnit) -> Made:
     graph = todo.graph
     how: dict[str, Any] = {
         "vary": False,
-        "record_hz": unit.recording.rate_hz,
+        "record_hz": float(unit.recording.rate_hz),
         "physics": physics_of(unit),
         "noise": noise_of(unit),
         "stances": unit.stances,

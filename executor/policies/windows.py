@@ -152,7 +152,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
     streams, scale = _of_one_robot(paths, include)
     found: list[Told] = []
-    once = _Once([pair for stream in streams for pair in stream.repeats])
+    once = _Once([pair for stream in streams for pair in stream.found.repeats])
     rows: list[_Seen] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
     for path, stream in zip(paths, streams, strict=True):
@@ -195,7 +195,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
 
 @dataclass
 class _Once:
-    """What demonstrations were met, so that each counts once.
+    """Which demonstrations were read, so that each counts once.
 
     Attributes:
         repeats: Names of those that are left out, each with the one whose states and actions it has.
@@ -206,7 +206,7 @@ class _Once:
     _firsts: dict[str, str] = field(default_factory=dict)
 
     def new(self, path: Path, stream: EpisodeStream) -> Iterator[tuple[Told, FoldedEpisode]]:
-        """Yields the demonstrations of a data set that say what none before them said.
+        """Yield the demonstrations of a data set whose states and actions none before them has.
 
         Raises:
             NothingToExport: One is in a data set before this one already.
@@ -227,7 +227,7 @@ class _Once:
 
 
 def _recorded(episode: FoldedEpisode) -> str:
-    """Returns what is equal where two episodes have the same states and actions, whatever they are kept in."""
+    """Return what is equal where two episodes have the same states and actions, whatever they are kept in."""
     columns = ("observation.state", "observation.velocity", "observation.environment_state", "action.joint_target")
     return content_key(*(np.ascontiguousarray(episode.columns[name]).tobytes() for name in columns))
 

@@ -155,7 +155,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Select
     chosen, repeats = _without_repeats(chosen)
     if not chosen:
         raise only.nothing([one.traits for one in found], not_kept, store.path)
-    survey = _survey(store, chosen, include, only)
+    survey = _survey(store, chosen, include, only, repeats)
     places = {one.motion: index for index, one in enumerate(chosen)}
 
     def episodes() -> Iterator[FoldedEpisode]:
@@ -163,7 +163,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Select
             yield _fold(store.episode(motion.unit), motion, index, survey, places)
 
     chosen_of = f"\nChosen of these: `{only.text}`, {counted(len(chosen), 'episode')}.\n" if only.chosen else ""
-    return EpisodeStream(survey, episodes, page(store) + chosen_of, repeats)
+    return EpisodeStream(survey, episodes, page(store) + chosen_of)
 
 
 def _without_repeats(chosen: Sequence[_Found]) -> tuple[list[_Found], Repeats]:
@@ -177,7 +177,9 @@ def _without_repeats(chosen: Sequence[_Found]) -> tuple[list[_Found], Repeats]:
     return list(firsts.values()), tuple(repeats)
 
 
-def _survey(store: EpisodeStore, chosen: Sequence[_Found], include: Collection[Extra], only: Selection) -> Survey:
+def _survey(
+    store: EpisodeStore, chosen: Sequence[_Found], include: Collection[Extra], only: Selection, repeats: Repeats
+) -> Survey:
     """Return what chosen motions have in common.
 
     Raises:
@@ -199,6 +201,7 @@ def _survey(store: EpisodeStore, chosen: Sequence[_Found], include: Collection[E
         objects=max(one.objects for one in chosen),
         joints=max(one.joints for one in chosen),
         point_cloud="point_cloud" in include,
+        repeats=repeats,
         robot=plain(
             {
                 "scale": robot["scale"],

@@ -91,6 +91,7 @@ class Survey:
         objects, joints: Rows for objects and numbers for joints of articulated objects.
         point_cloud: Whether there are point clouds.
         robot: The robot's scale, and stiffness, damping and force limit of each joint's drive.
+        repeats: Of a store, episodes that are left out, each with the one whose states, sentence and pictures it has.
     """
 
     train: int
@@ -103,6 +104,7 @@ class Survey:
     joints: int
     point_cloud: bool
     robot: Mapping[str, Any]
+    repeats: Repeats = ()
 
     @property
     def count(self) -> int:
@@ -223,16 +225,14 @@ class EpisodeStream:
         found: What its episodes have in common.
         episodes: Begins to go through them; one at a time is in memory.
         page: The text of its card, without what stands before it for readers of formats.
-        repeats: Episodes that are left out, each with the one whose states, sentence and pictures it has.
     """
 
     found: Survey
     episodes: Callable[[], Iterator[FoldedEpisode]]
     page: str
-    repeats: Repeats = ()
 
 
-def repeats_told(repeats: Repeats) -> str:
+def repeats_text(repeats: Repeats) -> str:
     """Return in words which episodes are left out since they repeat others."""
     named = "; ".join(f"{again} repeats {first}" for again, first in repeats[:_MOST_NAMED])
     more = len(repeats) - _MOST_NAMED

@@ -67,7 +67,7 @@ def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done
 
 
 def _content(episode: StoredEpisode) -> str:
-    """Return what is equal where two episodes show the same, by what was recorded and not by what is said of it."""
+    """Return what is equal where two episodes show the same, by what was recorded."""
     recorded = (part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).tobytes()))
     return content_key(json_text([episode.meta.get("query"), episode.meta.get("pictures")]), *recorded)
 

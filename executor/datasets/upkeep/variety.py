@@ -50,9 +50,9 @@ class Quantity:
     def words(self) -> str:
         """The ranges that are widest, in words."""
         spans = sorted(self._differing(), key=lambda one: (one[1][0] - one[1][1], one[0]))
-        told = [f"{name} {least:.3g} to {most:.3g}" for name, (least, most) in spans[:_MOST_RANGES]]
+        parts = [f"{name} {least:.3g} to {most:.3g}" for name, (least, most) in spans[:_MOST_RANGES]]
         more = len(spans) - _MOST_RANGES
-        return ", ".join(told) + (f", and {more} more" if more > 0 else "")
+        return ", ".join(parts) + (f", and {more} more" if more > 0 else "")
 
     def _differing(self) -> Iterator[tuple[str, tuple[float, float]]]:
         return ((name, span) for name, span in sorted(self.ranges.items()) if span[0] < span[1])

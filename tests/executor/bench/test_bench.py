@@ -37,8 +37,7 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     """Runs the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
-    for version in ("outcome_version", "baseline_version"):
-        monkeypatch.setattr(bench, version, lambda: "the version of a test")
+    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]

@@ -158,7 +158,7 @@ def test_one_motion_is_on_one_side_however_it_is_looked_at(twice: EpisodeStore) 
     sides: dict[str, set[bool]] = {}
     for episode in stream.episodes():
         sides.setdefault(episode.about["state_hash"], set()).add(episode.about["validation"])
-    assert stream.repeats == () and stream.found.count == 4
+    assert stream.found.repeats == () and stream.found.count == 4
     assert [len(side) for side in sides.values()] == [1, 1]
     assert list(flaws(twice)) == []
 

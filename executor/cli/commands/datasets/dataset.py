@@ -18,7 +18,7 @@ from executor.cli.words.datasets import (
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.selection import Selection
-from executor.datasets.formats.stream import EpisodeStream, repeats_told
+from executor.datasets.formats.stream import EpisodeStream, repeats_text
 from executor.datasets.store import EpisodeStore
 from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
@@ -41,10 +41,7 @@ def execute(options: Options) -> int:
         case ExportOptions():
             _check_apart(options.out, options.store, "STORE")
             only = Selection.parse(options.only)
-            stream = stream_of(EpisodeStore.open(options.store), options.include, only)
-            if stream.repeats:
-                tell(repeats_told(stream.repeats), style="yellow")
-            return _write(stream, options)
+            return _write(stream_of(EpisodeStore.open(options.store), options.include, only), options)
         case ConvertOptions():
             _check_apart(options.out, options.source, "SOURCE")
             return _write(open_set(options.source), options)
@@ -72,9 +69,11 @@ def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> in
     pictures = {"views": list(found.views), "channels": list(found.channels)}
     if options.json:
         told = {"ok": True, "out": str(options.out), "format": options.format}
-        left_out = {"repeats": [list(pair) for pair in stream.repeats]}
+        left_out = {"repeats": [list(pair) for pair in found.repeats]}
         print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz, **left_out})
         return DONE
+    if found.repeats:
+        tell(repeats_text(found.repeats), style="yellow")
     words = f"{counted(found.train + found.validation, 'demonstration')}, {found.validation} of them for validation"
     say(f"{'written':11} {words}, at {found.rate_hz:g} Hz", style="bold")
     if found.corrections:

@@ -13,7 +13,7 @@ from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, counting, print_json, say, tell
 from executor.cli.words.datasets import TrainOptions
-from executor.datasets.formats.stream import repeats_told
+from executor.datasets.formats.stream import repeats_text
 from executor.policies.settings import PolicySettings, read_settings, settings_of
 from executor.policies.trained import ABOUT, PolicyRecord, read_record
 from executor.policies.training import Told, Trainer, parameters
@@ -44,7 +44,7 @@ def execute(options: TrainOptions) -> int:
         known = f"{len(data.names)} demonstrations{apart}, {len(data)} moments; {size / 1e6:.2f} million parameters"
         tell(f"  {known}{f'; going on at step {begun}' if begun else ''}")
         if data.repeats:
-            tell(f"  {repeats_told(data.repeats)}", style="yellow")
+            tell(f"  {repeats_text(data.repeats)}", style="yellow")
     losses: list[float] = []
     with _progress(settings.training.steps, begun, quiet=options.json) as told:
 
