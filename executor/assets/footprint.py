@@ -28,7 +28,7 @@ EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
 """Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
 
 _UPRIGHT = 0.9  # Of a hinge's axis.
-_LEVEL_M = 0.002  # A top is level within this.
+_LEVEL_M = 0.01  # A top is level within this; meshes are not quite.
 _TOUCH_M = 1e-6  # Rounding: one thing may stand on another.
 
 

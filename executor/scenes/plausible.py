@@ -236,15 +236,18 @@ def _over_the_edge(thing: Solid, others: Iterable[Solid]) -> Iterator[Flaw]:
         if floor_m is not None and abs(body.low_m - floor_m) < NEAR_M:
             return
         if any(abs(part.high_m - body.low_m) < NEAR_M and body.gap_m(part) < 0.0 for part in other.parts):
-            under.append(other.obj)
+            under.append(other)
     if not under:
         return
     # What a mug's ear adds to its box weighs little.
     held_m = asset_for(obj).grasp_point_m if obj.kind is Kind.ITEM else (0.0, 0.0, 0.0)
     middle = (transform_from_quaternion(obj.position, obj.orientation) @ (*held_m, 1.0))[:2]
-    tops = [ring for one in under for height_m, ring in top_outlines(one) if abs(height_m - body.low_m) < NEAR_M]
+    tops = [ring for one in under for height_m, ring in top_outlines(one.obj) if abs(height_m - body.low_m) < NEAR_M]
+    # Of a mesh that is not quite level the surface tells more than the outlines of its parts.
+    on_surface_m = max(one.within_m(middle, body.low_m) for one in under)
     margin_m = edge_margin_m(body, tops, middle)
-    names = " and ".join(one.id for one in under)
+    margin_m = max(margin_m, on_surface_m) if on_surface_m >= 0.0 else margin_m
+    names = " and ".join(one.obj.id for one in under)
     if margin_m < 0.0:
         surely = margin_m < -SURELY_BEYOND_M and obj.kind is Kind.ITEM
         by = f" by {_cm(-margin_m)}" if math.isfinite(margin_m) else ""

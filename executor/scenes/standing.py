@@ -95,6 +95,12 @@ class Solid:
                 heights.append(other.body.low_m - float(T[2, 3]))
         return min(heights, key=abs, default=None)
 
+    def within_m(self, point_m: Array, height_m: float) -> float:
+        """Returns how far within the edges of a top at a height a point (2,) is; minus infinity without such a top."""
+        tops = [(T, half) for T, half in self.tops if abs(float(T[2, 3]) - height_m) < NEAR_M]
+        within = (float((half - np.abs(T[:2, :2].T @ (point_m - T[:2, 3]))).min()) for T, half in tops)
+        return max(within, default=-math.inf)
+
     def stands_on(self, others: Iterable[Solid]) -> list[str]:
         """Returns the ids of what carries this: those of the nearest tops that its middle is over."""
         found = [(other.obj.id, above_m) for other in others if (above_m := other.below_m(self)) is not None]

@@ -7,8 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 
+from executor.assets.imports.importer import import_asset
 from executor.cli import main
 from executor.datasets.plan import series_of
 from executor.rollouts.checkpoint import Checkpoint, StartUnstable
@@ -101,6 +104,21 @@ def test_the_corner_of_a_round_table_s_box_is_no_table(tmp_path: Path, capsys: p
     table = {**TABLE, "model": "table_round", "bbox_extent": [0.8, 0.8, 0.70]}
     errors, _ = checked(tmp_path, {"table_0": table, "can_0": can(1.51, 0.31)}, capsys)
     assert errors == ["can_0 stands with its middle beyond the edge of table_0 by 3.8 cm: it will fall"]
+
+
+def test_an_imported_top_that_is_not_quite_level_carries_things(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SCENE2DEMO_ASSETS", str(tmp_path / "assets"))
+    slab = trimesh.creation.box((0.8, 0.7, 0.7))
+    slab.vertices[slab.vertices[:, 0] > 0, 2] += np.where(slab.vertices[slab.vertices[:, 0] > 0, 2] > 0, 0.004, 0.0)
+    slab.export(tmp_path / "slab.stl")
+    extent = import_asset(tmp_path / "slab.stl", "slab", category="table").stored.asset.extent_m
+    table = {"category": "table", "model": "imported/slab", "position": [1.2, 0.0, extent[2] / 2]}
+    errors, _ = checked(tmp_path, {"table_0": table, "can_0": can(1.5, 0.2, 0.703)}, capsys)
+    assert errors == []
+    errors, _ = checked(tmp_path, {"table_0": table, "can_0": can(1.62, 0.2, 0.704)}, capsys)
+    assert len(errors) == 1 and "can_0 stands with its middle beyond the edge of table_0" in errors[0]
 
 
 def test_a_box_across_a_gap_between_two_tables_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
