@@ -101,7 +101,7 @@ def depth_doubts(picture: Photograph, depth: Depth, camera: Intrinsics) -> tuple
 
 
 def box_doubts(path: Path, boxes: Sequence[Box], picture: Photograph) -> tuple[str, ...]:
-    """Return what speaks for boxes having been drawn on a smaller picture or in thousandths, without telling for sure.
+    """Return what speaks for boxes having been drawn on a smaller picture or in thousandths, where that is not certain.
 
     Args:
         path: Their file, for messages.
@@ -206,6 +206,8 @@ def _require_depths(depth: Depth, camera: Intrinsics, inverse: Array) -> None:
 def _flattest(inverse: Array) -> float:
     """How much the flattest part of a picture bends over a good part of it, as a share of depth; 0 where unknown."""
     step = min(round(_APART * inverse.shape[1]), (min(inverse.shape) - 1) // 2)
+    if step < 1:
+        return 0.0
     bends = [np.abs(far - 2.0 * mid + near) / mid for near, mid, far in _triples(inverse, step)]
     known = np.concatenate([bend[np.isfinite(bend)] for bend in bends])
     return float(np.quantile(known, _BENT_SHARE)) if len(known) else 0.0

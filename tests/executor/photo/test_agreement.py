@@ -139,6 +139,16 @@ def test_where_there_is_no_edge_nothing_is_reported() -> None:
     assert depth_doubts(picture, Depth(np.full_like(z_m, 2.5), "depth.png"), camera) == ()
 
 
+@pytest.mark.parametrize("shape", [(64, 4096), (4096, 64), (64, 64), (333, 517)])
+def test_pictures_of_every_shape_are_compared(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    picture = photograph(rng.integers(0, 255, (*shape, 3), dtype=np.uint8))
+    z_m = np.where(rng.random(shape) < 0.5, 0.0, rng.uniform(1.0, 4.0, shape))
+    camera = Intrinsics(0.8 * shape[1], 0.8 * shape[1], shape[1] / 2, shape[0] / 2, "drawn")
+    assert len(depth_doubts(picture, Depth(z_m, "depth.png"), camera)) <= 1
+    assert len(box_doubts(Path("boxes.json"), [(1.0, 1.0, 9.0, 9.0), (5.0, 5.0, 16.0, 16.0)], picture)) <= 1
+
+
 @pytest.mark.parametrize(("size_px", "said"), [((1600, 1200), "thousandths"), ((1280, 960), "640 x 480 pixels")])
 def test_boxes_of_another_size_are_refused_and_right_ones_taken(
     tmp_path: Path, size_px: tuple[int, int], said: str
