@@ -174,6 +174,9 @@ def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
     assert "cloud, ensemble, paper, rooms, state" in str(last_json(capsys)["error"])
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
+    assert f"{tmp_path / 'p'}: No such file or directory" in str(last_json(capsys)["error"])
+    (tmp_path / "p").mkdir()
+    assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
     assert "holds no policy" in str(last_json(capsys)["error"])
 
 

@@ -19,7 +19,7 @@ def test_a_task_is_no_graph(door: str) -> None:
     task = oag.Task.from_json(task_json("T1"), scene=scene("T1"))
     more = (None, 0) if door == "resume" else ()
     with pytest.raises(
-        oag.TaskError, match=r"expected an object-action graph, got Task.* \(oag\.compose\(task, scene\)"
+        oag.TaskError, match=r"expected an object-action graph, got <Task .* \(oag\.compose\(task, scene\)"
     ):
         getattr(untyped, door)(task, *more)
 
