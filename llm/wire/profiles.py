@@ -46,7 +46,7 @@ class Price(BaseModel):
 
     Attributes:
         input, output: Of requests and of replies.
-        date: When it was read off the provider's list; empty where that is not said.
+        date: When it was looked up; empty where that is not said.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
