@@ -46,7 +46,7 @@ def format(node: Problem | Domain | Formula) -> str:
         return _domain_text(node)
     if not isinstance(node, FormulaNode):
         raise TypeError(f"A formula, a problem or a domain was expected, not {node!r}.")
-    return formula_text(node)
+    return formula_text(node, marked=None)
 
 
 def _problem_text(problem: Problem) -> str:
@@ -64,7 +64,7 @@ def _problem_text(problem: Problem) -> str:
         f"{INDENT}(:domain {problem.domain})",
         *(_libero_lines(problem) if isinstance(problem, LiberoProblem) else []),
         *_section_lines(":objects", objects),
-        *_section_lines(":init", [formula_text(literal, marked=False) for literal in problem.init]),
+        *_section_lines(":init", [formula_text(literal) for literal in problem.init]),
         *_section_lines(":goal", goal),
         ")",
     ]

@@ -290,16 +290,12 @@ def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str],
 
 
 def _check_wildcards(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Report wildcards that are not the last of their category, or of which more or less than the room is said."""
+    """Report wildcards that are not the last of their category, or of which more than the room is said."""
     if not any(item.name.endswith(WILDCARD) for item in problem.objects):
         return
     for item, following in pairwise(problem.objects):
         if item.name.endswith(WILDCARD) and following.category == item.category and item.span is not None:
             _report_wildcard(item.name, item.span, "put it last in the line of its category", reporter)
-    roomed = {atom.args[0] for atom in _atoms(problem.init) if atom.predicate == "inroom" and atom.args}
-    for item in problem.objects:
-        if item.name.endswith(WILDCARD) and item.name not in roomed and item.span is not None:
-            _report_wildcard(item.name, item.span, f"say in :init where: (inroom {item.name} ROOM)", reporter)
     for atom in _atoms((*problem.init, problem.goal)):
         for position, name in enumerate(atom.args):
             spec = profile.predicates.get(atom.predicate)

@@ -351,7 +351,7 @@ def _check_parts(word: str, parts: object) -> None:
             raise TypeError(f"`{word}` takes formulas, such as Atom('open', ('box_0',)), not {part!r}.")
 
 
-def formula_text(formula: FormulaNode, marked: bool | None = None) -> str:
+def formula_text(formula: FormulaNode, marked: bool | None = False) -> str:
     """Return the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`.
 
     Args:

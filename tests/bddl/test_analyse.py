@@ -306,13 +306,6 @@ def test_whether_a_goal_about_a_wildcard_holds_at_the_start_is_not_examined() ->
     assert (first.code, first.severity) == ("unchecked-goal", "note")
 
 
-def test_a_wildcard_without_a_room_is_wrong() -> None:
-    (found,) = bddl.check(
-        WILD.replace("(inroom table.n.02_* kitchen)", "").format(goal=SOME_TABLE, more=""), "behavior"
-    )
-    assert found.code == "bad-wildcard" and "(inroom table.n.02_* ROOM)" in found.hint
-
-
 COMING = "(future apple.n.01_1)"
 
 
