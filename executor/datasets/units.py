@@ -157,8 +157,7 @@ class DemoUnit:
     def ids(self, version: str) -> Iterator[str]:
         """Yield the unit's id, and then those of earlier programs, by which it may lie in a store.
 
-        These told a whole number from the same one with a point, views in one order from the same ones in another, and
-        a scene's file from a copy of it.
+        For these 10 and 10.0 were different requests, and so were views in another order and a copy of a scene's file.
 
         Args:
             version: Hash of the program.

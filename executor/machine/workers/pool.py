@@ -161,7 +161,7 @@ class WorkerPool:
             # It is the disk's fault and nobody's of this request: the next ones would fare the same.
             raise OSError(*answer["no_room"])
         if answer.get("kind") == HandoverRefused.__name__:
-            # The next ones would fare the same; what was made would be said to be of what did not make it.
+            # The next ones would fare the same.
             raise WorkersUnusable(answer["error"])
         if "error" in answer:
             return "error", answer, f"{answer['kind']}: {answer['error']}" if answer["error"] else str(answer["kind"])

@@ -202,9 +202,9 @@ def finished(
     Args:
         store: Where it is.
         tally: What came of the units.
-        more: What else `--json` says.
+        more: What else `--json` prints.
         interrupted: Whether it ended early.
-        as_json: Whether it is said as JSON.
+        as_json: Whether it is printed as JSON.
     """
     needed = tally.endings.total() - tally.kinds["not-needed"]
     code = INTERRUPTED if interrupted else FAILED if needed and not tally.endings["succeeded"] else DONE
