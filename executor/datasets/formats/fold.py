@@ -32,7 +32,7 @@ from executor.datasets.formats.stream import (
     told_rows,
 )
 from executor.datasets.formats.videos import Clip, VideoClip
-from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit
 from executor.datasets.upkeep.card import page
 from executor.geometry import quaternions_last
@@ -216,7 +216,10 @@ def _fold(
     """
     arrays = episode.motion(motion.file)
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
-    count = len(qpos)
+    try:
+        count = found.check_length(len(qpos))
+    except ValueError as problem:
+        raise NotADataset(f"{episode.path / motion.file}: {problem}; generate it with fewer samples a second") from None
     after = np.concatenate([targets[1:], targets[-1:]])
     actions = hand_actions(float(episode.meta["robot"]["scale"]), targets, after).astype(np.float32)
     # Nothing is commanded after the last row: no rounding shall say otherwise.
@@ -253,7 +256,7 @@ def _fold(
     clips: dict[tuple[str, str], Clip] = {
         (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, 0, count) for view, kind in found.clips
     }
-    return FoldedEpisode(index, {**columns, **told_rows(about)}, clips, about)
+    return FoldedEpisode(index, {**columns, **told_rows(about, count)}, clips, about)
 
 
 def _widened(rows: NDArray[Any], width: int) -> NDArray[np.float32]:

@@ -13,6 +13,7 @@ import json
 import math
 import re
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +22,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from bddl.files import read_bounded_text
-from executor.machine.extras import require
+from bddl.files import opened, read_bounded_text
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth, checked_depth, read_depth, read_exr
+from executor.photo.inputs.packed import archive_of, lzfse_unpacked, opened_in
 from executor.photo.inputs.picture import MOST_BYTES, Photograph, read_picture
 from executor.photo.refusal import PhotoRefused
 
@@ -143,7 +144,7 @@ def _packed(path: Path, frame: int | None) -> Capture:
     if path.stat().st_size > _LARGEST_BYTES:
         raise PhotoRefused("picture", path, f"is larger than {_LARGEST_BYTES / 1e9:g} GB", "export fewer seconds")
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as file, archive_of(file) as archive:
             said = _metadata(path, json.loads(_member(path, archive, "metadata")))
             found = (re.fullmatch(r"rgbd/(\d+)\.depth", name) for name in archive.namelist())
             numbers = sorted(int(one[1]) for one in found if one is not None)
@@ -152,7 +153,7 @@ def _packed(path: Path, frame: int | None) -> Capture:
             depth = _member(path, archive, f"rgbd/{number}.depth")
             sure = f"rgbd/{number}.conf"
             trust = _member(path, archive, sure) if sure in archive.namelist() else None
-    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError) as error:
         raise PhotoRefused("picture", path, f"cannot be read as an .r3d file ({error})", _EXPECTED) from error
     picture = read_picture(path, jpeg)
     values = _unpacked(path, depth, np.float32)
@@ -174,14 +175,14 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
         raise PhotoRefused("picture", path, f"has no {name}", _EXPECTED) from None
     if size > MOST_BYTES:
         raise PhotoRefused("picture", path, f"its {name} is larger than {MOST_BYTES / 1e6:g} MB")
-    return archive.read(name)
+    with opened_in(archive, name) as stream:
+        return stream.read(MOST_BYTES)
 
 
 def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
-    lzfse = require("lzfse", "captures")
     try:
-        return np.frombuffer(lzfse.decompress(content), dtype=kind)
-    except (lzfse.error, ValueError) as error:
+        return np.frombuffer(lzfse_unpacked(content), dtype=kind)
+    except ValueError as error:
         raise PhotoRefused("depth", path, f"its depth cannot be unpacked ({error})", "is the file complete?") from error
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
@@ -15,7 +16,8 @@ from PIL import Image, UnidentifiedImageError
 from bddl.files import read_bounded
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.photo.inputs.picture import MOST_BYTES, Photograph
+from executor.photo.inputs.packed import BadPacking, archive_of, array_in, opened_in
+from executor.photo.inputs.picture import MOST_BYTES, MOST_SIDE_PX, Photograph
 from executor.photo.refusal import PhotoRefused
 
 NEAREST_M, FARTHEST_M = 0.1, 25.0
@@ -29,6 +31,7 @@ BEND_SHARE = 0.02
 """How far depths that a network guesses slowly go off, where nothing tells how far these do."""
 
 _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
+_NAMED = 8  # Arrays that a message names, of an archive with others than it should have.
 _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
 
@@ -157,19 +160,15 @@ def _values(path: Path) -> np.ndarray:
 def _array(path: Path, content: bytes) -> np.ndarray:
     expected = "expected one array (H, W) of numbers, or one called depth"
     try:
-        loaded = np.load(BytesIO(content), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            values = loaded
-        else:
-            names = loaded.files
+        if not content.startswith(b"PK"):
+            return array_in(BytesIO(content), MOST_SIDE_PX)
+        with archive_of(BytesIO(content)) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist()]
             name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
             if name is None:
-                raise PhotoRefused("depth", path, f"holds {', '.join(names) or 'nothing'}", expected)
-            values = loaded[name]
-    except PhotoRefused:
-        raise
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+                known = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+                raise PhotoRefused("depth", path, f"holds {known or 'nothing'}", expected)
+            with opened_in(archive, archive.namelist()[names.index(name)]) as stream:
+                return array_in(stream, MOST_SIDE_PX)
+    except (BadPacking, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise PhotoRefused("depth", path, f"cannot be read as an array ({error})", expected) from error
-    if values.ndim != 2 or values.dtype.kind not in "uif":
-        raise PhotoRefused("depth", path, f"its array has shape {values.shape} of {values.dtype}", expected)
-    return values

@@ -1,0 +1,105 @@
+"""Depths that are packed to fill a memory, or say more than they have, are refused within 300 MB and 10 s."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.photo.inputs.depth import read_depth
+from executor.photo.inputs.packed import BadPacking, archive_of, lzfse_unpacked
+from executor.photo.refusal import PhotoRefused
+from tests.executor.hostile_packing import MOST_MB, MOST_S, measured, zip_bomb
+
+_READ = """
+from pathlib import Path
+from executor.photo.inputs.depth import read_depth
+from executor.photo.refusal import PhotoRefused
+try:
+    read_depth(Path(sys.argv[2]), (160, 120))
+except PhotoRefused as problem:
+    code = 2
+    print(problem)
+"""
+
+
+def head(shape: str, kind: str = "<f4", version: tuple[int, int] = (1, 0)) -> bytes:
+    text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+    return b"\x93NUMPY" + bytes(version) + struct.pack("<H" if version == (1, 0) else "<I", len(text)) + text
+
+
+def archived(path: Path, name: str, content: bytes) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(name, content)
+
+
+HOSTILE: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "very many": ("d.npy", lambda path: path.write_bytes(head("(1000000, 1000000)")), "1000000 x 1000000 numbers"),
+    "a number beyond": ("d.npy", lambda path: path.write_bytes(head(f"(1, {10**30})")), "at most 4096 on a side"),
+    "fewer than none": ("d.npy", lambda path: path.write_bytes(head("(-1, 12)") + bytes(48)), "-1 numbers"),
+    "fewer than said": (
+        "d.npy",
+        lambda path: path.write_bytes(head("(120, 160)")),
+        "76800 bytes of numbers, and it has 0",
+    ),
+    "more than said": ("d.npy", lambda path: path.write_bytes(head("(2, 2)") + bytes(99)), "and it has more"),
+    "a long head": (
+        "d.npy",
+        lambda path: path.write_bytes(b"\x93NUMPY\x02\x00" + struct.pack("<I", 2**31) + bytes(99)),
+        "its head is no array's",
+    ),
+    "nested": ("d.npy", lambda path: path.write_bytes(head("-" * 9000)), "its head is no array's"),
+    "objects": ("d.npy", lambda path: path.write_bytes(head("(2, 2)", "|O") + bytes(32)), "of object"),
+    "no array": ("d.npy", lambda path: path.write_bytes(b"nothing"), "its head is no array's"),
+    "a bomb that says so": ("d.npz", lambda path: zip_bomb(path, "depth.npy", head("(10000, 10000)")), "10000 numbers"),
+    "a bomb behind an array": ("d.npz", lambda path: zip_bomb(path, "depth.npy", head("(120, 160)")), "it has more"),
+    "blocks": ("d.npz", lambda path: zip_bomb(path, "depth.npy", head("(120, 160)"), zipfile.ZIP_BZIP2), "stored or"),
+    "a lie in an archive": ("d.npz", lambda path: archived(path, "depth.npy", head("(4096, 4096)")), "it has 0"),
+    "no archive": ("d.npz", lambda path: path.write_bytes(b"PK\x03\x04" + bytes(99)), "does not end as an archive"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_depths_that_would_fill_a_memory_are_refused(what: str, tmp_path: Path) -> None:
+    name, write, said = HOSTILE[what]
+    write(tmp_path / name)
+    found = measured(_READ, tmp_path / name)
+    assert found.code == 2 and said in found.text and "cannot be read as an array" in found.text, found.text
+    assert found.peak_mb < MOST_MB and found.cpu_s < MOST_S, found
+
+
+def test_an_archive_of_very_many_files_is_not_listed() -> None:
+    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 9, 9, 60_000_000, 0, 0)
+    with pytest.raises(BadPacking, match="list of files takes more than 8 MB"):
+        archive_of(BytesIO(bytes(1000) + end))
+    far = struct.pack("<4sQ2H2L4Q", b"PK\x06\x06", 44, 45, 45, 0, 0, 9, 9, 60_000_000, 0)
+    far += struct.pack("<4sLQL", b"PK\x06\x07", 0, 1000, 1)
+    end = struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 0xFFFF, 0xFFFF, 0, 0xFFFFFFFF, 0)
+    with pytest.raises(BadPacking, match="list of files takes more than 8 MB"):
+        archive_of(BytesIO(bytes(1000) + far + end))
+
+
+def test_what_numpy_writes_is_read(tmp_path: Path) -> None:
+    depth_m = np.linspace(1.0, 3.0, 120 * 160).reshape(120, 160)
+    for kind in (np.float16, np.float32, np.float64):
+        np.save(tmp_path / "d.npy", np.asfortranarray(depth_m.astype(kind)))
+        assert np.allclose(read_depth(tmp_path / "d.npy", (160, 120)).z_m, depth_m, atol=2e-3)
+    np.savez_compressed(tmp_path / "d.npz", colour=np.zeros((2, 2, 3)), depth=depth_m)
+    assert np.allclose(read_depth(tmp_path / "d.npz", (160, 120)).z_m, depth_m)
+    np.savez(tmp_path / "d.npz", a=depth_m, b=depth_m)
+    with pytest.raises(PhotoRefused, match="holds a, b"):
+        read_depth(tmp_path / "d.npz", (160, 120))
+
+
+def test_what_lzfse_packs_too_tightly_is_refused() -> None:
+    lzfse = pytest.importorskip("lzfse")
+    assert lzfse_unpacked(lzfse.compress(bytes(1000))) == bytes(1000)
+    with pytest.raises(BadPacking):
+        lzfse_unpacked(lzfse.compress(bytes(400_000_000)))
+    with pytest.raises(BadPacking):
+        lzfse_unpacked(b"bvx2 nothing")
