@@ -74,9 +74,9 @@ def zlib_bomb(zeros: int = BOMB_BYTES) -> bytes:
     return b"".join([*(packer.compress(_PIECE) for _ in range(zeros // len(_PIECE))), packer.flush()])
 
 
-def zip_bomb(path: Path, name: str, begin: bytes, kind: int = zipfile.ZIP_DEFLATED) -> None:
+def zip_bomb(path: Path, name: str, begin: bytes, kind: int = zipfile.ZIP_DEFLATED, zeros: int = BOMB_BYTES) -> None:
     """Writes an archive with one file: a beginning, and very many zeros."""
     with zipfile.ZipFile(path, "w", kind) as archive, archive.open(name, "w") as file:
         file.write(begin)
-        for _ in range(BOMB_BYTES // len(_PIECE)):
+        for _ in range(zeros // len(_PIECE)):
             file.write(_PIECE)

@@ -135,7 +135,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Select
             motion = _Motion(episode.name, pair["samples"])
             found.append(_Found.of("corrections", episode, motion, pair.get("pictures")))
     only.check([one.traits for one in found], store.path)
-    # Of what failed nothing is exported without a word of it, but what was revised is there to have failed.
+    # Episodes that failed are exported only where `ended` says so; corrections of these are there all the same.
     chosen = [
         one
         for one in sorted(found, key=lambda one: _PARTS.index(one.part))

@@ -67,7 +67,7 @@ def array_in(stream: BinaryIO, most_side: int) -> np.ndarray:
     content = head[start.tell() :] + stream.read(max(size - (len(head) - start.tell()), 0) + 1)
     if len(content) != size:
         more = "more" if len(content) > size else f"{len(content)}"
-        raise BadPacking(f"its head says {size} bytes of numbers, and it has {more}")
+        raise BadPacking(f"its head says {size} bytes, and it has {more}")
     return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")
 
 

@@ -215,6 +215,7 @@ HOSTILE: dict[str, tuple[str, Callable[[Path], None], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", HOSTILE)
 def test_data_sets_that_would_fill_a_memory_are_refused(sets: Path, what: str, tmp_path: Path) -> None:
     kind, spoil, said = HOSTILE[what]
