@@ -44,6 +44,21 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
     Raises:
         OSError: The file cannot be opened, is no regular file, or is larger; `strerror` says which it is.
     """
+    with opened(path, pipes=pipes) as stream:
+        return read_stream(stream, str(path), most_bytes)
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
+    """Give a file to read from.
+
+    Args:
+        path: The file.
+        pipes: Whether a pipe will do.
+
+    Raises:
+        OSError: The file cannot be opened, or is no regular file; `strerror` says which it is.
+    """
     # A pipe that nobody writes into would be waited for when it is opened.
     waiting = 0 if pipes else getattr(os, "O_NONBLOCK", 0)
     try:
@@ -56,7 +71,7 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not (stat.S_ISREG(mode) or pipes):
             raise OSError(errno.EINVAL, "it is no regular file, but a device, a pipe or a socket", str(path))
-        return read_stream(stream, str(path), most_bytes)
+        yield stream
 
 
 def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> bytes:

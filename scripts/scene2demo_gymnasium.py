@@ -1,8 +1,8 @@
 """Registers the environments of Scene2Demo when Gymnasium is imported; lies beside the packages in an installation.
 
 Gymnasium has loaded no entry points since its version 1.0. So `scene2demo_gymnasium.pth` imports this module when
-Python starts. It loads nothing then, and waits for the import of `gymnasium.envs`, after which it loads the entry points
-of the group "gymnasium.envs" that this distribution has.
+Python starts. It loads nothing then, and waits for the import of `gymnasium.envs`, after which it loads the entry
+points of the group "gymnasium.envs" that this distribution has.
 """
 
 import sys

@@ -39,6 +39,7 @@ POSES = "camera_pose_"
 
 _SHADOW_MAP_PX = 512  # A texel of a centimetre, as small as a pixel's: half the time of one twice as fine.
 _X264 = {"crf": "20", "preset": "veryfast", "g": "2", "bf": "0"}
+_LARGEST = {"max_pixels": str(2 * 1024 * 1024)}  # Twice what the largest picture has that a recording asks for.
 _FFV1 = {"level": "3", "g": "1", "coder": "1", "context": "0", "slices": "4"}
 
 
@@ -212,14 +213,30 @@ def pictures(path: Path) -> Iterator[NDArray[Any]]:
         VideoFailed: It cannot be read.
         MissingExtra: PyAV is not installed.
     """
+    with opened_video(path) as (source, stream):
+        stream.codec_context.thread_count = 1
+        for frame in source.decode(stream):
+            yield frame.to_ndarray(format=pixels_of(path))
+
+
+@contextmanager
+def opened_video(video: Path) -> Iterator[tuple[Any, Any]]:
+    """Give a video file and its one stream; pictures larger than any that is recorded are not decoded.
+
+    Raises:
+        VideoFailed: It cannot be read.
+        MissingExtra: PyAV is not installed.
+    """
     av: Any = require("av", "data")
     try:
-        with av.open(str(path)) as container:
-            container.streams.video[0].codec_context.thread_count = 1
-            for frame in container.decode(video=0):
-                yield frame.to_ndarray(format=pixels_of(path))
+        with av.open(str(video), options=_LARGEST) as source:
+            if not source.streams.video:
+                raise VideoFailed(f"{video} has no pictures")
+            stream = source.streams.video[0]
+            stream.codec_context.options = _LARGEST
+            yield source, stream
     except av.FFmpegError as problem:
-        raise VideoFailed(f"the video {path} cannot be read: {problem}") from problem
+        raise VideoFailed(f"{video} cannot be read: {problem}") from problem
 
 
 class Track:

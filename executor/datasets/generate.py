@@ -131,7 +131,8 @@ def _settled(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerO
     """Returns how a unit ended; of one whose process died or hung, the store gets a folder that says so."""
     if outcome.ending == "finished":
         return outcome.answer
-    result = result_of(outcome)
+    # The time of the processor went with the process.
+    result = {**result_of(outcome), "wall_s": outcome.wall_s}
     store.tidy({unit.folder(version)})  # The process is gone.
     with store.writing(unit, version) as folder:
         store.write(unit, version, result, folder)

@@ -27,7 +27,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bddl.files import read_bounded
+from bddl.files import opened
 from executor.bench.presence import alone
 from executor.bench.run import WHOLE, Shard
 from executor.datasets import samples
@@ -42,7 +42,6 @@ _BROKEN_OFF = ("crashed", "timed-out", "error")
 
 _ASIDE = ".part-"
 _TOKEN_BYTES = 4
-_LARGEST_SAMPLES_BYTES = 500_000_000
 _BEGIN_BYTES = 1 << 16  # Of a file of samples: as much as its header can take.
 
 
@@ -98,7 +97,8 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            return samples.unpacked(read_bounded(self._own(file), _LARGEST_SAMPLES_BYTES))
+            with opened(self._own(file)) as stream:
+                return samples.unpacked(stream)
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
@@ -111,7 +111,7 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            with self._own(file).open("rb") as stream:
+            with opened(self._own(file)) as stream:
                 return samples.shapes(stream.read(_BEGIN_BYTES))
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None

@@ -146,7 +146,11 @@ def _write_demo(demo: Any, episode: Episode) -> None:
         rewards[-1] = float(episode.succeeded)
     dones = np.zeros(length, dtype=np.int64)
     dones[-1] = 1
-    columns = {"actions": episode.actions, "actions_absolute": episode.actions_absolute, **episode.commanded}
+    columns: dict[str, NDArray[Any]] = {
+        "actions": episode.actions,
+        "actions_absolute": episode.actions_absolute,
+        **episode.commanded,
+    }
     for name, values in columns.items():
         _write_numbers(demo, name, values)
     _write_numbers(demo, "states", _states(episode)).attrs["columns"] = json.dumps(episode.state_names)
@@ -217,7 +221,8 @@ def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
 
 def _write_datagen_info(group: Any, episode: Episode) -> None:
     trajectory, rows = episode.trajectory, np.arange(episode.length)
-    columns = {"eef_pose": _matrices(trajectory.eef_pose[:-1]), "gripper_action": episode.actions[:, -1:]}
+    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(trajectory.eef_pose[:-1])}
+    columns["gripper_action"] = episode.actions[:, -1:]
     for name, poses in trajectory.object_poses.items():
         columns[f"object_poses/{name}"] = _matrices(poses[:-1])
     for number, span in enumerate(episode.spans, start=1):

@@ -36,7 +36,10 @@ STATISTICS = "statistics.json"
 Counted = Callable[[int, int], None]
 # What says that a folder has a data set of ours -> what reads it.
 _READERS = {ABOUT: read_lerobot, FILE: read_demonstrations, ".zattrs": read_zarr}
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError)
+_UNREADABLE = (
+    *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError),
+    *(RuntimeError, OverflowError, MemoryError),  # What readers of HDF5 and parquet raise beside these.
+)
 
 
 class ExportExists(FileExistsError):

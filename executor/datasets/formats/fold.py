@@ -33,7 +33,7 @@ from executor.datasets.formats.stream import (
     told_rows,
 )
 from executor.datasets.formats.videos import Clip, VideoClip
-from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit
 from executor.datasets.upkeep.card import page
 from executor.geometry import quaternions_last
@@ -145,7 +145,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Select
             key = f"{episode.name} {pair['samples']}"
             found.append(_Found.of("corrections", episode, motion, pair.get("pictures"), key))
     only.check([one.traits for one in found], store.path)
-    # Of what failed nothing is exported without a word of it, but what was revised is there to have failed.
+    # Episodes that failed are exported only where `ended` says so; corrections of these are there all the same.
     chosen = [
         one
         for one in sorted(found, key=lambda one: _PARTS.index(one.part))
@@ -241,7 +241,10 @@ def _fold(
     """
     arrays = episode.motion(motion.file)
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
-    count = len(qpos)
+    try:
+        count = found.check_length(len(qpos))
+    except ValueError as problem:
+        raise NotADataset(f"{episode.path / motion.file}: {problem}; generate it with fewer samples a second") from None
     after = np.concatenate([targets[1:], targets[-1:]])
     actions = hand_actions(float(episode.meta["robot"]["scale"]), targets, after).astype(np.float32)
     # Nothing is commanded after the last row: no rounding shall say otherwise.
@@ -278,7 +281,7 @@ def _fold(
     clips: dict[tuple[str, str], Clip] = {
         (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, 0, count) for view, kind in found.clips
     }
-    return FoldedEpisode(index, {**columns, **told_rows(about)}, clips, about)
+    return FoldedEpisode(index, {**columns, **told_rows(about, count)}, clips, about)
 
 
 def _widened(rows: NDArray[Any], width: int) -> NDArray[np.float32]:

@@ -74,7 +74,7 @@ class Selection:
     """A choice of motions.
 
     Attributes:
-        chosen: Key -> its values; of what is absent, anything goes, but episodes that failed.
+        chosen: Key -> its values; of a key that is absent, anything goes.
     """
 
     chosen: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -131,8 +131,8 @@ class Selection:
                 raise BadSelection(f"{store} has no {key} {' or '.join(unknown)}: it has {words}{also}")
 
     def takes(self, one: Traits) -> bool:
-        """Decide whether a motion is chosen."""
-        for key, values in {"ended": (SUCCEEDED,), **self.chosen}.items():
+        """Decide whether a motion is chosen by what is said."""
+        for key, values in self.chosen.items():
             has = one.values(key, self.views)
             if not (set(values) <= has if key in ("views", "channels") else has and has <= set(values)):
                 return False

@@ -13,7 +13,7 @@ from executor.datasets import samples
 from executor.datasets.footage import DEPTH, SEGMENTATION, footage_path
 from executor.datasets.formats.fold import joint_names
 from executor.datasets.formats.videos import count_of
-from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
+from executor.datasets.store import META, SAMPLES, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit, Recording
 from executor.machine.files import content_key, json_text
 from executor.pictures.video import VideoFailed
@@ -80,11 +80,12 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     elif episode.name != unit.folder_of(meta["id"]):
         yield f"its folder should be named {unit.folder_of(meta['id'])}"
     for pair in episode.corrections:
-        motion = episode.motion(pair["samples"])
-        if missing := sorted(set(_PER_SAMPLE) - set(motion)):
+        # One motion at a time is in memory.
+        counts = {name: len(rows) for name, rows in episode.motion(pair["samples"]).items()}
+        if missing := sorted(set(_PER_SAMPLE) - set(counts)):
             yield f"{pair['samples']} lacks {', '.join(missing)}"
         aside = Path(pair["samples"]).stem
-        yield from _flaws_of_pictures(episode.path, aside, unit.recording, len(motion[_PER_SAMPLE[0]]))
+        yield from _flaws_of_pictures(episode.path, aside, unit.recording, counts[_PER_SAMPLE[0]])
     if not episode.has_samples:
         if episode.succeeded:
             yield "it succeeded, and its samples are missing"
@@ -107,7 +108,10 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     for entry in meta["subtasks"]:
         if entry["span"] is not None and not 0 <= entry["span"][0] < entry["span"][1] <= count:
             yield f"{entry['name']} is said to span samples {entry['span']} of {count}"
-    samples.commands(arrays)
+    try:
+        samples.commands(arrays)
+    except samples.BadSamples as problem:
+        yield f"{SAMPLES}: {problem}"
     if episode.task.name == "":
         yield "its task has no name"
     yield from _flaws_of_pictures(episode.path, "", unit.recording, count)

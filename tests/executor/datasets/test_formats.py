@@ -340,14 +340,17 @@ def test_zarr_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode]) 
     assert np.array_equal(root["data/head_segmentation"][: episodes[0].length], segments)
 
 
-def test_pictures_that_not_all_have_are_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
+def test_pictures_that_not_all_have_are_never_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
     store = EpisodeStore(tmp_path / "s")
     shutil.copytree(filmed_store.path, store.path)
     assert stream_of(store).found.clips == (("head", ""),)
     next((store.path / "units").glob("*/head.depth.mkv")).unlink()
-    assert stream_of(store, ("depth", "segmentation")).found.channels == (SEGMENTATION,)
+    with pytest.raises(NothingToExport, match="have no depth"):
+        stream_of(store, ("depth", "segmentation"))
+    assert stream_of(store, ("segmentation",)).found.channels == (SEGMENTATION,)
     next((store.path / "units").glob("*/head.mp4")).unlink()
-    assert stream_of(store, ("segmentation",)).found.clips == ()
+    with pytest.raises(NothingToExport, match=r"3 have head, 1 have none"):
+        stream_of(store, ("segmentation",))
 
 
 def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeStore, tmp_path: Path) -> None:

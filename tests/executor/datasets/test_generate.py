@@ -53,6 +53,7 @@ def test_what_fails_is_counted_and_left_out(run_generate: Generate, folder: Path
     store = EpisodeStore.open(folder)
     assert [episode.meta["unit"]["seed"] for episode in store.demonstrations()] == [0, 1, 2]
     crashed = next(e for e in store.episodes() if e.meta["ended"] == "crashed")
+    assert 0.0 < crashed.meta["wall_s"] < 600.0
     assert "status 11" in crashed.meta["failure"]["message"] or "-11" in crashed.meta["failure"]["message"]
 
 

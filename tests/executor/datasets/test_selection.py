@@ -107,7 +107,7 @@ def test_origins_and_endings_are_chosen(mixed: EpisodeStore, made_store: Episode
         ("size=128x128", "has no size 128x128: it has 64x48"),
         ("channels=rgb", "has no channels rgb: it has depth, segmentation"),
         ("ended=failed", "no episode of"),
-        ("views=wrist,channels=segmentation", "those with a motion have origin T5 (3), T6 (3); ended succeeded (6);"),
+        ("views=wrist,channels=segmentation", "its motions have origin T5 (3), T6 (3); ended succeeded (6);"),
     ],
 )
 def test_what_cannot_be_chosen_is_refused_with_what_can(

@@ -88,7 +88,10 @@ def without(name: str) -> Callable[[dict[str, Any]], object]:
         (without("id"), "it lacks 'id'"),
         (lambda about: about["unit"].update(seed="x"), r"unit\.seed: Input should be"),
         (lambda about: about.update(unit=3), "unit: "),
-        (lambda about: about.update(kind="film"), "kind is 'film', expected 'demonstration' or 'correction'"),
+        (
+            lambda about: about.update(kind="film"),
+            "kind is 'film', expected 'demonstration', 'correction' or 'failure'",
+        ),
         (lambda about: about.update(takeover={"why": "x"}), "it lacks 'subtask'"),
     ],
 )
