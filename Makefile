@@ -11,7 +11,7 @@ BASELINES ?= unchecked checked repaired constraint-pose sampled-grasp one-demons
 EPISODES ?= 20
 SEED ?= 68000
 
-.PHONY: help setup setup-demo setup-all setup-test demo test test-all lint conformance interop baselines reference doctor repair clean
+.PHONY: help setup demo test test-all lint conformance interop baselines reference doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -20,6 +20,7 @@ help:  ## Lists the targets.
 setup: setup-all  ## Makes the environment in .venv, with a renderer and all that the program can use.
 
 # The demo takes a part of it, tests and checks take the developer's tools as well.
+.PHONY: setup-demo setup-all setup-test
 setup-demo setup-all setup-test:
 	@for python in $(PYTHONS); do \
 	    if $$python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' 2>/dev/null; then \

@@ -68,6 +68,14 @@ def test_how_many_are_made_is_told_line_by_line(
     assert [line.split("s  ", 1)[1].split(":")[0] for line in lines[1:]] == ["succeeded", "succeeded", "slipped"]
 
 
+def test_a_sentence_needs_no_quotes(run_generate: Generate, folder: Path) -> None:
+    for sentence in (["open the refrigerator"], ["open", "the", "refrigerator"]):
+        code, said = run_generate(*sentence, "--scene", "kitchen_t1", "--seed", 0, "--episodes", 1)
+        assert code == 0 and said["endings"] == {"succeeded": 1}
+    (request,) = EpisodeStore.open(folder).requests()
+    assert "open the refrigerator" in json.dumps(request)
+
+
 def test_what_crashed_is_made_again_when_that_is_asked_for(run_generate: Generate, folder: Path) -> None:
     words = ("T1", "--seed", 3, "--episodes", 2)
     assert run_generate(*words)[1]["endings"] == {"failed": 1, "crashed": 1}

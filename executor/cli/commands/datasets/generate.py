@@ -101,9 +101,10 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
     if options.what and set(options.what) <= set(FAMILIES):
         check(options.scene is None, "--scene", options.scene, "none beside families, which draw their own")
         return {"families": list(options.what)}
-    if len(options.what) == 1 and options.scene is not None:
-        return {"query": options.what[0], "scene": options.scene}
-    words = " ".join(options.what) or "is missing"
+    words = " ".join(options.what)
+    if words and options.scene is not None and not set(options.what) & set(FAMILIES):
+        return {"query": words, "scene": options.scene}  # Without quotes a shell passes its words one by one.
+    words = words or "is missing"
     raise BadOption("what to make", words, f"families ({', '.join(FAMILIES)}), a sentence and --scene, or a .yaml file")
 
 
