@@ -76,7 +76,7 @@ def judges(
         rounds: Most questions for one answer.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
         memory: Notes that the Supervisor is shown.
-        listen: Is told every round.
+        listen: Gets every round.
 
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing.

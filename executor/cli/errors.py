@@ -118,9 +118,9 @@ def explain(error: BaseException) -> Ending:
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        beside = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
+        notes = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
         advice = f"{_ADVICE[full.errno or 0]}, and type the same command again"
-        return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{beside}")
+        return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{notes}")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Ending(FAILED, kind, str(error))

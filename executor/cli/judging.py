@@ -193,15 +193,15 @@ def _frames_for_report() -> AttemptFrames | None:
 
 
 def tell_kept(recording: Path | None) -> None:
-    """Tell where the answers of an earlier run are kept that is begun anew."""
+    """Tell where the answers of an earlier run are kept that starts over."""
     if recording is not None:
         tell(f"the answers that were recorded before are kept in {recording}", style="yellow")
 
 
 def stopped_words(reason: str) -> str:
-    """Return what a person is told where the model that judges gave no more answers."""
-    said = f"the model that judges stopped answering, and nothing more was tried: {reason}"
-    return f"{said}. What was done is kept, and --resume goes on"
+    """Return the message for where the model that judges gave no more answers."""
+    reported = f"the model that judges stopped answering, and nothing more was tried: {reason}"
+    return f"{reported}. What was done is kept, and --resume goes on"
 
 
 def spending_of(model: Metered | None, *, quiet: bool) -> Spending | None:

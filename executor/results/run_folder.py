@@ -66,7 +66,7 @@ class ResultsExist(FileExistsError):
         super().__init__(
             f"{folder} already has results ({', '.join(names)}); choose another folder with --out, "
             + (
-                "go on from the recorded answers with --resume, or begin anew with --force, which keeps these aside"
+                "go on from the recorded answers with --resume, or start over with --force, which keeps these aside"
                 if paid
                 else "or replace them with --force"
             )
@@ -86,7 +86,7 @@ class RunFolder:
 
     Attributes:
         path: The folder.
-        kept_aside: Where the answers of a model are that an earlier run had paid for, when it was begun anew.
+        kept_aside: Where the answers of a model are that an earlier run had paid for, when it starts over.
     """
 
     path: Path
@@ -223,7 +223,7 @@ class RunFolder:
 
 
 def kept_aside(recording: Path) -> Path | None:
-    """Return where a recording is kept, for a run that is begun anew; None where nothing was recorded."""
+    """Return where a recording is kept, for a run that starts over; None where nothing was recorded."""
     if recording.is_symlink() or not recording.is_file() or not recording.stat().st_size:
         return None
     return recording.rename(unused(recording.parent, recording.name))

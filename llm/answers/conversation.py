@@ -94,7 +94,7 @@ class Conversation:
         query: The user's query.
         scene: The scene's name.
         entries: Rounds and verdicts.
-        listen: Is told every round when its answer has been judged.
+        listen: Gets every round when its answer has been judged.
     """
 
     model: str

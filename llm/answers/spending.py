@@ -20,7 +20,7 @@ class Spending:
 
     Attributes:
         model: Who is asked, with its usage and its price.
-        tell: Is told a line for each round, when its answer has been judged.
+        tell: Gets a line for each round, when its answer has been judged.
         rounds: Every round until now.
     """
 

@@ -39,7 +39,7 @@ class ModelProposer:
         cross_check: True to ask the model once whether it means it, when its goal is not what the query says word by
             word; where the words cannot be placed, there is nothing to compare with.
         sizing: What becomes of the sizes of what is handled; module 4 is asked unless they are kept.
-        listen: Is told every round.
+        listen: Gets every round.
         conversation: The record of the last proposal, also when there was none in the end.
     """
 

@@ -9,7 +9,7 @@ The file has one exchange a line, as JSON that a person can read:
     {"cassette": 1, "digest": "…", "request": {…}, "failure": {…}}      the model gave no reply
 
 A line is written in one piece and synced, so a crash costs at most the last line; a cut-off last line is left out when
-the file is read, and said. A run that ended early goes on with its recording: what is in it is not asked again.
+the file is read, and reported. A run that ended early goes on with its recording: what is in it is not asked again.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.
 MOST_BYTES = 64_000_000
 
-# Kept free for the reply while a model is asked, beside the request.
+# Kept free for the reply while a model is asked, with the request.
 _ROOM_BYTES = 256_000
 
-_ANOTHER_RUN = "It is another run's: type that run's command, or begin anew with --force, which keeps the file aside"
+_ANOTHER_RUN = "It is another run's: type that run's command, or start over with --force, which keeps the file aside"
 
 
 # Failures that belong to a run, and come again when it is replayed; a cancelled request belongs to its caller.

@@ -43,7 +43,7 @@ def execute(options: AblateOptions) -> int:
     if not options.json:
         tell_notes(map(str, resizings(task.scales, scene)))
     rows: list[AblationRow] = []
-    check(not (options.resume and options.force), "--resume", "", "no --force beside it, which begins anew")
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     judged_by = Judging(options.judged, options.out, force=options.force, resume=options.resume, quiet=options.json)
     with judged_by as judging:
         for setting in chosen:

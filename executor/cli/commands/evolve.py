@@ -50,7 +50,7 @@ def execute(options: EvolveOptions) -> int:
     notes = tuple(map(str, resizings(task.scales, scene)))
     if not options.json:
         tell_notes(notes)
-    check(not (options.resume and options.force), "--resume", "", "no --force beside it, which begins anew")
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     told: list[dict[str, Any]] = []
     last: Evolution | None = None
     interrupted, stopped = False, ""

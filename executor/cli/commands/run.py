@@ -65,7 +65,7 @@ def execute(options: RunOptions) -> int:
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
         propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.
-    check(not (options.resume and options.force), "--resume", "", "no --force beside it, which begins anew")
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     # A recording that is replayed is read before its folder is prepared for other results.
     replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)

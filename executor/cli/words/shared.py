@@ -53,7 +53,7 @@ Json = Annotated[Flag, helped("Print one JSON object on standard output.")]
 Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
 ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
 ReplaceResults = Annotated[
-    Flag, helped("Replace results that the folder already has; what a model answered is kept beside them.")
+    Flag, helped("Replace results that the folder already has; what a model answered is kept under another name.")
 ]
 GoOn = Annotated[
     Flag, helped("Go on from a run that ended early: what its model answered is not asked again, and what failed is.")

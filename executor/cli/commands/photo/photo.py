@@ -29,8 +29,8 @@ def execute(options: PhotoOptions) -> int:
         ResultsExist, FolderUnusable: The folder.
         ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
     """
-    check(not (options.resume and options.force), "--resume", "", "no --force beside it, which begins anew")
-    check(not options.resume or options.model is not None, "--resume", "", "--model beside it, whose answers are kept")
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
+    check(not options.resume or options.model is not None, "--resume", "", "--model with it, whose answers are kept")
     spent: list[Spending] = []
     with ExitStack() as counted:
         asked = _asked(options, spent, counted)
