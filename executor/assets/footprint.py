@@ -59,19 +59,6 @@ class Footprint:
         return cls(x, y, yaw_of(obj), length / 2, width / 2, z - height / 2, z + height / 2)
 
     @classmethod
-    def around_turned(cls, obj: SceneObject) -> Self:
-        """Returns the footprint of the box around an object that lies or leans, along the most level of its own axes.
-
-        It is exact for what lies on a side.
-        """
-        T = transform_from_quaternion(obj.position, obj.orientation)
-        along = T[:2, int(np.argmin(np.abs(T[2, :3])))]
-        yaw = math.atan2(along[1], along[0])
-        half = np.abs(rotation_z(yaw).T @ T[:3, :3]) @ np.asarray(obj.extent_m) / 2
-        x, y, z = obj.position
-        return cls(x, y, yaw, float(half[0]), float(half[1]), z - float(half[2]), z + float(half[2]))
-
-    @classmethod
     def around(cls, centre_m: Array, half_m: Array) -> Self:
         """Returns the footprint of a box along the world's axes: its centre and half extents (3,)."""
         (x, y, z), (half_x, half_y, half_z) = centre_m.tolist(), half_m.tolist()

@@ -14,14 +14,14 @@ from itertools import combinations
 import numpy as np
 
 import bddl
-from executor.assets.footprint import Footprint, deepest_m, edge_margin_m, open_fraction, top_outlines
+from executor.assets.footprint import deepest_m, edge_margin_m, open_fraction, top_outlines
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.assets.transforms import rolls_freely
 from executor.geometry import transform_from_quaternion
 from executor.scenes.furnishing.usual import unlike_its_kind
 from executor.scenes.rooms.furniture import robot_footprint
-from executor.scenes.standing import NEAR_M, Solid, is_upright, relations, things_of
+from executor.scenes.standing import NEAR_M, Solid, fallen_of, is_upright, relations, things_of
 from oag import Kind, Scene, SceneError, SceneObject
 from oag.model.errors import listed
 from oag.model.scenefile import FLOOR
@@ -85,12 +85,12 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
     unbuildable = (*_unbuildable(scene), *_absurd(scene))
     if unbuildable:
         return unbuildable
-    upright = things_of(scene.objects)
-    things = {key: upright.get(key) or _askew_solid(obj) for key, obj in scene.objects.items()}
+    upright, fallen = things_of(scene.objects), fallen_of(scene.objects)
+    things = {key: upright.get(key) or fallen.get(key) or Solid.fallen(obj) for key, obj in scene.objects.items()}
     near = [(a, b) for a, b in combinations(things.values(), 2) if a.near(b)]
     around = {key: [b if a.obj.id == key else a for a, b in near if key in (a.obj.id, b.obj.id)] for key in things}
     stated = {(literal.atom.label, literal.value) for fact in scene.facts for literal in bddl.literals(fact) or ()}
-    found = tuple(relations(upright))
+    placed, found = {**upright, **fallen}, tuple(relations(upright, fallen.values()))
     return (
         *_quaternions_swapped(scene.objects.values()),
         *(flaw for obj in scene.objects.values() for flaw in _askew(obj)),
@@ -98,8 +98,8 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
         *(flaw for key, thing in things.items() for flaw in _floating(thing, around[key])),
         *(flaw for key, thing in things.items() for flaw in _over_the_edge(thing, around[key])),
         *_on_the_robot(scene, things.values()),
-        *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, upright, found)),
-        *_unstated(upright, found, scene.closed, stated),
+        *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, placed, found)),
+        *_unstated(placed, found, scene.closed, stated),
     )
 
 
@@ -115,12 +115,6 @@ def _absurd(scene: Scene) -> Iterator[Flaw]:
     for key, obj in scene.objects.items():
         if (said := unlike_its_kind(obj)) is not None:
             yield Flaw(key, f"({obj.category}) {said}")
-
-
-def _askew_solid(obj: SceneObject) -> Solid:
-    """Returns a thing that lies or leans as the box around it, on which nothing stands."""
-    box = Footprint.around_turned(obj) if _has_upright(obj) else Footprint.of(obj)
-    return Solid(obj, box, (box,), (), ())
 
 
 def _has_upright(obj: SceneObject) -> bool:
