@@ -229,7 +229,7 @@ class _Once:
 def _recorded(episode: FoldedEpisode) -> str:
     """Return what is equal where two episodes have the same states and actions, whatever they are kept in."""
     columns = ("observation.state", "observation.velocity", "observation.environment_state", "action.joint_target")
-    return content_key(*(np.ascontiguousarray(episode.columns[name]).tobytes() for name in columns))
+    return content_key(*(np.ascontiguousarray(episode.columns[name]).data.cast("B") for name in columns))
 
 
 def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[list[EpisodeStream], float]:

@@ -72,7 +72,7 @@ def _omitted_effects(task: Task, trace: Trace) -> Iterator[Diagnostic]:
 
     The goal speaks of an item where it says anything of its place, and of a door where it says how that shall be.
     """
-    if not task.goal_given or trace.undecided_from is not None:
+    if not task.goal_given or trace.undecided_from is not None or trace.unsettled is not None:
         return
     spoken = {(atom.predicate in RESTING, atom.args[:1]) for atom in bddl.atoms(task.goal)}
     bound = {binder.variable for node in task.goal.walk() if isinstance(node, Quantified) for binder in node.binders}

@@ -68,7 +68,10 @@ def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done
 
 def _content(episode: StoredEpisode) -> str:
     """Return what is equal where two episodes show the same, by what was recorded."""
-    recorded = (part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).tobytes()))
+    # Views, not copies: what is recorded may be as large as a file of samples may be.
+    recorded = (
+        part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).data.cast("B"))
+    )
     return content_key(json_text([episode.meta.get("query"), episode.meta.get("pictures")]), *recorded)
 
 

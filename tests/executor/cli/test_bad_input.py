@@ -163,6 +163,7 @@ def test_files_nested_without_end_end_in_one_message(
     words: tuple[str, ...],
     depth: int,
 ) -> None:
+    (tmp_path / "d").mkdir()  # What is missing is refused before a file is read.
     name = "deep.yaml" if words is PLAN else "deep.toml"
     # The inmost value; YAML's parser takes seconds for what it does not refuse.
     depth = min(depth, 20_000) if words is PLAN else depth
@@ -188,6 +189,7 @@ def test_files_nested_without_end_end_in_one_message(
     ids=str,
 )
 def test_an_input_that_is_too_large_is_no_full_disk(command: Command, tmp_path: Path, words: tuple[str, ...]) -> None:
+    (tmp_path / "d").mkdir()
     for ending in ("json", "bddl", "toml", "yaml"):
         (tmp_path / f"large.{ending}").write_text(" " * 8_000_001)
     answer = command(*words)

@@ -222,7 +222,7 @@ MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 3.2, -0.3, 0.0, 0.76, (0.45, 
 
 
 def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> None:
-    nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.35, 0.0, 0.0, (0.9, 0.6, 0.66))
+    nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.36, 0.0, 0.0, (0.9, 0.6, 0.66))
     seen, (box, beside) = by_sight(COUNTER, nearer)
     called = replace(box, label="refrigerator", category="refrigerator", provenance="detector")
     room = KnownRoom(lit(lit(seen, COUNTER), nearer), (), [called, beside], 0.0)

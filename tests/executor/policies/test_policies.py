@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ import torch
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
-from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies import windows
@@ -155,8 +155,8 @@ def test_training_repeats_and_an_interrupted_one_goes_on_to_the_same_weights(dat
 def test_a_primitive_of_another_subtask_is_another_step(
     picked: EpisodeStore, data: Demonstrations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def in_two(path: Path, include: tuple[Extra, ...]) -> SimpleNamespace:
-        stream = open_set(path, include)
+    def in_two(path: Path, *how: Any) -> SimpleNamespace:
+        stream = open_set(path, *how)
         lifting = ((one, one.columns["primitive_index"] == Primitive.LIFT_EEF_UP) for one in stream.episodes())
         episodes = [replace(one, columns={**one.columns, "subtask_index": rows * 1}) for one, rows in lifting]
         return SimpleNamespace(found=stream.found, episodes=lambda: episodes)
