@@ -17,36 +17,40 @@ SEED ?= 68000
 help:  ## Lists the targets.
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
 
-setup:  ## Makes the environment in .venv, with a renderer.
+setup: setup-all  ## Makes the environment in .venv, with a renderer and all that the program can use.
+
+# The demo takes a part of it, tests and checks take the developer's tools as well.
+.PHONY: setup-demo setup-all setup-test
+setup-demo setup-all setup-test:
 	@for python in $(PYTHONS); do \
 	    if $$python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' 2>/dev/null; then \
-	        exec $$python scripts/set_up.py; \
+	        exec $$python scripts/set_up.py $(@:setup-%=%); \
 	    fi; \
 	done; \
 	echo "[set-up] Python 3.11, 3.12 or 3.13 is needed, and none was found; on Debian: apt-get install python3"; \
 	exit 2
 
-demo: setup  ## Puts a glass into a refrigerator; pictures, videos and a report go to runs/t1.
+demo: setup-demo  ## Puts a glass into a refrigerator; pictures, videos and a report go to runs/t1.
 	$(BIN)/scene2demo run "$(QUERY)" --scene kitchen_t1 --seed 0 --out $(OUT) --force
 
-test: setup  ## Runs the tests, the slow ones left out.
+test: setup-test  ## Runs the tests, the slow ones left out.
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal
 
-test-all: setup  ## Runs all tests.
+test-all: setup-test  ## Runs all tests.
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-lint: setup  ## Checks style and types.
+lint: setup-test  ## Checks style and types.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-conformance: setup  ## Compares BDDL with the reference implementation, which it installs into .venv-reference.
+conformance: setup-all  ## Compares BDDL with the reference implementation, which it installs into .venv-reference.
 	$(BIN)/python -m benchmarks.conformance --out build/conformance.json
 
-interop: setup  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop (INTERPRETER).
+interop: setup-all  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop (INTERPRETER).
 	$(BIN)/python -m benchmarks.interop --interpreter $(INTERPRETER) --out build/interop.json
 
-baselines: setup  ## Measures what others do in our rooms (BASELINES, EPISODES, SEED; ROBOGEN=checkout reads its plans).
+baselines: setup-all  ## Measures what others do in our rooms (BASELINES, EPISODES, SEED; ROBOGEN=checkout reads its plans).
 	@for baseline in $(BASELINES); do \
 	    $(BIN)/scene2demo bench T1 T2 T3 T4 T5 T6 --baseline $$baseline --episodes $(EPISODES) --seed $(SEED) \
 	        --out runs/baselines || exit $$?; \
@@ -55,15 +59,18 @@ baselines: setup  ## Measures what others do in our rooms (BASELINES, EPISODES, 
 	$(BIN)/python -m benchmarks.baselines runs/baselines
 	@if [ -n "$(ROBOGEN)" ]; then $(BIN)/python -m benchmarks.robogen_plans "$(ROBOGEN)"; fi
 
-reference: setup  ## Writes the API reference, from the docstrings, to build/reference/index.html.
+reference: setup-test  ## Writes the API reference, from the docstrings, to build/reference/index.html.
 	$(BIN)/pdoc -d google -o build/reference bddl oag llm executor
 
-doctor: setup  ## Tells what this machine can do.
+doctor: setup-demo  ## Tells what this machine can do.
 	$(BIN)/scene2demo doctor
 
 repair:  ## Goes through the set-up again: missing libraries, a renderer.
-	@rm -f .venv/scene2demo-set-up
-	@$(MAKE) --no-print-directory setup
+	@if [ -f .venv/scene2demo-set-up ]; then \
+	    sed -i 's/^[^ ]*/again/' .venv/scene2demo-set-up && $(MAKE) --no-print-directory setup-demo; \
+	else \
+	    $(MAKE) --no-print-directory setup-all; \
+	fi
 
 clean:  ## Removes the environment and caches; runs/ stays.
 	rm -rf .venv .venv-interop build .pytest_cache .mypy_cache .ruff_cache .hypothesis

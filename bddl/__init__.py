@@ -18,6 +18,7 @@ from bddl.semantics.truth import State, evaluate
 from bddl.syntax.codes import CODES, MEANINGS, SLIPS, Code, Slip
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.errors import (
+    CountedWildcard,
     IllegalName,
     ObjectsRequired,
     SearchLimit,
@@ -45,13 +46,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CODES", "MEANINGS", "PREDICATES", "PROFILES", "SLIPS", "And", "Atom", "BDDLError", "Binder", "Code",
-    "CompiledGoal", "Correction", "Diagnostic", "Domain", "DomainAction", "DomainPredicate", "Exists", "ForAll",
-    "ForN", "ForNPairs", "ForPairs", "Formula", "GoalProgress", "Ground", "GroundNode", "IllegalName", "Imply",
-    "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired", "Option", "Or", "PairSemantics", "PredicateSpec",
-    "Problem", "Profile", "Rectangle", "Region", "SceneStyle", "SearchLimit", "Slip", "SolverMissing", "Span",
-    "State", "TotalState", "TypedObject", "UnknownPairSemantics", "UnknownProfile", "WrongState", "analyse", "atoms",
-    "check", "compile_goal", "conjuncts", "correct", "evaluate", "format", "ground", "lay_out", "literals",
-    "near_names", "options", "parse", "parse_domain", "parse_formula",
+    "CompiledGoal", "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate",
+    "Exists", "ForAll", "ForN", "ForNPairs", "ForPairs", "Formula", "GoalProgress", "Ground", "GroundNode",
+    "IllegalName", "Imply", "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired", "Option", "Or",
+    "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region", "SceneStyle", "SearchLimit",
+    "Slip", "SolverMissing", "Span", "State", "TotalState", "TypedObject", "UnknownPairSemantics", "UnknownProfile",
+    "WrongState", "analyse", "atoms", "check", "compile_goal", "conjuncts", "correct", "evaluate", "format",
+    "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain", "parse_formula",
 ]  # fmt: skip
 
 # What most programs that read BDDL never use is loaded when it is first asked for.

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from bddl.lint.goal import find_impossible_goal, find_reached_goal, is_spelt_out
 from bddl.lint.quantifiers import (
+    find_counted_wildcards,
     find_empty_ranges,
     find_idle_variables,
     find_mixed_instances,
@@ -36,7 +37,7 @@ def analyse(
     or repeats itself; a goal that holds at the start, or in no state; variables that are unused or hide others; the
     body of a quantifier that names an object of the category it ranges over; atoms about an object and itself;
     quantifiers over nothing; arguments that seem to be swapped; objects that the goal names or that are yet to come
-    and of which the rest says nothing.
+    and of which the rest says nothing; quantifiers over wildcards.
 
     Args:
         subject: A text, a problem or a formula. The places in the diagnostics of a tree refer to what `format`
@@ -48,7 +49,8 @@ def analyse(
 
     Returns:
         The diagnostics in the order of their places. `contradictory-init` and `impossible-goal` are errors, as is all
-        that keeps a text from being read; the rest are warnings, and `unchecked-goal` is a note.
+        that keeps a text from being read; the rest are warnings, but that `unchecked-goal` is a note, and so is
+        `counted-wildcard` where other objects of the category are named.
 
     Raises:
         UnknownProfile: There is no such profile.
@@ -108,7 +110,13 @@ def _examine_formula(formula: Formula, objects: Mapping[str, str] | None, report
 
 
 def _examine_quantifiers(formula: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
-    for find in (find_empty_ranges, find_idle_variables, find_mixed_instances, find_reflexive_atoms):
+    for find in (
+        find_empty_ranges,
+        find_counted_wildcards,
+        find_idle_variables,
+        find_mixed_instances,
+        find_reflexive_atoms,
+    ):
         find(formula, objects, reporter)
 
 

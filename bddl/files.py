@@ -17,12 +17,20 @@ from typing import BinaryIO
 
 MOST_BYTES = 8_000_000
 """Of a scene, a task, a certificate or a BDDL file; the certificate of a plan of 5,000 steps has 2 MB."""
-NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""What the system says when a disk is full, or somebody's share of it, or a file may not grow."""
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 # Systems that lack one have no such links or pipes.
 _AS_IT_LIES = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 # Written to try if a file can grow: a block of most file systems.
 _PROBE = bytes(4096)
+
+
+class InputTooLarge(OSError):
+    """A file that is read is larger than what is read of it; its number is EFBIG, and no disk is full."""
+
+
+def no_room(error: BaseException) -> bool:
+    """Decide whether the system refused to write: a full disk, a used-up share of it, or a file that may not grow."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM and not isinstance(error, InputTooLarge)
 
 
 def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, pipes: bool = False) -> bytes:
@@ -36,6 +44,21 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
     Raises:
         OSError: The file cannot be opened, is no regular file, or is larger; `strerror` says which it is.
     """
+    with opened(path, pipes=pipes) as stream:
+        return read_stream(stream, str(path), most_bytes)
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
+    """Give a file to read from.
+
+    Args:
+        path: The file.
+        pipes: Whether a pipe will do.
+
+    Raises:
+        OSError: The file cannot be opened, or is no regular file; `strerror` says which it is.
+    """
     # A pipe that nobody writes into would be waited for when it is opened.
     waiting = 0 if pipes else getattr(os, "O_NONBLOCK", 0)
     try:
@@ -48,7 +71,7 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not (stat.S_ISREG(mode) or pipes):
             raise OSError(errno.EINVAL, "it is no regular file, but a device, a pipe or a socket", str(path))
-        return read_stream(stream, str(path), most_bytes)
+        yield stream
 
 
 def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> bytes:
@@ -60,7 +83,7 @@ def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> by
     # What the file system says of the size may be 0, or be another a moment later.
     content = stream.read(most_bytes + 1)
     if len(content) > most_bytes:
-        raise OSError(errno.EFBIG, f"it is larger than {most_bytes // 1_000_000} MB", name)
+        raise InputTooLarge(errno.EFBIG, f"it is larger than {most_bytes // 1_000_000} MB", name)
     return content
 
 
@@ -139,16 +162,21 @@ def _of_the_system(problem: Exception, path: Path, temporary: Path) -> OSError |
         ours = problem.filename in (None, str(temporary))
         return OSError(problem.errno, problem.strerror, str(path)) if ours else None
     # Libraries for films and data sets raise what they like, without the system's number.
-    return None if _has_room(temporary) else OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    number = _refusal_to_grow(temporary)
+    return None if number is None else OSError(number, os.strerror(number), str(path))
 
 
-def _has_room(file: Path) -> bool:
-    """Decides whether a file can still grow."""
+def _refusal_to_grow(file: Path) -> int | None:
+    """Return the system's number for why a file cannot grow; None where it can."""
     try:
         with file.open("ab", buffering=0) as stream:
-            return stream.write(_PROBE) == len(_PROBE)
+            if stream.write(_PROBE) == len(_PROBE):
+                return None
+            # What fits in part is written in part; the next piece has a reason.
+            stream.write(_PROBE)
+            return errno.ENOSPC
     except OSError as problem:
-        return problem.errno not in NO_ROOM
+        return problem.errno if no_room(problem) else None
 
 
 def write_atomically(path: Path, content: bytes) -> Path:

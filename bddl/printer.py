@@ -15,12 +15,16 @@ from bddl.reading.words import hide_free_text
 from bddl.syntax.libero import LiberoProblem, Region, SceneStyle
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, Problem, TypedObject
 from bddl.syntax.tree import And, Binder, Formula, FormulaNode, formula_text
+from bddl.syntax.vocabulary import DOMAINS, SYNSET
 
 INDENT = "    "
 
 
 def format(node: Problem | Domain | Formula) -> str:
     """Returns BDDL text: a formula on one line, a problem or a domain as an indented file that ends in a newline.
+
+    The question marks of a goal's objects stay as BEHAVIOR's files have them; problems of its domains that were built
+    by hand get them.
 
     Args:
         node: A formula, a problem or a domain.
@@ -42,15 +46,18 @@ def format(node: Problem | Domain | Formula) -> str:
         return _domain_text(node)
     if not isinstance(node, FormulaNode):
         raise TypeError(f"A formula, a problem or a domain was expected, not {node!r}.")
-    return formula_text(node)
+    return formula_text(node, marked=None)
 
 
 def _problem_text(problem: Problem) -> str:
     objects = _typed_lines(problem.objects)
+    # BEHAVIOR marks the objects of a goal as well; of what was read, those that the text marks.
+    behavior = problem.domain in DOMAINS and all(SYNSET.fullmatch(item.category) for item in problem.objects)
+    marked = True if behavior and problem.objects else None
     goal = (
-        ["(and", *(f"{INDENT}{formula_text(part)}" for part in problem.goal.parts), ")"]
+        ["(and", *(f"{INDENT}{formula_text(part, marked)}" for part in problem.goal.parts), ")"]
         if isinstance(problem.goal, And) and problem.goal.parts
-        else [formula_text(problem.goal)]
+        else [formula_text(problem.goal, marked)]
     )
     lines = [
         f"(define (problem {problem.name})",

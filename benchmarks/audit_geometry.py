@@ -2,7 +2,8 @@
 
 On something: under the middle of mass there is a face of it, and the lowest point is on that. In a fixture: every
 vertex within the box around its carcass. In a dish: the middle of mass over it, the lowest point below its rim. In the
-gripper: what is between the fingertips belongs to it. What was put somewhere stands as it stood, unless it is a ball.
+gripper: what is between the fingertips belongs to it. What was put somewhere stands upright or as it stood, unless it
+is a ball. What was picked up is higher than it was, or no longer under what it was under.
 """
 
 from __future__ import annotations
@@ -110,8 +111,16 @@ class Snapshot:
         return float(np.linalg.norm(point - self._hand))
 
     def tilt_deg(self, item: str, before: Snapshot) -> float:
-        """Returns how far an item leans from how it stood in another state."""
-        return float(np.degrees(np.arccos(np.clip(self.poses[item][:3, 2] @ before.poses[item][:3, 2], -1.0, 1.0))))
+        """Returns how far an item leans from how it stood in another state, or from upright where that is less."""
+        up = self.poses[item][:3, 2]
+        cosine = max(float(up @ before.poses[item][:3, 2]), float(up[2]))
+        return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def is_roofed(self, item: str) -> bool:
+        """Decides whether something other than the robot is over an item's middle."""
+        middle, others = self.middles[item], {item, *(name for name in self.hulls if name.startswith("panda"))}
+        tops = [_top_under(hull, middle) for name, hulls in self.hulls.items() if name not in others for hull in hulls]
+        return any(top is not None and top > middle[2] for top in tops)
 
     def is_ball(self, item: str) -> bool:
         """Decides whether an item has no side to stand on."""
@@ -122,7 +131,7 @@ class Snapshot:
 
 
 def holds(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> bool:
-    """Decides whether a goal holds in a state, what it puts somewhere standing as it stood before.
+    """Decides whether a goal holds in a state, what it puts somewhere standing upright, or as it stood before.
 
     Raises:
         ValueError: The goal has a predicate that this geometry does not know.
@@ -134,7 +143,8 @@ def holds(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> boo
             return after.open_fraction[arguments[0]] > OPEN_FRACTION
         item, other = arguments
         if name == "inside" and other == "gripper":
-            return after.is_held(item) and after.lowest_m(item) - before.lowest_m(item) >= LIFTED_M - IN_M
+            is_up = after.lowest_m(item) - before.lowest_m(item) >= LIFTED_M - IN_M
+            return after.is_held(item) and (is_up or (before.is_roofed(item) and not after.is_roofed(item)))
         if name not in ("inside", "ontop"):
             raise ValueError(f"no second geometry for {name}")
         at_place = after.is_in(item, other) if name == "inside" else after.is_on(item, other)

@@ -6,6 +6,8 @@ The names below are imported when they are first used, so that `import executor`
 from __future__ import annotations
 
 import importlib
+import importlib.util
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -68,9 +70,23 @@ _PLACES = {
 }
 
 
+def require_own_packages() -> None:
+    """Raises ImportError where `bddl`, `oag` or `llm` is another package, such as one in the folder of the start."""
+    home = Path(__file__).resolve().parents[1]
+    for name in ("bddl", "oag", "llm"):
+        spec = importlib.util.find_spec(name)
+        place = None if spec is None or spec.origin is None else Path(spec.origin).resolve().parent
+        if place != home / name:
+            raise ImportError(
+                f"executor needs this project's own `{name}` package, but Python finds another one: {place or 'none'}; "
+                "start from a folder without it, or install scene2demo in an environment of its own"
+            )
+
+
 def __getattr__(name: str) -> Any:
     if name not in _PLACES:
         raise AttributeError(f"module 'executor' has no attribute {name!r}")
+    require_own_packages()
     module, attribute = _PLACES[name]
     value = getattr(importlib.import_module(module), attribute)
     globals()[name] = value

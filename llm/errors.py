@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from bddl.syntax.errors import Portable
@@ -35,7 +35,13 @@ _MOST_LISTED = 12
 
 
 class LlmError(Portable):
-    """Every exception that this package raises on purpose."""
+    """Every exception that this package raises on purpose.
+
+    Attributes:
+        usage: What models were used for until then, as JSON, where somebody keeps count.
+    """
+
+    usage: Mapping[str, object] | None = None
 
 
 class ProposerError(LlmError, TypeError):
@@ -63,7 +69,10 @@ class ModelError(LlmError):
         model: Which model, as it was configured, such as "openai:gpt-5.2" or "replay:run.jsonl".
         problem: What went wrong, one sentence without its full stop.
         advice: What to do next, or empty.
+        attempts: How often the request was sent; a server may have worked, and charge, each time.
     """
+
+    attempts = 1
 
     def __init__(self, model: str, problem: str, advice: str = "") -> None:
         self.model, self.problem, self.advice = visible(model), visible(problem), visible(advice)

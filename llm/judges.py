@@ -7,11 +7,11 @@ team.conversation.to_json()
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from llm.answers.conversation import Conversation
+from llm.answers.conversation import Conversation, Round
 from llm.evolution.asking import ROUNDS, Asking
 from llm.evolution.model_inspector import ALL_VIEWS, LOOK_BACK, ModelInspector
 from llm.evolution.model_inspector import MOST_PICTURES as MOST_INSPECTED
@@ -60,6 +60,7 @@ def judges(
     rounds: int = ROUNDS,
     most_pictures: int | None = None,
     memory: SkillMemory | None = None,
+    listen: Callable[[Round], None] | None = None,
 ) -> Judges:
     """Returns an Inspector and a Supervisor behind which one model stands.
 
@@ -75,6 +76,7 @@ def judges(
         rounds: Most questions for one answer.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
         memory: Notes that the Supervisor is shown.
+        listen: Gets every round.
 
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing.
@@ -83,7 +85,7 @@ def judges(
     """
     transport = connect(model) if isinstance(model, str) else model
     called = name or (model if isinstance(model, str) else "model")
-    asking = Asking(transport, Conversation(called, task, scene), rounds)
+    asking = Asking(transport, Conversation(called, task, scene, listen=listen), rounds)
     inspected, supervised = (
         (MOST_INSPECTED, MOST_SUPERVISED) if most_pictures is None else (most_pictures, most_pictures)
     )

@@ -44,6 +44,9 @@ class Proposal:
     proposer: str = "offline"
     conversation: Conversation | None = field(default=None, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"<Proposal by {self.proposer} for {self.query!r}: {self.task!r}>"
+
     def to_json(self) -> dict[str, object]:
         """Returns the proposal under the paper's names; `oag.Task.from_json` reads it as a task file too.
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Protocol, runtime_checkable
 
-from llm.errors import ProposerError
+from llm.errors import ProposerError, QueryError
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Proposal
 from oag import Scene
+from oag.model.jsonfile import shown
 from oag.task.sizes import TO_THE_AIM, Sizing
+from oag.task.task import required_scene
 
 
 @runtime_checkable
@@ -33,12 +35,16 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, si
         sizing: What becomes of the sizes of what is handled: by default what is too wide is scaled to the aim.
 
     Raises:
-        QueryError: The query is not understood, can mean several things, or cannot be done in the scene.
+        QueryError: The query is no text, is not understood, can mean several things, or cannot be done in the scene.
+        SceneError: The scene is no `Scene`, but the name of one, say.
         ProposerError: `model` cannot propose.
         ModelConfigError: The configuration string names no model that is known, or its key is missing.
         ModelError: The model did not reply.
         AnswersRefused: None of the model's answers held in the rounds that it had.
     """
+    if not isinstance(query, str):
+        raise QueryError("not-understood", str(query), f"expected a sentence in English, got {shown(query)}")
+    required_scene(scene)
     if model is None:
         return OfflinePlanner(sizing=sizing).propose(query, scene)
     proposer: object = model

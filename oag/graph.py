@@ -20,6 +20,7 @@ from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
+from bddl.visible import counted
 from oag.flows.completion import complete
 from oag.model.categories import Kind
 from oag.model.facts import EMPTY, HAND, Condition, Fact, Value, gripping, holding
@@ -86,6 +87,9 @@ class ObjectActionGraph:
             for index, subtask in enumerate(task.subtasks)
             for t, action in enumerate(subtask.flow or (), 1)
         )
+
+    def __repr__(self) -> str:
+        return f"<ObjectActionGraph of {self.task!r} in {self.scene!r}: {counted(len(self.nodes), 'step')}>"
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:

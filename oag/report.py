@@ -21,6 +21,7 @@ from oag.table.start import reset_reason
 from oag.task.edits import Fix
 from oag.task.task import Task
 
+_SEVERITIES = ("error", "warning", "note")
 # Fixes that take away a whole place with all that is wrong there.
 _WIPING = ("set-flow", "delete-subtask")
 
@@ -55,6 +56,9 @@ class Report:
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
     repair: Callable[[Report], tuple[Fix, ...]] | None = field(default=None, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"<Report {self.verdict.value} of {self.task!r}>"
+
     def __bool__(self) -> bool:
         return self.verdict is Verdict.PROVED
 
@@ -67,6 +71,14 @@ class Report:
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Everything to be said of the plan: errors first, then warnings and notes, each in the order of the plan."""
         return self.explain()
+
+    def with_findings(self, more: tuple[Diagnostic, ...]) -> Report:
+        """Return the report with further warnings and notes, of who knows more than the plan and its scene."""
+
+        def explain() -> tuple[Diagnostic, ...]:
+            return tuple(sorted((*self.diagnostics, *more), key=lambda found: _SEVERITIES.index(found.severity)))
+
+        return replace(self, explain=explain)
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:

@@ -35,11 +35,15 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
 
     Returns:
         A report whose verdict is REFUTED when the plan is not well formed or an obligation fails, CONDITIONAL when one
-        needs something unknown, and PROVED when all hold.
+        needs something unknown or the plan says too much to be decided, and PROVED when all hold.
     """
     malformed = check(task, scene)
     if malformed:
-        return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
+        # What is too much to be decided is no mistake.
+        wrong = any(finding.severity == "error" for finding in malformed)
+        ordered = sorted(malformed, key=lambda finding: finding.severity != "error")
+        verdict = Verdict.REFUTED if wrong else Verdict.CONDITIONAL
+        return Report(task, scene, verdict, partial(tuple, ordered), None, repair=_repair)
     trace = follow(task, scene, exact=exact)
     # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
     proof = None if trace.chose else no_flow(task, scene, trace)

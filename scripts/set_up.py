@@ -1,6 +1,7 @@
 """Makes this checkout ready to run: an environment in `.venv`, the libraries, and a renderer for the cameras.
 
-`make demo` and `make test` call it; a second call finds its stamp and returns at once. It downloads from the
+`make` calls it with a level: `demo` is what `scene2demo run` needs, `all` every extra, `test` the developer's tools
+as well. It finds in its stamp what is installed, and returns at once when that is enough. It downloads from the
 package registries that pip and apt are set up for, and installs nothing outside the checkout; pip keeps its own cache.
 
 Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take PyTorch from.
@@ -9,7 +10,9 @@ Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take Py
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -24,7 +27,12 @@ ENVIRONMENT = ROOT / ".venv"
 PYTHON = ENVIRONMENT / "bin" / "python"
 STAMP = ENVIRONMENT / "scene2demo-set-up"
 CONSTRAINTS = ROOT / "constraints.txt"
-EXTRAS = "all,dev"
+EXTRAS = {"demo": "sim,data", "all": "all", "test": "all,dev"}
+"""What is installed at each level; each has all of those before it."""
+
+SIZES = {"demo": "1.5 GB", "all": "2.5 GB", "test": "2.8 GB"}
+LEVELS = tuple(EXTRAS)
+_LAST_LINES = 20  # Of pip's, shown where it fails.
 
 
 class SetUpFailed(RuntimeError):
@@ -43,6 +51,19 @@ def fingerprint() -> str:
     for path in [ROOT / "pyproject.toml", CONSTRAINTS, *sorted((ROOT / "scripts").glob("*.py"))]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def installed() -> str:
+    """Returns the level that is installed, whatever has changed since then; empty where there is none."""
+    words = STAMP.read_text(encoding="utf-8").split() if STAMP.is_file() and PYTHON.exists() else []
+    return words[1] if len(words) == 2 and words[1] in LEVELS else ""
+
+
+def enough(level: str) -> bool:
+    """Decides whether what is installed is of today's files, and of this level or a later one."""
+    if not installed() or LEVELS.index(installed()) < LEVELS.index(level):
+        return False
+    return STAMP.read_text(encoding="utf-8").split()[0] == fingerprint()
 
 
 def run(command: list[str], what: str) -> None:
@@ -98,34 +119,75 @@ def make_environment() -> None:
         shutil.rmtree(unpacked, ignore_errors=True)
 
 
-def set_up() -> None:
+def install(packages: list[str]) -> None:
+    """Installs packages, and shows what pip is at: one moving line on a terminal, else a line a package.
+
+    Raises:
+        SetUpFailed: when pip fails; its own words stand on the terminal by then.
+    """
+    moves, last, count = sys.stdout.isatty(), list[str](), 0
+    command = pip("install", "--progress-bar", "off", *packages)
+    at_once, said = {**os.environ, "PYTHONUNBUFFERED": "1"}, subprocess.PIPE
+    with subprocess.Popen(
+        command, cwd=ROOT, env=at_once, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        for line in process.stdout or ():
+            last = [*last, line][-_LAST_LINES:]
+            what = re.match(r"(?:Downloading|Using cached) (?:\S*/)?([^/\s]+)\.(?:whl|tar\.gz) (\(.*\))", line.strip())
+            count += what is not None
+            if what is not None:
+                shown = f"[set-up]   {count}: {what[1]} {what[2]}"
+            elif line.startswith("Installing collected packages"):
+                shown = f"[set-up]   writing {line.count(',') + 1} packages into .venv"
+            else:
+                continue
+            sys.stdout.write(f"\r\x1b[K{shown[:100]}" if moves else f"{shown}\n")
+            sys.stdout.flush()
+    if moves:
+        sys.stdout.write("\r\x1b[K")
+    if process.returncode != 0:
+        sys.stdout.writelines(last)
+        raise SetUpFailed(f"installing the packages failed (exit status {process.returncode}); the lines above say why")
+
+
+def set_up(level: str) -> None:
     """Does all steps in order and leaves the stamp.
+
+    Args:
+        level: What is to be installed at least; what is there already stays.
 
     Raises:
         SetUpFailed: when a step that everything needs has failed.
     """
     began = time.monotonic()
     if usable():
+        level = max(level, installed() or level, key=LEVELS.index)
         say("bringing .venv up to date")
     else:
-        say(f"making .venv with Python {platform.python_version()} (about 2.5 GB with PyTorch and SAPIEN)")
+        python = platform.python_version()
+        say(f"making .venv with Python {python}: about {SIZES[level]}, and one to three minutes near a mirror")
         make_environment()
-    say(install_torch(PYTHON, CONSTRAINTS))
-    say(f"installing the project with its extras [{EXTRAS}]")
-    packages = ["--constraint", str(CONSTRAINTS), "--editable", f".[{EXTRAS}]"]
-    run(pip("install", "-qq", "--progress-bar", "off", *packages), "installing the packages")
+    if level != "demo":
+        say("fetching PyTorch, about 200 MB in its build for the CPU")
+        say(install_torch(PYTHON, CONSTRAINTS))
+    say(f"installing the project with its extras [{EXTRAS[level]}]")
+    install(["--constraint", str(CONSTRAINTS), "--editable", f".[{EXTRAS[level]}]"])
+    say("looking for shared libraries that the simulator needs")
     run([str(PYTHON), "scripts/setup_libraries.py"], "seeing to the shared libraries")
+    say("looking for a renderer, and drawing a picture with it; where there is none, 20 to 60 MB are fetched")
     run([str(PYTHON), "scripts/setup_renderer.py", "--optional"], "seeing to the renderer")
-    STAMP.write_text(fingerprint() + "\n", encoding="utf-8")
+    STAMP.write_text(f"{fingerprint()} {level}\n", encoding="utf-8")
     say(f"done in {time.monotonic() - began:.0f} s")
 
 
-def main() -> int:
-    """Returns 0 when the checkout is ready, 2 when it cannot be made ready here."""
-    if PYTHON.exists() and STAMP.is_file() and STAMP.read_text(encoding="utf-8").strip() == fingerprint():
-        return 0
+def main(arguments: list[str]) -> int:
+    """Returns 0 when the checkout is ready at a level, by default `all`; 2 when it cannot be made ready here."""
+    level = arguments[0] if arguments else "all"
     try:
-        set_up()
+        if level not in LEVELS:
+            raise SetUpFailed(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
+        if not enough(level):
+            set_up(level)
     except SetUpFailed as error:
         say(str(error))
         return 2
@@ -133,4 +195,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

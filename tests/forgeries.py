@@ -63,7 +63,14 @@ def paths(value: Any, prefix: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def single_changes(original: dict[str, Any], replacements: tuple[Any, ...] = REPLACEMENTS) -> Iterator[dict[str, Any]]:
-    """Every certificate in which one value is deleted, doubled, swapped with the next of its list, or replaced."""
+    """Every certificate in which one value is deleted, doubled, swapped with the next of its list, or replaced.
+
+    And every one in which something is added to a mapping or a list, that of the certificate itself included.
+    """
+    for path in ((), *paths(original)):
+        data = json.loads(json.dumps(original))
+        if _add(data, path):
+            yield data
     for path in paths(original):
         for change in ("delete", "double", "swap", *((value,) for value in replacements)):
             data = json.loads(json.dumps(original))
@@ -84,6 +91,18 @@ def single_changes(original: dict[str, Any], replacements: tuple[Any, ...] = REP
             yield data
 
 
+def _add(data: Any, path: tuple[Any, ...]) -> bool:
+    """Adds an unknown field to the mapping at a place, or an item to the list there; False when there is neither."""
+    at = data
+    for key in path:
+        at = at[key]
+    if isinstance(at, dict):
+        at["note"] = "added"
+    elif isinstance(at, list):
+        at.append(None)
+    return isinstance(at, dict | list)
+
+
 @st.composite
 def forgeries(draw: st.DrawFn, original: dict[str, Any], most: int = 3) -> dict[str, Any]:
     """A certificate with one to `most` changes, each of any value or one that a forger would make; hashes are right."""
@@ -96,15 +115,17 @@ def forgeries(draw: st.DrawFn, original: dict[str, Any], most: int = 3) -> dict[
 
 
 def _any_change(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
-    """Replaces, deletes or doubles one value, or swaps it with another of its list."""
+    """Replaces, deletes or doubles one value, swaps it with another of its list, or adds something beside it."""
     # Every field is as likely as every other, however much it holds.
     field = draw(st.sampled_from(sorted(data)))
     path = draw(st.sampled_from(paths({field: data[field]})))
     at: Any = data
     for key in path[:-1]:
         at = at[key]
-    change = draw(st.sampled_from(("replace", "delete", "double", "swap", "borrow")))
-    if change == "delete":
+    change = draw(st.sampled_from(("replace", "delete", "double", "swap", "borrow", "add")))
+    if change == "add":
+        _add(data, path[: draw(st.integers(0, len(path)))])
+    elif change == "delete":
         del at[path[-1]]
     elif change == "double" and isinstance(at, list):
         at.insert(draw(st.integers(0, len(at))), copy.deepcopy(at[path[-1]]))

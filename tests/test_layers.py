@@ -126,6 +126,7 @@ ROOMS = {
     "executor.cli": (
         "errors",
         "words",
+        "usage",
         "output",
         "progress",
         "summary",
@@ -194,7 +195,7 @@ def loaded_after(statement: str) -> set[str]:
     """Returns the top-level modules that a fresh process has loaded after a statement."""
     code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted({{m.split('.')[0] for m in sys.modules}})))"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=600, check=True
     )
     return set(json.loads(done.stdout))
 

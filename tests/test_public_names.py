@@ -8,6 +8,12 @@ import importlib.util
 
 import pytest
 
+import llm
+import oag
+from executor.evolution.record import Evolution
+from executor.results.episode import Episode
+from executor.scenes.reading import load_scene
+from tests.executor.recordings import invented_rollout
 from tests.source_tree import PACKAGES, ROOT
 
 STABLE = {
@@ -73,3 +79,23 @@ def test_what_is_loaded_late_is_what_type_checkers_see_and_what_is_promised(pack
 def test_a_name_that_does_not_exist_is_an_attribute_error(package: str) -> None:
     with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
         _ = importlib.import_module(package).nothing
+
+
+def test_what_is_handed_out_shows_itself_in_a_short_line() -> None:
+    recorded = invented_rollout()
+    graph = oag.compose(recorded.task, scene=recorded.scene)
+    report = graph.verify()
+    proposal = llm.propose("open the refrigerator", load_scene("kitchen_t1"))
+    shown = {
+        kind: repr(value)
+        for kind, value in (
+            ("Scene", recorded.scene), ("Task", recorded.task), ("ObjectActionGraph", graph), ("Report", report),
+            ("Certificate", report.certificate), ("Proposal", proposal), ("Rollout", recorded),
+            ("Evolution", Evolution(recorded.task, recorded, ())), ("Episode", Episode.from_rollout(recorded)),
+        )
+    }  # fmt: skip
+    for kind, line in shown.items():
+        assert line.startswith(f"<{kind} ") and line.endswith(">") and "\n" not in line and len(line) < 300, line
+    assert f"{recorded.scene.name!r}: {len(recorded.scene.objects)} objects" in shown["Scene"]
+    assert f"{report.verdict.value} of <Task {recorded.task.name!r}" in shown["Report"]
+    assert "succeeded" in shown["Rollout"] and "failed" in repr(invented_rollout(failed=True))

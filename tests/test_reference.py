@@ -17,7 +17,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Builds the reference as `make reference` does, and returns its folder."""
     folder = tmp_path_factory.mktemp("reference")
     line = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(folder), *PACKAGES]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return folder
 

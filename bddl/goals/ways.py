@@ -56,7 +56,8 @@ def options(
 
     Without a state, an option costs the number of its literals. In a state it costs the number of its literals that
     do not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals
-    come first; the literals that hold already are part of the option, since they have to stay.
+    come first; the literals that hold already are part of the option, since they have to stay. A wildcard of BEHAVIOR
+    is counted as one object, of which CountedWildcard warns.
 
     Args:
         goal: Any formula.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from bddl.lint.quantifiers import ranges_over_wildcard
 from bddl.reading.problem_reader import init_literals
 from bddl.semantics.ground import children, ground
 from bddl.semantics.members import spelled_out
@@ -12,8 +13,8 @@ from bddl.solver import Script, Solver
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.errors import SolverMissing
 from bddl.syntax.problem import Problem
-from bddl.syntax.structure import conjuncts, literals
-from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Span
+from bddl.syntax.structure import affirmed, conjuncts, literals
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Or, Span
 
 # A goal that spells out to more atoms than this is not examined; the largest of the 1016 BEHAVIOR activities has 216.
 MOST_ATOMS = 20_000
@@ -43,6 +44,10 @@ def find_reached_goal(problem: Problem, objects: Mapping[str, str], reporter: Re
     """
     span = problem.goal.span
     if span is None:
+        return
+    if ranges_over_wildcard(problem.goal, objects):
+        reason, advice = "it ranges over a wildcard", "declare the objects that are meant by name"
+        _report_unchecked(span, "whether the goal holds at the start", reason, advice, reporter)
         return
     state = start_state(problem)
     if not evaluate(problem.goal, state, objects):
@@ -74,13 +79,16 @@ def start_state(problem: Problem) -> Callable[[Atom], bool]:
 def find_impossible_goal(goal: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
     """Reports a goal that no state satisfies, and the fewest conjuncts that cannot hold together.
 
-    The proof regards atoms as independent of each other: it takes nothing for granted about what a world allows.
+    The proof regards atoms as independent of each other: it takes nothing for granted about what a world allows. What
+    ranges over a wildcard is left out of it, since nobody knows how many objects that is.
     """
     span = goal.span
     if span is None:
         return
-    parts = conjuncts(goal)
-    if any(evaluate(goal, guess, objects) for guess in _guesses(goal)):
+    whole = conjuncts(goal)
+    parts = tuple(part for part in whole if not ranges_over_wildcard(part, objects))
+    known = And(parts)
+    if any(evaluate(known, guess, objects) for guess in _guesses(known)):
         return
     try:
         clash = _clash(parts, objects)
@@ -90,7 +98,7 @@ def find_impossible_goal(goal: Formula, objects: Mapping[str, str], reporter: Re
     if clash is None:
         _report_unchecked(span, _SATISFIABLE, "z3 did not decide it in time", "the goal may be all right", reporter)
     elif clash:
-        _report_impossible(span, clash, len(parts), reporter)
+        _report_impossible(span, clash, len(whole), reporter)
 
 
 def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Formula, ...] | None:
@@ -121,18 +129,9 @@ def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Form
 
 def _guesses(goal: Formula) -> Iterator[Callable[[Atom], bool]]:
     """Yields states that satisfy most goals: what the goal affirms is true, or all is true, or nothing is."""
-    affirmed: set[Atom] = set()
-    pending: list[tuple[FormulaNode, bool]] = [(goal, True)]
-    while pending:
-        node, value = pending.pop()
-        if isinstance(node, Atom) and value:
-            affirmed.add(node)
-        flips = isinstance(node, Not)
-        pending.extend((operand, value != flips) for operand in node.operands)
-        if isinstance(node, Imply):
-            pending[-2] = (node.left, not value)
-    predicates = frozenset(atom.predicate for atom in affirmed)
-    yield lambda atom: atom in affirmed
+    wanted = frozenset(affirmed(goal))
+    predicates = frozenset(atom.predicate for atom in wanted)
+    yield lambda atom: atom in wanted
     yield lambda atom: atom.predicate in predicates
     yield lambda atom: False
 

@@ -11,9 +11,9 @@ from itertools import islice
 from typing import NamedTuple
 
 from bddl.semantics.members import Members
-from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.problem import ROOT_CATEGORY
-from bddl.syntax.tree import Atom, Binder, Formula, FormulaNode, ForPairs, Quantified, Span
+from bddl.syntax.diagnostic import Reporter, Severity
+from bddl.syntax.problem import ROOT_CATEGORY, WILDCARD
+from bddl.syntax.tree import Atom, Binder, Formula, FormulaNode, ForN, ForPairs, Quantified, Span
 
 _MOST_NODES = 50
 
@@ -196,6 +196,64 @@ def find_empty_ranges(formula: Formula, objects: Mapping[str, str], reporter: Re
                 hint="declare the objects, or name another category",
                 severity="warning",
             )
+
+
+def ranges_over_wildcard(formula: Formula, objects: Mapping[str, str]) -> bool:
+    """Decide whether some quantifier of a formula ranges over a wildcard."""
+    members = Members(objects)
+    return any(_wildcard_of(bound, members) for bound in _variables(formula))
+
+
+def find_counted_wildcards(formula: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
+    """Report quantifiers over wildcards, which are counted as one object, however many the scene has.
+
+    Where `forall` or `exists` range over other objects too, that is a note, and one for each category.
+    """
+    members = Members(objects)
+    noted: set[str] = set()
+    for bound in _variables(formula):
+        wildcard, category = _wildcard_of(bound, members), bound.binder.category
+        if not wildcard or bound.span is None:
+            continue
+        message = f"`{wildcard}` is counted as one object, and stands for all further ones of its category in the room"
+        severity: Severity = "warning"
+        if len(members.of(bound.binder)) == 1:
+            message += f"; `{category}` has no other, so there may be none at all"
+            hint = f"declare one before it: {wildcard.removesuffix(WILDCARD)}_1 {wildcard} - {category}"
+        elif isinstance(bound.quantifier, ForN | ForPairs):
+            message += f": {_asked(bound, members)}"
+            hint = f"declare each object of `{category}` that is meant by name"
+        elif category in noted:
+            continue
+        else:
+            noted.add(category)
+            severity, hint = "note", ""
+        reporter.add("counted-wildcard", bound.span, f"{message}.", hint=hint, severity=severity)
+
+
+def _asked(bound: Bound, members: Members) -> str:
+    """Return what the number of a category's objects changes about a quantifier that counts them."""
+    node, counts = bound.quantifier, [len(members.of(binder)) for binder in bound.quantifier.binders]
+    own, other = counts[bound.position], counts[bound.position - 1]
+    if not isinstance(node, ForPairs):
+        return f"{node.number} of {own} are to be so, where the scene may have more"
+    if node.number is not None:
+        return f"{node.number} pairs of {own} are asked for, where the scene may have more"
+    if own < other:
+        return f"only {own} pairs are asked for, where a scene with more asks for up to {other}"
+    return f"{other} pairs are asked for, as if there were {own} to choose from"
+
+
+def _variables(formula: Formula) -> Iterator[Bound]:
+    """Yield every variable that a quantifier of a formula binds."""
+    for node in formula.walk():
+        if isinstance(node, Quantified):
+            yield from (Bound(node, position) for position in range(len(node.binders)))
+
+
+def _wildcard_of(bound: Bound, members: Members) -> str:
+    """Return the wildcard that a variable ranges over, or ""."""
+    return next((name for name in members.of(bound.binder) if name.endswith(WILDCARD)), "")
 
 
 def _nothing_in(quantifier: Quantified, members: Members) -> tuple[bool, int | None]:

@@ -46,7 +46,7 @@ def find_swapped_arguments(
             categories.append(objects.get(name, name) if bound is None else bound.binder.category)
         reason = _reason(node, categories, at_start)
         if reason:
-            first, second = (f"?{name}" if scope.binding(name) else name for name in node.args)
+            first, second = map(reporter.quote, node.word_spans[1:])
             swapped = f"({node.predicate} {second} {first})"
             reporter.add(
                 "swapped-roles",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TypeAlias
@@ -22,9 +22,9 @@ from bddl.reading.words import Group
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.libero import LiberoProblem
 from bddl.syntax.names import near_names
-from bddl.syntax.problem import Domain, Problem
+from bddl.syntax.problem import WILDCARD, Domain, Problem
 from bddl.syntax.profiles import Profile
-from bddl.syntax.structure import Literal, literals
+from bddl.syntax.structure import Literal, affirmed, literals
 from bddl.syntax.tree import And, Atom, Formula, Not, Quantified, Span
 from bddl.syntax.vocabulary import ROOM
 
@@ -176,7 +176,6 @@ Rule: TypeAlias = Callable[[Problem, Profile, Reporter], None]
 
 # Substances that a machine makes: they need not be asked for by the goal.
 _MADE_BY = {"water.n.06": "washer.n.03"}
-_WILDCARD = "_*"
 
 
 def _check_kinematics(problem: Problem, profile: Profile, reporter: Reporter) -> None:
@@ -219,9 +218,13 @@ def find_contradictions(problem: Problem, reporter: Reporter) -> None:
 
 
 def _check_futures(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Reports objects that do not exist at the start and whose coming into being the goal does not ask for."""
+    """Report what cannot be meant of objects that do not exist at the start, and of those that do.
+
+    The goal has to ask that the former come into being, :init can say nothing of them, and of the latter it is idle to
+    ask that.
+    """
     category = {item.name: item.category for item in problem.objects}
-    real = {name for atom in _atoms((problem.goal,)) if atom.predicate == "real" for name in atom.args}
+    real = {name for atom in affirmed(problem.goal) if atom.predicate == "real" for name in atom.args}
     ranges = {
         binder.variable: binder.category
         for node in problem.goal.walk()
@@ -229,33 +232,74 @@ def _check_futures(problem: Problem, profile: Profile, reporter: Reporter) -> No
         for binder in node.binders
     }
     real_categories = {ranges[name] for name in real if name in ranges}
-    for atom in _atoms(problem.init):
-        if atom.predicate != "future" or atom.span is None or not atom.args:
-            continue
-        name = atom.args[0]
+    futures = {
+        name: span
+        for literal, span in init_literals(problem)
+        if literal.atom.predicate == "future" and literal.value
+        for name in literal.atom.args[:1]
+    }
+    _report_described(problem, futures, reporter)
+    _report_idle(problem, futures.keys(), ranges, reporter)
+    for name, span in futures.items():
         kind = category.get(name, "")
-        if name in real or kind in real_categories or _MADE_BY.get(kind, "") in category.values():
+        if span is None or name in real or kind in real_categories or _MADE_BY.get(kind, "") in category.values():
             continue
         reporter.add(
             "future-without-real",
-            atom.span,
+            span,
             f"`{name}` does not exist at the start, and the goal does not ask that it come into being.",
             expected=(f"(real {name})",),
             hint=f"add (real ?{name}) to the goal",
         )
 
 
+# What may hold of an object that does not exist yet.
+_OF_FUTURES = frozenset({"future", "insource"})
+
+
+def _report_described(problem: Problem, futures: Mapping[str, Span | None], reporter: Reporter) -> None:
+    """Report literals of :init that say where, or how, an object is that does not exist."""
+    for literal, span in init_literals(problem):
+        name = next((name for name in literal.atom.args if name in futures), "")
+        if name and literal.value and literal.atom.predicate not in _OF_FUTURES and span is not None:
+            reporter.add(
+                "described-future",
+                span,
+                f"`{name}` does not exist at the start, and the section :init says {literal} of it.",
+                hint=f"remove this literal, or (future {name})",
+                related=futures[name],
+            )
+
+
+def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str], reporter: Reporter) -> None:
+    """Warn of `real` about objects all of which exist from the start."""
+    for atom in affirmed(problem.goal):
+        name = atom.args[0] if atom.predicate == "real" and atom.args else ""
+        category = ranges.get(name)
+        meant = [name] if category is None else [item.name for item in problem.objects if item.category == category]
+        if not (name and meant) or atom.span is None or not futures.isdisjoint(meant):
+            continue
+        subject = f"`{name}` exists" if category is None else f"Every object of `{category}` exists"
+        reporter.add(
+            "idle-real",
+            atom.span,
+            f"{subject} from the start, so this asks for nothing.",
+            hint=f"remove it, or say (future {meant[0]}) in :init",
+            severity="warning",
+        )
+
+
 def _check_wildcards(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Reports wildcards that are not the last of their category, or of which more than the room is said."""
-    if not any(item.name.endswith(_WILDCARD) for item in problem.objects):
+    """Report wildcards that are not the last of their category, or of which more than the room is said."""
+    if not any(item.name.endswith(WILDCARD) for item in problem.objects):
         return
     for item, following in pairwise(problem.objects):
-        if item.name.endswith(_WILDCARD) and following.category == item.category and item.span is not None:
+        if item.name.endswith(WILDCARD) and following.category == item.category and item.span is not None:
             _report_wildcard(item.name, item.span, "put it last in the line of its category", reporter)
     for atom in _atoms((*problem.init, problem.goal)):
         for position, name in enumerate(atom.args):
             spec = profile.predicates.get(atom.predicate)
-            if name.endswith(_WILDCARD) and atom.word_spans and (spec is None or ROOM not in spec.parameters):
+            if name.endswith(WILDCARD) and atom.word_spans and (spec is None or ROOM not in spec.parameters):
                 hint = f"name one object, such as {name[:-1]}1"
                 _report_wildcard(name, atom.word_spans[position + 1], hint, reporter)
 

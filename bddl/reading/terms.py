@@ -10,7 +10,7 @@ from bddl.reading.words import Group, Item, Word, words_in
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import denied_word, near_names
-from bddl.syntax.problem import ROOT_CATEGORY
+from bddl.syntax.problem import ROOT_CATEGORY, WILDCARD
 from bddl.syntax.profiles import FORM_SHAPES, Profile
 from bddl.syntax.tree import Atom, is_name
 from bddl.syntax.vocabulary import ABSENT_CONNECTIVES, COUNTING_WORDS, REWRITES, ROOM, VAGUE_PREDICATES, PredicateSpec
@@ -261,7 +261,7 @@ class TermReader:
 
     def _report_object(self, word: Word, name: str, case: str = "") -> bool:
         # A wildcard stands for objects that have no names.
-        legal = [known for known in self.objects or () if not known.endswith("_*")]
+        legal = [known for known in self.objects or () if not known.endswith(WILDCARD)]
         sentence = f"There is no object `{name}`."
         return self._report_unknown("unknown-object", word, name, sentence, "objects", legal, case)
 

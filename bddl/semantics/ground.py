@@ -133,6 +133,8 @@ def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "ma
     Returns:
         The formula over its distinct atoms.
 
+    A wildcard of BEHAVIOR, such as `sink.n.01_*`, is counted as one object, of which CountedWildcard warns.
+
     Raises:
         ObjectsRequired: There is a quantifier and `objects` is None.
         UnknownPairSemantics: `pairs` is neither of the two.
@@ -170,7 +172,7 @@ class _Grounding:
 
     def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
         self._formula = formula
-        self._members = Members(objects)
+        self._members = Members(objects, warns=True)
         self._pairs = pairs
         self._free = _free_variables(formula)
         self._bound: dict[str, str] = {}

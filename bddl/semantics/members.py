@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Final, Literal, TypeAlias, get_args
 
-from bddl.syntax.errors import ObjectsRequired, UnknownPairSemantics
-from bddl.syntax.problem import ROOT_CATEGORY, Objects, categories_of
+from bddl.syntax.errors import CountedWildcard, ObjectsRequired, UnknownPairSemantics
+from bddl.syntax.problem import ROOT_CATEGORY, WILDCARD, Objects, categories_of
 from bddl.syntax.tree import Binder, Formula, Quantified
 
 # A row for each object of the first category, a column for each of the second; None where both are the same object.
@@ -27,14 +28,16 @@ class Members:
 
     Args:
         objects: Category of each object, or the objects as a problem declares them; None when the caller has none.
+        warns: Warn by CountedWildcard of each wildcard among them that is looked up.
 
     Raises:
         TypeError: The objects are in neither form.
     """
 
-    __slots__ = ("_known", "_objects")
+    __slots__ = ("_known", "_objects", "_warns")
 
-    def __init__(self, objects: Objects | None) -> None:
+    def __init__(self, objects: Objects | None, *, warns: bool = False) -> None:
+        self._warns = warns
         self._objects = objects if objects is None or type(objects) is dict else categories_of(objects)
         self._known: dict[str, tuple[str, ...]] = {}
 
@@ -53,6 +56,9 @@ class Members:
             self._known[category] = tuple(
                 name for name, own in self._objects.items() if category in (own, ROOT_CATEGORY)
             )
+            for name in self._known[category] if self._warns else ():
+                if name.endswith(WILDCARD):
+                    warnings.warn(CountedWildcard(name, category), stacklevel=2)
         return self._known[category]
 
     def pairs(self, rows: Binder, columns: Binder, *, closed_up: bool = False) -> PairTable:

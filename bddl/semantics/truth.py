@@ -29,7 +29,8 @@ def evaluate(
 
     An unknown atom leaves the formula unknown unless the known ones decide it. Operands are evaluated from left to
     right, and evaluation stops as soon as the value is decided; the table of a `forpairs` is read in full. A
-    quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is false.
+    quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is false. A
+    wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
 
     Args:
         formula: Any formula, of any depth.
@@ -61,7 +62,7 @@ def evaluate(
     check_pair_semantics(pairs)
     # A caller's function may return anything.
     known: Callable[[Atom], object] = lookup(state)
-    members = Members(objects)
+    members = Members(objects, warns=True)
     node: Formula = formula
     bindings: _Bindings = None
     # A stack instead of recursion, since formulas may be nested thousands deep.

@@ -8,15 +8,15 @@ from typing import Literal, TypeAlias, get_args
 
 Code: TypeAlias = Literal[
     "bad-binder", "bad-count", "bad-init", "bad-name", "bad-objects", "bad-predicate", "bad-section",
-    "bad-wildcard", "contradictory-init", "empty-form", "empty-range", "empty-text", "extra-parenthesis",
-    "function-notation", "future-without-real", "goal-holds-at-start", "impossible-goal", "markdown-fence",
-    "misplaced-predicate", "missing-parenthesis", "missing-section", "mixed-instance", "negative-kinematics",
-    "no-parentheses", "not-a-formula", "not-a-name", "other-profile", "reflexive-atom", "repeated-category",
-    "repeated-literal", "repeated-object", "repeated-predicate", "repeated-section", "several-formulas",
-    "shadowed-variable", "swapped-roles", "text-around", "unbound-variable", "unchecked-goal", "unknown-category",
-    "unknown-domain", "unknown-object", "unknown-predicate", "unknown-requirement", "unknown-room",
-    "unknown-section", "unmentioned-object", "unsupported-form", "unused-variable", "wrong-arity", "wrong-category",
-    "wrong-kind",
+    "bad-wildcard", "contradictory-init", "counted-wildcard", "described-future", "empty-form", "empty-range",
+    "empty-text", "extra-parenthesis", "function-notation", "future-without-real", "goal-holds-at-start",
+    "idle-real", "impossible-goal", "markdown-fence", "misplaced-predicate", "missing-parenthesis",
+    "missing-section", "mixed-instance", "negative-kinematics", "no-parentheses", "not-a-formula", "not-a-name",
+    "other-profile", "reflexive-atom", "repeated-category", "repeated-literal", "repeated-object",
+    "repeated-predicate", "repeated-section", "several-formulas", "shadowed-variable", "swapped-roles",
+    "text-around", "unbound-variable", "unchecked-goal", "unknown-category", "unknown-domain", "unknown-object",
+    "unknown-predicate", "unknown-requirement", "unknown-room", "unknown-section", "unmentioned-object",
+    "unsupported-form", "unused-variable", "wrong-arity", "wrong-category", "wrong-kind",
 ]  # fmt: skip
 
 CODES: tuple[Code, ...] = get_args(Code)
@@ -32,6 +32,8 @@ MEANINGS: Mapping[Code, str] = MappingProxyType(
         "bad-section": "A section of a problem does not hold what it should.",
         "bad-wildcard": "A wildcard, such as sink.n.01_*, is not the last of its line or stands outside (inroom ...).",
         "contradictory-init": "The section :init both affirms and denies an atom.",
+        "counted-wildcard": "A quantifier ranges over a wildcard, which is counted as one object.",
+        "described-future": "The section :init says where, or how, an object is that does not exist at the start.",
         "empty-form": "A pair of parentheses holds nothing.",
         "empty-range": "A quantifier ranges over no object, or over pairs of a single one.",
         "empty-text": "The text holds no formula at all.",
@@ -39,6 +41,7 @@ MEANINGS: Mapping[Code, str] = MappingProxyType(
         "function-notation": "A predicate is written before its parenthesis, as in open(x).",
         "future-without-real": "An object that does not exist at the start is not asked for by the goal.",
         "goal-holds-at-start": "The goal holds before anything is done.",
+        "idle-real": "The goal asks that an object exist which exists from the start.",
         "impossible-goal": "No state satisfies the goal.",
         "markdown-fence": "The formula is wrapped in a Markdown code fence.",
         "misplaced-predicate": "A predicate stands in a section that it does not belong in.",

@@ -62,6 +62,25 @@ class ObjectsRequired(ValueError):
 
 
 @dataclass(eq=False, repr=False)
+class CountedWildcard(UserWarning):
+    """Warned of when a quantifier ranges over a wildcard, which stands for any number of objects.
+
+    Attributes:
+        name: The wildcard, such as `sink.n.01_*`.
+        category: The category that the quantifier ranges over.
+    """
+
+    name: str
+    category: str
+
+    def __str__(self) -> str:
+        return (
+            f"`{self.name}` is counted as one object of `{self.category}`, and stands for all further ones in the "
+            "room: the result is about a scene with exactly one."
+        )
+
+
+@dataclass(eq=False, repr=False)
 class UnknownPairSemantics(ValueError):
     """Raised when `forpairs` is to be read in a way that is none of the legal ones."""
 

@@ -12,6 +12,8 @@ from bddl.syntax.vocabulary import KNOWN_SPECS, PredicateSpec
 
 # The category that every object of a scene belongs to, as in typed PDDL.
 ROOT_CATEGORY = "object"
+# What the name of a wildcard ends in, which stands for all further objects of its category in a room.
+WILDCARD = "_*"
 
 
 @dataclass(frozen=True, slots=True)

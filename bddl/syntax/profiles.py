@@ -176,6 +176,7 @@ REFERENCE_TOLERATES = frozenset(
         "bad-init:formula",
         "bad-init:mark",
         "contradictory-init",
+        "described-future",
         "negative-kinematics",
         "unknown-object:inroom",
         "unknown-room",

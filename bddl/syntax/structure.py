@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from bddl.syntax.tree import And, Atom, Formula, Not
+from bddl.syntax.tree import And, Atom, Formula, Imply, Not
 
 
 class Literal(NamedTuple):
@@ -49,6 +50,19 @@ def conjuncts(formula: Formula) -> tuple[Formula, ...]:
 def atoms(formula: Formula) -> frozenset[Atom]:
     """Returns every atom that occurs in the formula; under a quantifier, with the variable as it is written."""
     return frozenset(node for node in formula.walk() if isinstance(node, Atom))
+
+
+def affirmed(formula: Formula) -> Iterator[Atom]:
+    """Yield the atoms that are not negated: those under an even number of negations."""
+    pending: list[tuple[Formula, bool]] = [(formula, True)]
+    while pending:
+        node, value = pending.pop()
+        if isinstance(node, Atom) and value:
+            yield node
+        flips = isinstance(node, Not)
+        pending.extend((operand, value != flips) for operand in reversed(node.operands))
+        if isinstance(node, Imply):
+            pending[-1] = (node.left, not value)
 
 
 def literals(formula: Formula) -> tuple[Literal, ...] | None:

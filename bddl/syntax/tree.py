@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
@@ -351,8 +351,14 @@ def _check_parts(word: str, parts: object) -> None:
             raise TypeError(f"`{word}` takes formulas, such as Atom('open', ('box_0',)), not {part!r}.")
 
 
-def formula_text(formula: FormulaNode) -> str:
-    """Returns the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`."""
+def formula_text(formula: FormulaNode, marked: bool | None = False) -> str:
+    """Return the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`.
+
+    Args:
+        formula: Any formula, of any depth.
+        marked: Whether other names are marked too: False for never, None where the text that was parsed marks them,
+            True also where there was no text.
+    """
     pieces: list[str] = []
     bound: dict[str, int] = {}
     # The stack holds nodes still to be written, finished text, and variables whose scope ends.
@@ -365,7 +371,8 @@ def formula_text(formula: FormulaNode) -> str:
             for binder in item:
                 bound[binder.variable] -= 1
         elif isinstance(item, Atom):
-            names = (f"?{name}" if bound.get(name) else name for name in item.args)
+            words = zip(item.args, _marks(item, marked), strict=True)
+            names = (f"?{name}" if mark or bound.get(name) else name for name, mark in words)
             pieces.append(f"({' '.join((item.predicate, *names))})")
         else:
             pieces.append(f"({_WORDS[type(item)]}")
@@ -380,3 +387,11 @@ def formula_text(formula: FormulaNode) -> str:
                 pending.append(operand)
                 pending.append(" ")
     return "".join(pieces)
+
+
+def _marks(atom: Atom, marked: bool | None) -> Sequence[bool]:
+    """Return which arguments of an atom are marked with `?` although nothing binds them."""
+    if marked is False or not atom.word_spans:
+        return (marked is True,) * len(atom.args)
+    # A word that is longer than its name was written with its mark.
+    return [span.length > len(name) for span, name in zip(atom.word_spans[1:], atom.args, strict=True)]

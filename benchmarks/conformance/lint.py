@@ -28,6 +28,9 @@ KNOWN: Mapping[str, tuple[int, int]] = MappingProxyType(
         "repeated-literal": (8, 5),
         "several-formulas": (1, 1),
         "bad-section": (1, 1),
+        "idle-real": (29, 15),
+        "counted-wildcard": (19, 14),
+        "unchecked-goal": (14, 14),
     }
 )
 # Of kinds with one or two, the very activities.

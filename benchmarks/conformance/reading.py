@@ -56,9 +56,21 @@ def check_round_trip(context: Context) -> Result:
     theirs: list[Any] = [
         context.peer.ask("round_trip", activity=name, text=text) for name, text in context.corpus.items()
     ]
+    foreign = [
+        name
+        for name, text in context.corpus.items()
+        if context.peer.ask("read", text=bddl.format(bddl.parse(text, profile="behavior-compat")))
+        != context.peer.ask("read", text=text)
+    ]
     total = len(context.corpus)
     return Result(
         (
+            Measure(
+                "printed here and read by the reference: as the file itself",
+                f"{total - len(foreign)} of {total}",
+                goal=f"{total} of {total}",
+                holds=not foreign,
+            ),
             Measure(
                 "read = read(print(read)), names kept",
                 f"{total - len(failed)} of {total}",
@@ -68,7 +80,7 @@ def check_round_trip(context: Context) -> Result:
                 not failed and not strict,
             ),
         ),
-        {"failed": failed, "failed_strict": strict},
+        {"failed": failed, "failed_strict": strict, "read_otherwise": foreign},
     )
 
 

@@ -14,10 +14,11 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from executor.assets.library import asset_for
 from executor.assets.model import Region, Shape
-from executor.assets.transforms import corners, joint_transform
+from executor.assets.transforms import corners, joint_transform, outline
 from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
 from oag import SceneObject
 
@@ -27,6 +28,7 @@ EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
 """Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
 
 _UPRIGHT = 0.9  # Of a hinge's axis.
+_LEVEL_M = 0.01  # A top is level within this; meshes are not quite.
 _TOUCH_M = 1e-6  # Rounding: one thing may stand on another.
 
 
@@ -137,6 +139,73 @@ def solid_parts(obj: SceneObject) -> list[Footprint]:
         for link in asset.links
     }
     return [_part(shape, frames[link.name]) for link in asset.links for shape in link.shapes if shape.collides]
+
+
+def top_outlines(obj: SceneObject) -> list[tuple[float, Array]]:
+    """Returns for every part of an object that collides the height of its top and the outline (N, 2) of that.
+
+    What tapers to a line or a point, such as a ball, has no top.
+    """
+    found = []
+    for link in asset_for(obj).links:
+        T_link = link_frame(obj, link.name)
+        for shape in link.shapes:
+            if shape.collides:
+                T = T_link @ transform_from_quaternion(shape.position_m, shape.orientation)
+                points = outline(shape) @ T[:3, :3].T + T[:3, 3]
+                height_m = float(points[:, 2].max())
+                ring = _ring(points[points[:, 2] > height_m - _LEVEL_M, :2])
+                if ring is not None:
+                    found.append((height_m, ring))
+    return found
+
+
+def edge_margin_m(body: Footprint, tops: Iterable[Array], middle_m: Array) -> float:
+    """Returns how far within the edges of what it stands on a thing's middle is, negative beyond them.
+
+    Between two tops that both carry it the thing stands, too.
+
+    Args:
+        body: The thing.
+        tops: Outlines (N, 2) of the tops under it, as of `top_outlines`.
+        middle_m: (2,) the middle of its weight in the plan.
+
+    Returns:
+        The distance; minus infinity where it touches none of the tops.
+    """
+    touched = [shared for top in tops if len(shared := _shared(body.corners_m[::-1], top))]
+    if not touched or (ring := _ring(np.concatenate(touched))) is None:
+        return -math.inf
+    along = np.roll(ring, -1, axis=0) - ring
+    inwards = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    within = np.einsum("ij,ij->i", np.asarray(middle_m) - ring, inwards)
+    return float(within.min())
+
+
+def _shared(first: Array, second: Array) -> Array:
+    """Returns the corners (N, 2) of what two convex outlines (N, 2), counter-clockwise, have in common."""
+    points = first
+    for start, end in zip(second, np.roll(second, -1, axis=0), strict=True):
+        if not len(points):
+            break
+        dx, dy = end - start
+        side = dx * (points[:, 1] - start[1]) - dy * (points[:, 0] - start[0])
+        kept = []
+        for here, there, mine, theirs in zip(points, np.roll(points, -1, axis=0), side, np.roll(side, -1), strict=True):
+            if mine >= 0.0:
+                kept.append(here)
+            if (mine < 0.0) is not (theirs < 0.0):
+                kept.append(here + (there - here) * mine / (mine - theirs))
+        points = np.array(kept).reshape(-1, 2)
+    return points
+
+
+def _ring(points: Array) -> Array | None:
+    """Returns the corners of the hull of points (N, 2), counter-clockwise; None where it has no area."""
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):
+        return None
 
 
 def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint]:

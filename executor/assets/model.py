@@ -6,12 +6,18 @@ and regions, the detectors read its regions and joints; all three see the same n
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Literal
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+LEAST_TRAVEL: Mapping[str, float] = MappingProxyType({"revolute": 0.2, "prismatic": 0.02})
+"""What moves by less, in rad (11 degrees) or m, is no door and no drawer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +86,11 @@ class Joint:
     balanced: bool = False
     gasket: float = 0.0
     gasket_reach: float = 0.0
+
+    @property
+    def opens(self) -> bool:
+        """Whether it moves far enough for a door or a drawer."""
+        return self.limits[1] - self.limits[0] >= LEAST_TRAVEL[self.kind]
 
     def fraction(self, position: float) -> float:
         """Returns how far the joint is open at a position, 0 to 1 of its range."""

@@ -41,6 +41,11 @@ def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
+def rolls_freely(asset: Asset) -> bool:
+    """Decides whether a thing has no upright: all that collides is a sphere."""
+    return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
+
+
 def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     """Returns how wide what collides of an asset is along y where a plane across z cuts it, joints shut; 0 beside it.
 
@@ -52,7 +57,7 @@ def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     cut: list[Array] = []
     for shape, center in _solids(asset, rotation):
         turn = rotation @ Rotation.from_quat(shape.orientation, scalar_first=True).as_matrix()
-        points = center + _outline(shape) @ turn.T
+        points = center + outline(shape) @ turn.T
         beyond = points[:, 2] > depth_m
         # A plane cuts what is convex where it cuts the lines between its points on the one side and on the other.
         (y0, z0), (y1, z1) = (points[side][:, 1:].T for side in (~beyond, beyond))
@@ -70,7 +75,7 @@ def _solids(asset: Asset, turn: Array) -> Iterator[tuple[Shape, Array]]:
                 yield shape, turn @ (offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m))
 
 
-def _outline(shape: Shape) -> Array:
+def outline(shape: Shape) -> Array:
     """Returns points (N, 3) on a shape, in its own frame: what they span is the shape, or but little less."""
     if shape.kind == "convex":
         return np.asarray(shape.vertices_m)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from executor.baselines.checking import checked, mistaken, repaired, unchecked
 from executor.baselines.constraint_pose import LIBRARY_OF_CONSTRAINTS
 from executor.baselines.one_demonstration import replayed
 from executor.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
-from executor.bench.units import Baseline, Unit, outcome_version
+from executor.bench.units import Baseline, Unit, version_with
 from executor.bench.work import run_unit
 from executor.evolution.record import Evolution
-from executor.machine.files import content_key
 from executor.records.rollout import Rollout, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.running import RECORD_HZ, Run
@@ -54,9 +52,7 @@ _RIGHT: dict[Baseline, Way] = {"constraint-pose": _by(ByConstraints), "sampled-g
 
 def baseline_version() -> str:
     """Returns 16 hexadecimal digits that change when a result of a baseline may not be repeated exactly."""
-    executor = Path(__file__).resolve().parents[1]
-    files = sorted(path for room in ("baselines", "envs") for path in (executor / room).rglob("*.py"))
-    return content_key(outcome_version(), *(path.read_bytes() for path in files))
+    return version_with("baselines", "envs")
 
 
 def run_baseline(unit: Unit) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def demonstration(family: str, index: int | None) -> tuple[Segment, ...]:
     for seed in SOURCE_SEEDS:
         pair = pair_of(family, seed, index)
         done = rollout(compose(pair.task, scene=pair.scene), pair.scene, seed, vary=False)
-        if not done.succeeded or len(done.task.subtasks) != len(pair.task.subtasks):
+        if not done.succeeded or done.detours:
             continue
         seen, segments = done.trajectory, []
         targets = np.asarray(seen.robot_target, dtype=float)

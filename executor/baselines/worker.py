@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from executor.baselines.methods import run_baseline
+from executor.baselines.methods import baseline_version, run_baseline
 from executor.bench.units import Unit
 from executor.machine.files import plain
-from executor.machine.workers.process import serve
+from executor.machine.workers.process import check_version, serve
 
 
-def handle(request: dict[str, Any]) -> dict[str, Any]:
-    """Returns the result of the unit that a request names."""
-    result: dict[str, Any] = plain(run_baseline(Unit.from_json(request)))
-    return result
+def main() -> None:
+    """Serves requests until standard input ends."""
+    own = baseline_version()
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        """Returns the result of the unit that a request names."""
+        check_version(request["version"], own)
+        result: dict[str, Any] = plain(run_baseline(Unit.from_json(request)))
+        return result
+
+    serve(handle)
 
 
 if __name__ == "__main__":
-    serve(handle)
+    main()

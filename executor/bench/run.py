@@ -78,14 +78,15 @@ def run_units(
         worker: The module that runs a unit.
 
     Raises:
-        WorkersUnusable: No worker process can be started.
+        WorkersUnusable: No worker process can be started, or it runs another version of the program.
         KeyboardInterrupt: Ctrl-C; what had been finished is on disk.
     """
     versions = {unit: version for unit, version in units}
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
     # Closed on every way out, such as a full disk, so that no process goes on working for nobody.
-    with closing(pool.run([unit.to_json() for unit in versions])) as outcomes:
+    requests = [{**unit.to_json(), "version": version} for unit, version in versions.items()]
+    with closing(pool.run(requests)) as outcomes:
         for outcome in outcomes:
             unit = Unit.from_json(outcome.request)
             told(unit, folder.write(unit, versions[unit], result_of(outcome)))

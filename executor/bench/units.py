@@ -225,6 +225,26 @@ _WITH_A_SAY = (
 _LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 
 
+@cache
+def running_version() -> str:
+    """Return the `outcome_version` that this process runs: that of the files when it asked first.
+
+    A worker asks before it takes a request, so that a change of the files does not pass for what it has loaded.
+    """
+    return outcome_version()
+
+
+def version_with(*rooms: str) -> str:
+    """Return 16 hexadecimal digits that change when `outcome_version` or a module of some rooms does.
+
+    Args:
+        rooms: Folders of the executor that have a say in a measurement, and none in an episode's outcome.
+    """
+    executor = Path(__file__).resolve().parents[1]
+    files = sorted(path for room in rooms for path in (executor / room).rglob("*.py"))
+    return content_key(outcome_version(), *(path.read_bytes() for path in files))
+
+
 def outcome_version() -> str:
     """Returns 16 hexadecimal digits that change when a result of before may not be repeated exactly."""
     root = Path(__file__).resolve().parents[2]

@@ -106,8 +106,7 @@ def run_unit(
         failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}
         return {**result, "ended": "failed", "failure": failure, "wall_s": watch.spent_s, **_memory()}
     watch.lap("rollout")
-    # What the rollout added to the plan: setting a thing down, and taking it again.
-    result |= described(done) | {"taken_twice": (len(done.task.subtasks) - len(graph.task.subtasks)) // 2}
+    result |= described(done) | {"taken_twice": len(done.detours)}
     if story is not None:
         result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
     if draw is not None and done.succeeded:

@@ -6,10 +6,10 @@ import hashlib
 from functools import partial
 from typing import Any
 
-from executor.bench.units import Unit
+from executor.bench.units import Unit, running_version
 from executor.bench.work import run_unit
 from executor.machine.files import plain
-from executor.machine.workers.process import serve
+from executor.machine.workers.process import check_version, serve
 from executor.pictures.cameras import VIEWS
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import Draughtsman, kept_draughtsman
@@ -44,9 +44,11 @@ def _drawn(draughtsman: Draughtsman, rollout: Rollout) -> dict[str, object]:
 
 def main() -> None:
     """Serves requests until standard input ends."""
+    own = running_version()
     with kept_draughtsman() as draughtsman:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:
+            check_version(request["version"], own)
             unit = Unit.from_json(request)
             draw = partial(_drawn, draughtsman()) if unit.setting.views else None
             result: dict[str, Any] = plain(run_unit(unit, draw))

@@ -7,9 +7,10 @@ Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what s
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
-from bddl.files import NO_ROOM
+from bddl.files import no_room
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -23,7 +24,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
         "executor.datasets.formats.export.ExportExists",
-        "executor.datasets.formats.fold.NothingToExport",
+        "executor.datasets.formats.selection.NothingToExport",
         "executor.datasets.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",
@@ -40,6 +41,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.results.run_folder.FolderUnusable",
         "executor.results.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
+        "executor.scenes.vary.SeedError",
         "executor.scenes.vary.VariationError",
         "llm.errors.LlmError",
         "oag.model.errors.OagError",
@@ -47,6 +49,7 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
+        "executor.datasets.work.NotPlannable",
         "executor.photo.refusal.RoomRefused",
         "executor.pictures.render.RenderFailed",
         "executor.records.rollout.PlanRefused",
@@ -61,6 +64,14 @@ FAILURE_ERRORS = frozenset(
         "llm.errors.ModelUnavailable",
     }
 )
+
+
+# By the system's number: what helps is not the same.
+_ADVICE = {
+    errno.ENOSPC: "make room",
+    errno.EDQUOT: "make room within your share of the disk",
+    errno.EFBIG: "the disk has room, but no file may grow so large here: raise the limit (ulimit -f)",
+}
 
 
 class BadOption(ValueError):
@@ -100,14 +111,16 @@ class Ending:
 def explain(error: BaseException) -> Ending:
     """Returns how a command ends after an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return Ending(INTERRUPTED, "interrupted", "interrupted")
+        return Ending(INTERRUPTED, "interrupted", str(error) or "interrupted")
     if isinstance(error, BrokenPipeError):
         return Ending(UNREAD, "unread", "")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+        notes = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
+        advice = f"{_ADVICE[full.errno or 0]}, and type the same command again"
+        return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{notes}")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Ending(FAILED, kind, str(error))
@@ -125,9 +138,9 @@ def explain(error: BaseException) -> Ending:
 
 
 def _full_disk(error: BaseException | None) -> OSError | None:
-    """Returns the system's word that a disk is full, where an exception was caused by one."""
+    """Returns the system's word that nothing more can be written, where an exception was caused by it."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in NO_ROOM:
+        if isinstance(error, OSError) and no_room(error):
             return error
         error = error.__cause__
     return None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene
-from executor.cli.output import counting, print_json, say, tell
+from executor.cli.output import counting, print_json, say, tell, tell_warnings
 from executor.cli.words.running import BenchReplayOptions, RunOptions
 from executor.results.studio import Studio
 from executor.scenes.plausible import require_possible
@@ -58,7 +58,7 @@ def task_to_run(task_path: Path, scene: str | None, *, keep_sizes: bool) -> tupl
         TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
     """
     task, found = task_and_scene(task_path, scene)
-    require_possible(found)
+    tell_warnings(require_possible(found))
     return replace(task, scales={}) if keep_sizes else task, found
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from executor.cli.errors import BadOption
-from executor.scenes.reading import load_scene
+from executor.cli.output import tell_notes
+from executor.scenes.reading import converted
 from oag import Scene, Task
 
 
@@ -34,8 +35,9 @@ def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
         BadOption: When no scene is named and none lies beside the task.
     """
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
-    found = load_scene(scene) if scene is not None else load_scene(_scene_beside(task_path))
-    return Task.from_json(task_path, scene=found), found
+    found = converted(scene if scene is not None else _scene_beside(task_path))
+    tell_notes(found.notes)
+    return Task.from_json(task_path, scene=found.scene), found.scene
 
 
 def _scene_beside(task_path: Path) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,9 +17,10 @@ from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
-from executor.results.run_folder import unused
+from executor.results.run_folder import EXCHANGES, kept_aside, unused
 from llm import Budget, Metered, connect
-from llm.errors import PicturesMissing
+from llm.answers.spending import Spending
+from llm.errors import LlmError, ModelError, PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
@@ -25,7 +28,7 @@ from llm.memory.supervisor import RememberingSupervisor
 from oag import ObjectActionGraph, Scene
 
 REPLAY = "replay:"
-EXCHANGES, CONVERSATIONS, PICTURES = "exchanges.jsonl", "conversations.json", "pictures"
+CONVERSATIONS, PICTURES = "conversations.json", "pictures"
 NO_VIEWS = "none"
 
 
@@ -35,7 +38,7 @@ class Judging:
     Attributes:
         frames: Draws failed attempts; None where nobody looks at pictures, or nothing can draw them.
         memory: Notes of earlier corrections; None without.
-        model: Whom the judges ask, with its usage; None without a model.
+        spending: Whom the judges ask, and what it took; None without a model.
         teams: The judges that were asked for so far, where there is a model.
     """
 
@@ -46,19 +49,21 @@ class Judging:
         *,
         force: bool = False,
         resume: bool = False,
-        model: Metered | None = None,
+        spending: Spending | None = None,
         pictures: bool = False,
+        quiet: bool = False,
     ) -> None:
         """Connects to the model; nothing is sent.
 
         Args:
             options: What was typed.
             out: The run's folder; None keeps nothing.
-            force: Replaces an earlier recording.
-            resume: Leaves an earlier recording and what was said as they are, and begins new files beside them.
-            model: A model that is connected already, by somebody who records what it says.
+            force: Begins a new recording; an earlier one is kept under another name.
+            resume: Goes on with an earlier recording, and leaves what was said as it is.
+            spending: A model that is connected already, by somebody who records what it says.
             pictures: Whether pictures are wanted in the report, where no model looks at them; a machine that cannot
                 draw tells so, and everything else is done.
+            quiet: Tells no rounds.
 
         Raises:
             BadOption: An option makes no sense.
@@ -76,7 +81,7 @@ class Judging:
         for problem in () if self.memory is None else self.memory.problems:
             tell(f"left out of the memory: {problem}", style="yellow")
         self.frames = self._frames_for_model() if options.model is not None and self.views else None
-        self.model = model or self._connected(force=force, resume=resume)
+        self.spending = spending or spending_of(self._connected(force=force, resume=resume), quiet=quiet)
         if self.frames is None and pictures:
             self.frames = _frames_for_report()
         self.teams: list[Judges] = []
@@ -104,11 +109,11 @@ class Judging:
             views: Cameras in place of those that were typed.
             look_back: Steps to look back at in place of what was typed.
         """
-        if self.model is None:
+        if self.spending is None:
             search: Supervisor = SearchSupervisor()
             return MeasuredInspector(), search if self.memory is None else RememberingSupervisor(self.memory, search)
         team = judges(
-            self.model,
+            self.spending.model,
             name=self._options.model or "",
             task=task,
             scene=scene.name,
@@ -117,6 +122,7 @@ class Judging:
             measurements=self._options.measurements,
             most_pictures=self._options.most_pictures,
             memory=self.memory,
+            listen=self.spending.hear,
         )
         self.teams.append(team)
         return team.inspector, team.supervisor
@@ -145,6 +151,11 @@ class Judging:
             self.memory.learn(evolution.original, evolution.rollout.scene, histories)
         return evolution
 
+    @property
+    def stopped(self) -> str:
+        """Why the model that judges gave no more answers in the latest episode; empty while all is well."""
+        return self.teams[-1].stopped if self.teams else ""
+
     def _connected(self, *, force: bool, resume: bool) -> Metered | None:
         options = self._options
         if options.model is None:
@@ -152,12 +163,14 @@ class Judging:
         record = None
         if self._out is not None and not options.model.startswith(REPLAY):
             self._out.mkdir(parents=True, exist_ok=True)
-            record = unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
-            if force and (record.exists() or record.is_symlink()):
-                # A model that cannot be connected to costs nobody the earlier recording.
+            record = self._out / EXCHANGES
+            if force and not resume and (record.exists() or record.is_symlink()):
+                # A model that cannot be connected to moves nobody's recording.
                 connected(options, None)
-                record.unlink()
-        return connected(options, record)
+                tell_kept(kept_aside(record))
+                record.unlink(missing_ok=True)
+        # Episodes that are finished ask nothing, so the first question may be a later one's.
+        return connected(options, record, resume=resume, same_start=False)
 
     def _frames_for_model(self) -> AttemptFrames:
         """Returns what draws attempts; a replay looks at the pictures that lie beside its recording first."""
@@ -179,7 +192,71 @@ def _frames_for_report() -> AttemptFrames | None:
     return AttemptFrames() if renderer else None
 
 
-def connected(options: RunOptions | JudgeOptions | PhotoOptions, record: Path | None) -> Metered | None:
+def tell_kept(recording: Path | None) -> None:
+    """Tell where the answers of an earlier run are kept that starts over."""
+    if recording is not None:
+        tell(f"the answers that were recorded before are kept in {recording}", style="yellow")
+
+
+def stopped_words(reason: str) -> str:
+    """Return the message for where the model that judges gave no more answers."""
+    reported = f"the model that judges stopped answering, and nothing more was tried: {reason}"
+    return f"{reported}. What was done is kept, and --resume goes on"
+
+
+def spending_of(model: Metered | None, *, quiet: bool) -> Spending | None:
+    """Return what keeps count of a model's rounds, and tells each of them in a line; None without a model."""
+    return None if model is None else Spending(model, _silent if quiet else _tell_round)
+
+
+@contextmanager
+def counted_to_the_end(spending: Spending | None, *, quiet: bool) -> Iterator[None]:
+    """Where a model's failure or Ctrl-C ends a command, tell what was used until then, and how to go on.
+
+    Raises:
+        ModelInterrupted: Ctrl-C.
+    """
+    try:
+        yield
+    except (Exception, KeyboardInterrupt) as error:
+        if spending is None:
+            raise
+        if not quiet:
+            tell(f"  {spending.total()}")
+        if isinstance(error, KeyboardInterrupt):
+            raise ModelInterrupted(spending.to_json()) from error
+        if isinstance(error, LlmError):
+            error.usage = spending.to_json()
+        # Answers that did not hold would come again.
+        goes_on = isinstance(error, ModelError) or not isinstance(error, LlmError)
+        if goes_on and spending.rounds and not quiet and not spending.model.name.startswith(REPLAY):
+            tell("  what was answered is recorded, and not asked again with --resume")
+        raise
+
+
+class ModelInterrupted(KeyboardInterrupt):
+    """Ctrl-C while a model was asked; `usage` is what was used until then."""
+
+    def __init__(self, usage: Mapping[str, object]) -> None:
+        super().__init__("interrupted; what was answered is recorded, and not asked again with --resume")
+        self.usage = usage
+
+
+def _tell_round(line: str) -> None:
+    tell(f"  {line}")
+
+
+def _silent(line: str) -> None:
+    """Tell nobody."""
+
+
+def connected(
+    options: RunOptions | JudgeOptions | PhotoOptions,
+    record: Path | None,
+    *,
+    resume: bool = False,
+    same_start: bool = True,
+) -> Metered | None:
     """Returns the model that was typed, with its budget, None when none was; nothing is sent.
 
     What is left out of a recording is said.
@@ -187,6 +264,7 @@ def connected(options: RunOptions | JudgeOptions | PhotoOptions, record: Path | 
     Args:
         options: What was typed.
         record: Where all it says is recorded; a replay has its record already.
+        resume, same_start: As for `llm.connect`.
 
     Raises:
         ModelError: The model is not known, or its recording cannot be read or made.
@@ -194,7 +272,8 @@ def connected(options: RunOptions | JudgeOptions | PhotoOptions, record: Path | 
     if options.model is None:
         return None
     budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
-    model = connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
+    record = None if options.model.startswith(REPLAY) else record
+    model = connect(options.model, budget=budget, record=record, resume=resume, same_start=same_start)
     for warning in model.warnings:
         tell(warning, style="yellow")
     return model

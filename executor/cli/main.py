@@ -10,12 +10,14 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stderr
+from contextlib import AbstractContextManager, nullcontext, redirect_stderr, suppress
 from io import StringIO
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 import tyro
 
+import executor
+from executor.cli.usage import TWO_WORDS, missing_input, mistake
 from executor.cli.words.datasets import DatasetOptions
 from executor.cli.words.running import BddlOptions, SubCommand
 
@@ -38,11 +40,10 @@ _FILES = {
     "assets": "catalog",
     "import": "catalog",
 }
-# What belongs to a sub-command that takes words of its own cannot be one below it.
-_TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 _DESCRIPTION = (
     "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves.\n\n"
-    "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C."
+    "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C.\n"
+    "`scene2demo --version` prints the version."
 )
 
 
@@ -81,22 +82,37 @@ def _goes_out(stream: TextIO) -> bool:
 def run(arguments: list[str]) -> int:
     """Returns the exit code of a command line."""
     as_json = "--json" in arguments
-    if tuple(arguments[:2]) in _TWO_WORDS:
+    try:
+        executor.require_own_packages()
+    except ImportError as foreign:
+        return _refuse(str(foreign), "ImportError", as_json=False)
+    if arguments == ["--version"]:
+        extras = importlib.import_module("executor.machine.extras")
+        print(f"scene2demo {extras.installed_version('scene2demo') or '(not installed)'}")
+        return 0
+    if tuple(arguments[:2]) in TWO_WORDS:
         arguments = ["-".join(arguments[:2]), *arguments[2:]]
     try:
         chosen = _parsed(arguments)
     except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 2
-        if code and as_json:
-            output = importlib.import_module("executor.cli.output")
-            output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
-        return code
+        if not end.code:
+            return 0
+        if problem := mistake(arguments):
+            return _refuse(problem, "usage", as_json=as_json)
+        _say_what_the_parser_says(arguments)
+        if as_json:
+            _refuse("the command line is not right; see scene2demo --help", "usage", as_json=True)
+        return 2
     options: Any = chosen.command if isinstance(chosen, BddlOptions | DatasetOptions) else chosen
+    # What a command needs takes seconds to load, and a path that is mistyped is known at once.
+    if problem := missing_input(options):
+        return _refuse(problem, "FileNotFoundError", as_json=options.json)
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         name = type(options).__name__.removesuffix("Options").lower()
         name += "photo" if getattr(options, "photo", None) is not None else ""
-        module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
+        with _told(options.begins, quiet=options.json):
+            module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
@@ -104,21 +120,41 @@ def run(arguments: list[str]) -> int:
         return _end(error, options)
 
 
+def _told(what: str, *, quiet: bool) -> AbstractContextManager[object]:
+    """Shows what takes time while it does, where there is anything to show."""
+    if quiet or not what:
+        return nullcontext()
+    return cast("AbstractContextManager[object]", importlib.import_module("executor.cli.output").counting(what))
+
+
+def _refuse(problem: str, kind: str, *, as_json: bool) -> int:
+    """Says what is wrong with what was typed, without what would steer the terminal; returns the exit code."""
+    if as_json:
+        importlib.import_module("executor.cli.output").print_json(_error_json(2, kind, problem))
+    else:
+        if not problem.isprintable():
+            problem = importlib.import_module("bddl.visible").visible(problem)
+        sys.stderr.write(f"scene2demo: {problem}\n")
+    return 2
+
+
 def _parsed(arguments: list[str]) -> SubCommand:
-    """Returns what was typed; what is wrong with it is said here, without what would steer the terminal.
+    """Returns what was typed; nothing is said of what is wrong with it.
 
     Raises:
         SystemExit: It is not right, or help was asked for.
     """
-    if all(argument.isprintable() for argument in arguments):
+    with redirect_stderr(StringIO()):
         return _parsed_as_said(arguments)
-    try:
-        with redirect_stderr(StringIO()):
-            return _parsed_as_said(arguments)
-    except SystemExit:
+
+
+def _say_what_the_parser_says(arguments: list[str]) -> None:
+    """Prints what is wrong with a command line, without what would steer the terminal."""
+    if not all(argument.isprintable() for argument in arguments):
         legible = importlib.import_module("bddl.visible").visible
-        _parsed_as_said([legible(argument) for argument in arguments])
-        raise
+        arguments = [legible(argument) for argument in arguments]
+    with suppress(SystemExit):
+        _parsed_as_said(arguments)
 
 
 def _parsed_as_said(arguments: list[str]) -> SubCommand:
@@ -142,7 +178,9 @@ def _end(error: BaseException, options: Any) -> int:
     if ending.kind == "unread":
         pass  # What is printed nobody reads.
     elif options.json:
-        output.print_json(_error_json(ending.code, ending.kind, ending.message))
+        usage = getattr(error, "usage", None)
+        used = {} if usage is None else {"usage": usage}
+        output.print_json({**_error_json(ending.code, ending.kind, ending.message), **used})
     else:
         output.tell(f"scene2demo: {ending.message}", style="red" if ending.code else None)
     return int(ending.code)

@@ -51,6 +51,12 @@ def tell_notes(notes: Iterable[str]) -> None:
         tell(f"note: {note}")
 
 
+def tell_warnings(warnings: Iterable[object]) -> None:
+    """Prints what will not go as it is written, a line each, on standard error."""
+    for warning in warnings:
+        tell(f"warning: {warning}", style="yellow")
+
+
 def print_text(text: str) -> None:
     """Prints a finished text on standard output, what its encoding lacks as an escape."""
     encoding = sys.stdout.encoding or "utf-8"

@@ -47,9 +47,10 @@ class RolloutProgress:
                 self._status.update(f"{escape(self._subtask)}: {event.name} ({event.simulated_s:.1f} s simulated)")
         elif event.kind == "revision":
             if self._status is None:
-                tell(f"  revised: {event.message}")
+                tell(f"  back to {event.simulated_s:.1f} s: {event.message}")
             else:
-                ERR.print(f"  [yellow]revised[/] {escape(self._subtask)}  {escape(event.message)}")
+                back_to = f"[yellow]back to {event.simulated_s:.1f} s[/]"
+                ERR.print(f"  {back_to} {escape(self._subtask)}  {escape(event.message)}")
         elif event.kind == "step-end":
             if self._status is None:
                 mark = "failed" if event.message else "done"

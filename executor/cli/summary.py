@@ -43,6 +43,8 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
         total = len(rollout.task.subtasks)
         yield f"{words:11} {reached} of {counted(total, 'subtask')}, {rollout.simulated_s:.1f} s simulated", style
         yield from ((line, None) for line in _subtasks(rollout))
+        for note in rollout.detour_notes:
+            yield from ((line, "yellow") for line in _rows("detour", note)[:3])
         if record.evolution is not None:
             yield from ((line, None) for line in _rows("evolved", _evolved(record.evolution))[:2])
         if rollout.goal_readings:
@@ -51,6 +53,10 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
         failure = rollout.failure
         if failure is not None:
             yield from ((line, "red") for line in _rows("because", failure.message)[:3])
+        if record.stopped:
+            yield from ((line, "red") for line in _rows("stopped", record.stopped)[:2])
+    if record.spending is not None:
+        yield from ((line, None) for line in _rows("model", record.spending.total())[:3])
     times = ", ".join(f"{part} {seconds:.1f} s" for part, seconds in record.wall_s.items())
     if times:
         yield from ((line, None) for line in _rows("wall time", times))
@@ -72,6 +78,8 @@ def summary_json(record: RunRecord, folder: RunFolder | None) -> dict[str, objec
         "diagnostics": [finding.to_json() for finding in record.report.diagnostics],
         "notes": list(record.notes),
         "rollout": None if rollout is None else rollout_json(rollout),
+        "usage": None if record.spending is None else record.spending.to_json(),
+        "stopped": record.stopped,
         "evolution": None if record.evolution is None else evolution_json(record.evolution),
         "pictures": record.pictures,
         "wall_s": dict(record.wall_s),

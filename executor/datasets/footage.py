@@ -5,7 +5,7 @@
     <view>.segmentation.mkv   the same of the number of the body that is seen; `unit.json` says which body it is
 
 Picture i belongs to row i of the samples. They are drawn from packed states, so that they can be drawn again, larger or
-from elsewhere, without simulating. The same states give the same bytes on the same renderer.
+from elsewhere, without simulating. The same states give the same bytes with the same renderer, encoder and processor.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from executor.machine.extras import require
 from executor.machine.vulkan import RendererNotFound, find_renderer
 from executor.pictures.appearance import drawn_lights, strayed_cameras
 from executor.pictures.backdrop import panorama_of
-from executor.pictures.cameras import Camera
+from executor.pictures.cameras import Camera, camera_json
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
 from executor.pictures.surfaces import Surfaces, drawn_surfaces
@@ -39,6 +39,7 @@ POSES = "camera_pose_"
 
 _SHADOW_MAP_PX = 512  # A texel of a centimetre, as small as a pixel's: half the time of one twice as fine.
 _X264 = {"crf": "20", "preset": "veryfast", "g": "2", "bf": "0"}
+_LARGEST = {"max_pixels": str(2 * 1024 * 1024)}  # Twice what the largest picture has that a recording asks for.
 _FFV1 = {"level": "3", "g": "1", "coder": "1", "context": "0", "slices": "4"}
 
 
@@ -168,15 +169,7 @@ def film(
             "lights": asdict(look.lights),
             "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
             "views": {
-                camera.name: {
-                    "size": list(recording.size),
-                    "fov_y_rad": camera.fov_y_rad,
-                    "intrinsics": stage.intrinsics(camera.name),
-                    "mount": camera.mount,
-                    "T_mount_camera": camera.T_mount_camera,
-                    "near_m": camera.near_m,
-                    "far_m": camera.far_m,
-                }
+                camera.name: {**camera_json(camera, recording.size), "intrinsics": stage.intrinsics(camera.name)}
                 for camera in look.cameras
             },
         }
@@ -220,14 +213,30 @@ def pictures(path: Path) -> Iterator[NDArray[Any]]:
         VideoFailed: It cannot be read.
         MissingExtra: PyAV is not installed.
     """
+    with opened_video(path) as (source, stream):
+        stream.codec_context.thread_count = 1
+        for frame in source.decode(stream):
+            yield frame.to_ndarray(format=pixels_of(path))
+
+
+@contextmanager
+def opened_video(video: Path) -> Iterator[tuple[Any, Any]]:
+    """Give a video file and its one stream; pictures larger than any that is recorded are not decoded.
+
+    Raises:
+        VideoFailed: It cannot be read.
+        MissingExtra: PyAV is not installed.
+    """
     av: Any = require("av", "data")
     try:
-        with av.open(str(path)) as container:
-            container.streams.video[0].codec_context.thread_count = 1
-            for frame in container.decode(video=0):
-                yield frame.to_ndarray(format=pixels_of(path))
+        with av.open(str(video), options=_LARGEST) as source:
+            if not source.streams.video:
+                raise VideoFailed(f"{video} has no pictures")
+            stream = source.streams.video[0]
+            stream.codec_context.options = _LARGEST
+            yield source, stream
     except av.FFmpegError as problem:
-        raise VideoFailed(f"the video {path} cannot be read: {problem}") from problem
+        raise VideoFailed(f"{video} cannot be read: {problem}") from problem
 
 
 class Track:

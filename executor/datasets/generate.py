@@ -106,7 +106,7 @@ def generate(
         more: What else the worker is told of a unit.
 
     Raises:
-        WorkersUnusable: No worker process can be started.
+        WorkersUnusable: No worker process can be started, or it runs another version of the program.
         OSError: The disk is full; what had been finished is kept.
         KeyboardInterrupt: Ctrl-C; what had been finished is kept.
     """
@@ -131,7 +131,8 @@ def _settled(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerO
     """Returns how a unit ended; of one whose process died or hung, the store gets a folder that says so."""
     if outcome.ending == "finished":
         return outcome.answer
-    result = result_of(outcome)
+    # The time of the processor went with the process.
+    result = {**result_of(outcome), "wall_s": outcome.wall_s}
     store.tidy({unit.folder(version)})  # The process is gone.
     with store.writing(unit, version) as folder:
         store.write(unit, version, result, folder)

@@ -15,7 +15,9 @@ Everything beside `sources` holds for all of them, unless a source says otherwis
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -24,11 +26,11 @@ from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
 
 from bddl.files import read_bounded_text
 from executor.bench.units import HOUSEHOLD, Family, indices_of
-from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, View
+from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, View, scene_key
 from executor.datasets.variation import Variation
 from executor.machine.extras import require
-from executor.machine.files import content_key, json_text
 from executor.scenes.drawn import is_of_seeds
+from executor.scenes.plausible import require_possible
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag.model.errors import InputError
@@ -38,6 +40,7 @@ from oag.model.jsonfile import Document
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 AXES: tuple[Axis, ...] = ("target", "surfaces", "lights", "cameras", "physics")
 Number = StrictFloat | StrictInt
+_WITH_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
 
 
 class PlanError(InputError, ValueError):
@@ -91,14 +94,28 @@ def read_plan(path: Path, unsaid: Mapping[str, object] = MappingProxyType({})) -
     """
     yaml = require("yaml", "data")
     try:
-        content = yaml.safe_load(read_bounded_text(path))
+        content = yaml.load(read_bounded_text(path), _loader(yaml.SafeLoader))
     except OSError as problem:
         raise PlanError(f"cannot be read: {problem.strerror or problem}", source=str(path)) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as problem:
+    except RecursionError:
+        raise PlanError("is not YAML of a plan: it is nested too deeply", source=str(path)) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as problem:
         mark = getattr(problem, "problem_mark", None)
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
         raise PlanError(f"is not YAML: {getattr(problem, 'problem', problem)}{place}", source=str(path)) from None
     return series_of({**unsaid, **content} if isinstance(content, dict) else content, str(path), path.parent)
+
+
+@cache
+def _loader(safe: type) -> Any:
+    """Return a safe loader that reads 1e1 as YAML 1.2, TOML and command lines do; by itself it takes that for a text.
+
+    Args:
+        safe: The library's own safe loader.
+    """
+    loader: Any = type("Loader", (safe,), {})
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", _WITH_EXPONENT, [*"-+0123456789"])
+    return loader
 
 
 def series_of(wanted: object, source: str = "(options)", beside: Path = Path()) -> tuple[DemoSeries, ...]:
@@ -153,4 +170,5 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         yield Origin(query=wanted.query, scene=name)
         return
     scene = scene_for(wanted.query, name, full_size=wanted.full_size)
-    yield Origin(query=wanted.query, scene=name, scene_key=content_key(json_text(scene.to_json())))
+    require_possible(scene)
+    yield Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))

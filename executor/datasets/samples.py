@@ -8,9 +8,12 @@ same arrays takes. Nothing in it is executed when it is read.
 
 from __future__ import annotations
 
+import io
 import json
 import lzma
+import math
 from collections.abc import Mapping, Sequence
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +23,13 @@ from executor.records.rollout import Rollout, Trajectory
 
 Arrays = Mapping[str, NDArray]
 
-MOST_BYTES = 2_000_000_000
-"""Of arrays that are read from a file."""
+MOST_BYTES = 128_000_000
+"""Of the arrays of a file: a demonstration of a minute takes 1.5 MB at 10 samples a second."""
+MOST_SUBTASKS = 10_000
 _LONGEST_HEADER = 1 << 16
+_AT_ONCE_BYTES = 1 << 20
+_READ_BYTES = 1 << 16
+_DECODER_BYTES = 64_000_000  # What a file may ask for to be unpacked; those that are written here ask for one.
 # What stands before a byte, and where it stands, says nothing of it. More effort takes five times the time for 2 %.
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 1, "lc": 0, "pb": 0}]
 _KINDS = frozenset({"<f4", "<f8", "<i4", "|u1", "|b1"})
@@ -33,7 +40,15 @@ class BadSamples(ValueError):
 
 
 def packed(arrays: Arrays) -> bytes:
-    """Returns arrays as the content of a file of samples."""
+    """Return arrays as the content of a file of samples.
+
+    Raises:
+        BadSamples: They are more than a file has.
+        TypeError: One is of a kind that is not kept.
+    """
+    size = sum(array.nbytes for array in arrays.values())
+    if size > MOST_BYTES:
+        raise BadSamples(f"{_too_much(size)}; record fewer samples a second")
     header = {name: (array.dtype.str, array.shape) for name, array in arrays.items()}
     if unknown := sorted({kind for kind, _ in header.values()} - _KINDS):
         raise TypeError(f"arrays of {', '.join(unknown)} are not kept; {', '.join(sorted(_KINDS))} are")
@@ -41,29 +56,91 @@ def packed(arrays: Arrays) -> bytes:
     return lzma.compress(b"".join(parts), filters=_FILTERS)
 
 
-def unpacked(content: bytes) -> dict[str, NDArray]:
-    """Returns the arrays of a file of samples.
+def unpacked(content: bytes | BinaryIO) -> dict[str, NDArray]:
+    """Return the arrays of a file of samples; no more of it is unpacked than its header says.
+
+    Args:
+        content: The file, or what is in it.
 
     Raises:
-        BadSamples: It is none.
+        BadSamples: It is none, or has too much in it.
     """
+    raw = _Unpacked(io.BytesIO(content) if isinstance(content, bytes) else content)
+    found = {}
     try:
-        reader = lzma.LZMADecompressor()
-        raw = reader.decompress(content, max_length=MOST_BYTES)
-        header, _, rest = raw.partition(b"\n")
-        found, at = {}, 0
-        for name, (kind, shape) in json.loads(header).items():
-            if kind not in _KINDS or any(side < 0 for side in shape):
-                raise BadSamples(f"{name} is of no known kind")
-            dtype, count = np.dtype(kind), int(np.prod(shape, dtype=np.int64))
-            end = at + count * dtype.itemsize
-            found[str(name)] = _rows(rest[at:end], dtype, tuple(shape))
-            at = end
-    except (lzma.LZMAError, ValueError, TypeError, AttributeError, RecursionError) as problem:
-        raise BadSamples(f"not a file of samples: {problem}") from None
-    if not reader.eof or at != len(rest):
-        raise BadSamples("not a whole file of samples")
+        kinds = _header(raw.line(_LONGEST_HEADER))
+        if (size := sum(dtype.itemsize * math.prod(shape) for dtype, shape in kinds.values())) > MOST_BYTES:
+            raise BadSamples(_too_much(size))
+        for name, (dtype, shape) in kinds.items():
+            found[name] = _rows(raw, dtype, shape)
+        if raw.read(1) or not raw.whole:
+            raise BadSamples("not a whole file of samples")
+    except (lzma.LZMAError, ValueError, TypeError, AttributeError, RecursionError, EOFError) as problem:
+        raise problem if isinstance(problem, BadSamples) else BadSamples(f"not a file of samples: {problem}") from None
     return found
+
+
+def _header(line: bytes) -> dict[str, tuple[np.dtype, tuple[int, ...]]]:
+    """Return what the first line of a file says: name -> kind and shape.
+
+    Raises:
+        BadSamples, ValueError, TypeError, AttributeError, RecursionError: It says something else.
+    """
+    found = {}
+    for name, (kind, shape) in json.loads(line).items():
+        if kind not in _KINDS or any(type(side) is not int or side < 0 for side in shape):
+            raise BadSamples(f"{name} is of no known kind")
+        found[str(name)] = np.dtype(kind), tuple(shape)
+    return found
+
+
+def _too_much(size: int) -> str:
+    return f"its arrays take {size // 1_000_000} MB, more than the {MOST_BYTES // 1_000_000} MB that a file may have"
+
+
+class _Unpacked:
+    """What is packed in a file, read piece by piece.
+
+    Args:
+        packed: The file.
+    """
+
+    def __init__(self, packed: BinaryIO) -> None:
+        self._packed = packed
+        self._reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_DECODER_BYTES)
+        self._waiting = b""
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of it has been read, up to its checksum."""
+        return self._reader.eof and not self._waiting
+
+    def line(self, most: int) -> bytes:
+        """Return what stands before the first end of a line.
+
+        Raises:
+            BadSamples: There is none in so many bytes.
+        """
+        line, end, self._waiting = self.read(most).partition(b"\n")
+        if not end:
+            raise BadSamples("not a whole file of samples: its header does not end")
+        return line
+
+    def read(self, count: int) -> bytes:
+        """Return so many bytes, or fewer where there are no more.
+
+        Raises:
+            LZMAError: It is not packed as this program does it.
+        """
+        parts, self._waiting = [self._waiting[:count]], self._waiting[count:]
+        left = count - len(parts[0])
+        while left and not self._reader.eof:
+            more = self._packed.read(_READ_BYTES) if self._reader.needs_input else b""
+            if self._reader.needs_input and not more:
+                break
+            parts.append(self._reader.decompress(more, max_length=left))
+            left -= len(parts[-1])
+        return b"".join(parts)
 
 
 def shapes(begin: bytes) -> dict[str, tuple[int, ...]]:
@@ -73,12 +150,10 @@ def shapes(begin: bytes) -> dict[str, tuple[int, ...]]:
         BadSamples: It is none.
     """
     try:
-        line, newline, _ = lzma.LZMADecompressor().decompress(begin, max_length=_LONGEST_HEADER).partition(b"\n")
-        if not newline:
-            raise BadSamples("its header does not end")
-        return {str(name): tuple(int(side) for side in shape) for name, (_, shape) in json.loads(line).items()}
+        kinds = _header(_Unpacked(io.BytesIO(begin)).line(_LONGEST_HEADER))
     except (lzma.LZMAError, ValueError, TypeError, AttributeError, RecursionError, EOFError) as problem:
-        raise BadSamples(f"not a file of samples: {problem}") from None
+        raise problem if isinstance(problem, BadSamples) else BadSamples(f"not a file of samples: {problem}") from None
+    return {name: shape for name, (_, shape) in kinds.items()}
 
 
 def _planes(array: NDArray) -> bytes:
@@ -87,12 +162,25 @@ def _planes(array: NDArray) -> bytes:
     return flat.reshape(rows, -1, array.dtype.itemsize).transpose(1, 2, 0).tobytes() if array.size else b""
 
 
-def _rows(content: bytes, dtype: np.dtype, shape: tuple[int, ...]) -> NDArray:
-    if 0 in shape:
-        return np.zeros(shape, dtype)
+def _rows(raw: _Unpacked, dtype: np.dtype, shape: tuple[int, ...]) -> NDArray:
+    """Return the next array, some of its planes of bytes at a time.
+
+    Raises:
+        BadSamples: There is less than that.
+    """
+    found = np.empty(shape, dtype)
+    if not found.size:
+        return found
     rows = shape[0] if shape else 1
-    planes = np.frombuffer(content, np.uint8).reshape(-1, dtype.itemsize, rows)
-    return np.ascontiguousarray(planes.transpose(2, 0, 1)).view(dtype).reshape(shape)
+    planes = found.reshape(rows, -1).view(np.uint8)
+    count = planes.shape[1]
+    for first in range(0, count, max(_AT_ONCE_BYTES // rows, 1)):
+        end = min(first + max(_AT_ONCE_BYTES // rows, 1), count)
+        content = raw.read((end - first) * rows)
+        if len(content) < (end - first) * rows:
+            raise BadSamples("not a whole file of samples")
+        planes[:, first:end] = np.frombuffer(content, np.uint8).reshape(end - first, rows).T
+    return found
 
 
 def columns(rollout: Rollout) -> dict[str, NDArray]:
@@ -123,8 +211,16 @@ def motion_columns(motion: Trajectory, told: Sequence[Sequence[DriveCommand]]) -
 
 
 def commands(arrays: Arrays) -> tuple[tuple[DriveCommand, ...], ...]:
-    """Returns what the robot was told, subtask by subtask, from the arrays that `columns` gives."""
-    ends = np.cumsum(arrays["command_rows"])
+    """Return what the robot was told, subtask by subtask, from the arrays that `columns` gives.
+
+    Raises:
+        BadSamples: They do not belong together.
+    """
+    rows, subtasks = arrays["command_rows"], arrays["command_subtask"]
+    fits = len(rows) == len(subtasks) and rows.sum(dtype=np.int64) == len(arrays["command_path"])
+    if not fits or (rows < 0).any() or (subtasks < 0).any() or subtasks.max(initial=0) >= MOST_SUBTASKS:
+        raise BadSamples("its commands do not belong together")
+    ends = np.cumsum(rows)
     told: list[list[DriveCommand]] = [[] for _ in range(int(arrays["command_subtask"].max(initial=-1)) + 1)]
     for k, end in enumerate(ends):
         told[int(arrays["command_subtask"][k])].append(

@@ -27,12 +27,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bddl.files import read_bounded
+from bddl.files import opened
 from executor.bench.presence import alone
 from executor.bench.run import WHOLE, Shard
 from executor.datasets import samples
 from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit
-from executor.machine.files import plain, read_json, write_json, write_text
+from executor.machine.files import content_key, json_text, plain, read_json, write_json, write_text
 from executor.rollouts.checkpoint import Checkpoint
 from oag import Scene, Task
 
@@ -42,7 +42,6 @@ _BROKEN_OFF = ("crashed", "timed-out", "error")
 
 _ASIDE = ".part-"
 _TOKEN_BYTES = 4
-_LARGEST_SAMPLES_BYTES = 500_000_000
 _BEGIN_BYTES = 1 << 16  # Of a file of samples: as much as its header can take.
 
 
@@ -98,7 +97,8 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            return samples.unpacked(read_bounded(self._own(file), _LARGEST_SAMPLES_BYTES))
+            with opened(self._own(file)) as stream:
+                return samples.unpacked(stream)
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
@@ -111,7 +111,7 @@ class StoredEpisode:
             NotADataset: The file is missing, or no file of samples.
         """
         try:
-            with self._own(file).open("rb") as stream:
+            with opened(self._own(file)) as stream:
                 return samples.shapes(stream.read(_BEGIN_BYTES))
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
@@ -122,6 +122,16 @@ class StoredEpisode:
         if Path(file).name != file or file == "..":
             raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
         return self.path / file
+
+    @property
+    def motion_key(self) -> str:
+        """What is equal where two episodes have the same recorded states, whatever they were asked for as."""
+        return content_key(str(self.meta["state_hash"]), json_text(float(self.meta["record_hz"])))
+
+    @property
+    def demonstration_key(self) -> str:
+        """What is equal where two episodes have the same sentence and pictures too, so that one says it all."""
+        return content_key(self.motion_key, json_text([self.meta.get("query"), self.meta.get("pictures")]))
 
     @property
     def corrections(self) -> tuple[Mapping[str, Any], ...]:
@@ -223,12 +233,15 @@ class EpisodeStore:
         return self.path / UNITS / unit.folder(version)
 
     def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
-        """Returns a unit's episode, or None when it was not made yet."""
-        try:
-            found = self.episode(unit.folder(version))
-        except NotADataset:
-            return None
-        return found if found.meta.get("id") == unit.id(version) else None
+        """Returns a unit's episode, under whatever program's id of it, or None when it was not made yet."""
+        for unit_id in unit.ids(version):
+            try:
+                found = self.episode(unit.folder_of(unit_id))
+            except NotADataset:
+                continue
+            if found.meta.get("id") == unit_id:
+                return found
+        return None
 
     @contextmanager
     def writing(self, unit: DemoUnit, version: str) -> Iterator[Path]:
@@ -245,9 +258,11 @@ class EpisodeStore:
         aside.mkdir(parents=True)
         try:
             yield aside
-            if not self._has_result(unit, version):
+            there = self.read(unit, version)
+            if there is None or there.broken_off:
+                unfinished = place if there is None else there.path
                 with suppress(FileNotFoundError):
-                    place.rename(before)  # At one go: at every moment the unit is whole, or not there.
+                    unfinished.rename(before)  # At one go: at every moment the unit is whole, or not there.
                 try:
                     aside.rename(place)
                 except OSError:

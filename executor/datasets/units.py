@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -12,9 +13,10 @@ from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
 from executor.datasets.variation import Variation
-from executor.machine.files import content_key, json_text
+from executor.machine.files import content_key, json_text, plain
 from executor.pictures.cameras import VIEWS
 from executor.scenes.vary import MOST_EPISODES
+from oag import Scene
 from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-demonstration/1"
@@ -74,6 +76,11 @@ class Origin:
     def label(self) -> str:
         """A short name, fit for files."""
         return self.family or re.sub(r"[^a-z0-9]+", "-", self.query.casefold()).strip("-")[:40]
+
+
+def scene_key(scene: Scene) -> str:
+    """Return the key of a scene's content."""
+    return content_key(json_text(scene.to_json()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,11 +149,33 @@ class DemoUnit:
         Args:
             version: Hash of the program (`executor.bench.units.outcome_version`).
         """
-        return content_key(SCHEMA, version, json_text(self.to_json()))
+        data = self.to_json()
+        if self.origin.scene_key:
+            data["origin"]["scene"] = ""  # Its content says which scene it is, wherever its file lies.
+        return _id_of(data, version)
+
+    def ids(self, version: str) -> Iterator[str]:
+        """Yield the unit's id, and then those of earlier programs, by which it may lie in a store.
+
+        For these 10 and 10.0 were different requests, and so were views in another order and a copy of a scene's file.
+
+        Args:
+            version: Hash of the program.
+        """
+        yield self.id(version)
+        for rate_hz, noise_m in product(_spellings(self.recording.rate_hz), _spellings(self.variation.noise_m)):
+            data = self.to_json()
+            data["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
+            data["variation"]["noise_m"] = noise_m
+            yield _id_of(data, version)
 
     def folder(self, version: str) -> str:
         """Returns the name of the unit's folder: its own, and enough of its id to tell it from others of this name."""
-        return f"{self.name}-{self.id(version)[:8]}"
+        return self.folder_of(self.id(version))
+
+    def folder_of(self, unit_id: str) -> str:
+        """Return the name of the unit's folder under one of its ids."""
+        return f"{self.name}-{unit_id[:8]}"
 
     def draws(self, axis: str) -> np.random.Generator:
         """Returns what draws a unit's value on an axis: it follows from origin, seed, index and axis, nothing else."""
@@ -158,17 +187,23 @@ class DemoUnit:
         return self.draws(f"{axis} {self.variation.look}" if self.variation.look else axis)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the unit as plain data; what was not there before there were others of its kind is not said."""
-        said = asdict(self)
+        """Returns the unit as plain data, equal units as equal texts, however their numbers were typed.
+
+        A field that earlier programs did not have is left out where it has its default.
+        """
+        data: dict[str, Any] = plain(asdict(self))
+        data["recording"]["rate_hz"] = _measure(data["recording"]["rate_hz"])
+        data["recording"]["views"].sort(key=VIEWS.index)
+        data["variation"]["noise_m"] = _measure(data["variation"]["noise_m"])
         if not self.variation.look:
-            del said["variation"]["look"]
+            del data["variation"]["look"]
         if self.stances == 1:
-            del said["stances"]
+            del data["stances"]
         if self.takeover is None:
-            del said["takeover"]
+            del data["takeover"]
         elif not self.takeover.pushes:
-            del said["takeover"]["pushes"]
-        return said
+            del data["takeover"]["pushes"]
+        return data
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> DemoUnit:
@@ -178,6 +213,20 @@ class DemoUnit:
             ValueError: It did not give this.
         """
         return adapter(cls).validate_python(value)
+
+
+def _id_of(data: Mapping[str, Any], version: str) -> str:
+    return content_key(SCHEMA, version, json_text(data))
+
+
+def _measure(value: float) -> float:
+    """Return a number as it is written: 10, 10.0 and 1e1 alike, and no zero with a sign; a truth value stays one."""
+    return value if isinstance(value, bool) else float(value) + 0.0
+
+
+def _spellings(value: float) -> tuple[float, ...]:
+    """Return a number as programs wrote it that kept it as it was typed."""
+    return (float(value), int(value)) if float(value).is_integer() else (value,)
 
 
 @dataclass(frozen=True, slots=True)

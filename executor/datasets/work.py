@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from importlib import metadata
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -17,28 +18,39 @@ from executor.bench.paper import with_paper_flows
 from executor.bench.units import pair_of
 from executor.bench.work import described
 from executor.datasets.distractors import distractors_in, with_distractors
-from executor.datasets.units import DemoUnit
-from executor.datasets.variation import drawn_physics, strayed, with_strays
+from executor.datasets.units import DemoSeries, DemoUnit, scene_key
+from executor.datasets.variation import UNVARIED, drawn_physics, strayed, with_strays
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
+from executor.machine.workers.process import HandoverRefused
 from executor.primitives.noise import CommandNoise
 from executor.records.captions import action_text
 from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import drives
 from executor.rollouts.running import rollout
-from executor.scenes.drawn import of_seed
-from executor.scenes.pair import Changes
+from executor.scenes.drawn import is_of_seeds, of_seed
+from executor.scenes.pair import Changes, NotDrawn
 from executor.scenes.reading import scene_for
 from executor.scenes.rooms.room import Stray
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
+from llm.errors import RefusalCode
 from llm.paraphrase import paraphrases
 from oag import ObjectActionGraph, Scene, Task, compose
-from oag.model.scenefile import FULL_SCALE
 from oag.task.sizes import Sizing, handled_sizes
 
 _LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
+
+
+_OF_THE_SENTENCE: tuple[RefusalCode, ...] = ("empty", "too-long", "not-understood", "unknown-action")
+"""Refusals that no other room would change."""
+
+_SEEDS_COMPARED = 16
+
+
+class NotPlannable(ValueError):
+    """A sentence cannot be planned, whatever an episode's seed."""
 
 
 class NotNeeded(RuntimeError):
@@ -66,7 +78,7 @@ class Made:
 
     Attributes:
         of: What was to be done.
-        graph: The composed task that was run: after a takeover, what was left of it.
+        graph: The composed task that was to be run: after a takeover, what was left of it.
         rollout: What happened.
         story: The revisions, where flows evolve.
         takeover: What is said of whoever acted before, and of where the planner began; None from an episode's start.
@@ -84,6 +96,7 @@ def prepared(unit: DemoUnit) -> Prepared:
 
     Raises:
         NotDrawn: No room could be made of this seed.
+        HandoverRefused: The scene is not the one that the unit is of, as after a change of its file.
         QueryError, SceneError: The sentence cannot be planned in the scene, or the scene cannot be.
     """
     distracted = _distracted(unit) if unit.variation.distractors else None
@@ -98,9 +111,8 @@ def prepared(unit: DemoUnit) -> Prepared:
         )
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return Prepared(pair.query, compose(task, scene=pair.scene), pair.strays)
-    nominal = _scene(unit.origin.query, of_seed(unit.origin.scene, unit.seed))
-    if unit.full_size:
-        nominal = nominal.with_robot(FULL_SCALE)
+    origin = unit.origin
+    nominal = _scene(origin.query, of_seed(origin.scene, unit.seed), origin.scene_key, full_size=unit.full_size)
     strays: dict[str, Stray] = {}
     if unit.variation.target:
         strays = strayed(nominal, llm.propose(unit.origin.query, nominal).task, unit.draws)
@@ -113,14 +125,68 @@ def prepared(unit: DemoUnit) -> Prepared:
     return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), strays)
 
 
+def check_plannable(first: DemoUnit) -> None:
+    """Refuse a sentence that no seed can make an episode of.
+
+    Where each seed draws a room of its own, a sentence that is understood is left to the seeds.
+
+    Args:
+        first: The unit of the first seed.
+
+    Raises:
+        NotPlannable: It is one.
+        SceneError: The scene cannot be.
+    """
+    if first.origin.family is not None:
+        return
+    left_to_seeds = is_of_seeds(first.origin.scene)
+    try:
+        # What strays or is added depends on the seed, and comes to a scene in which the sentence can be planned.
+        report = prepared(replace(first, variation=UNVARIED)).graph.verify()
+    except NotDrawn:
+        return
+    except llm.QueryError as refusal:
+        if left_to_seeds and refusal.code not in _OF_THE_SENTENCE:
+            return
+        raise NotPlannable(str(refusal)) from None
+    if not report and not left_to_seeds:
+        raise NotPlannable(f'"{first.origin.query}" in {first.origin.scene}: the plan is not proved\n{report}')
+
+
+def start_alike(series: DemoSeries) -> bool:
+    """Decide whether a series' episodes differ in nothing but the planner's choices; of many, some are compared.
+
+    Raises:
+        SceneError: The scene cannot be.
+    """
+    first, axes = series.first, series.first.variation
+    looks = (axes.surfaces or axes.lights or axes.cameras) and bool(first.recording.views)
+    if looks or axes.target or axes.distractors or axes.physics or axes.noise_m:
+        return False
+    if series.episodes < 2 or first.origin.family is not None or is_of_seeds(first.origin.scene):
+        return False
+    scenes = (prepared(unit).graph.scene for unit in islice(series.units(), _SEEDS_COMPARED))
+    try:
+        nominal = next(scenes)
+        return all(scene == nominal for scene in scenes)
+    except llm.QueryError:
+        return False  # A size that a seed draws has a say in what can be done.
+
+
 def _distracted(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
     """Returns what adds a unit's distractors to a layout."""
     return lambda scene, task: with_distractors(scene, task, unit.variation.distractors, unit.draws("distractors"))
 
 
 @lru_cache(maxsize=4)
-def _scene(query: str, name: str) -> Scene:
-    return scene_for(query, name)
+def _scene(query: str, name: str, key: str, *, full_size: bool) -> Scene:
+    scene = scene_for(query, name, full_size=full_size)
+    if key and (found := scene_key(scene)) != key:
+        raise HandoverRefused(
+            f"the scene {name} is not what it was when its episodes were asked for (key {found}, not {key}): its "
+            "file was changed meanwhile, or this machine has another one; start the same command again"
+        )
+    return scene
 
 
 def make(unit: DemoUnit) -> Made:
@@ -134,7 +200,7 @@ def make(unit: DemoUnit) -> Made:
     graph = todo.graph
     how: dict[str, Any] = {
         "vary": False,
-        "record_hz": unit.recording.rate_hz,
+        "record_hz": float(unit.recording.rate_hz),
         "physics": physics_of(unit),
         "noise": noise_of(unit),
         "stances": unit.stances,
@@ -171,13 +237,15 @@ def drawn_values(unit: DemoUnit, scene: Scene, strays: Mapping[str, Stray]) -> d
 
 def meta_of(made: Made) -> dict[str, Any]:
     """Returns what a unit's `unit.json` says of a rollout; `docs/datasets.md` documents each key."""
-    done = made.rollout
-    report, scale = made.graph.verify(), done.scene.robot.scale
+    done, scale = made.rollout, made.rollout.scene.robot.scale
+    task = filled_task(done)
+    report = compose(task, scene=made.graph.scene).verify()
     return {
         **described(done),
         "query": made.of.query,
         "paraphrases": list(paraphrases(made.of.query)),
-        "task": filled_task(done).to_json(),
+        "task": task.to_json(),
+        "detours": [asdict(detour) for detour in done.detours],
         "scene": done.scene.to_json(),
         "verdict": report.verdict.name,
         "certificate": None if report.certificate is None else report.certificate.task_hash,

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from executor.bench.units import running_version
 from executor.datasets import samples
 from executor.datasets.corrections import write_corrections
 from executor.datasets.footage import Filmed, film_unit
@@ -16,12 +17,18 @@ from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import Made, NotNeeded, drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
-from executor.machine.workers.process import serve
+from executor.machine.workers.process import check_version, serve
 from executor.pictures.stage import Draughtsman, kept_draughtsman
 from executor.records.rollout import PlanRefused, Rollout, Trajectory
 from executor.scenes.pair import NotDrawn
+from llm import QueryError
 
-_KINDS = {PlanRefused: "plan-refused", NotDrawn: "not-drawn", NotNeeded: "not-needed"}
+_KINDS: dict[type[Exception], str] = {
+    PlanRefused: "plan-refused",
+    NotDrawn: "not-drawn",
+    NotNeeded: "not-needed",
+    QueryError: "not-planned",
+}
 
 Draw = Callable[[DemoUnit, Rollout, Trajectory, Path], Filmed]
 """Draws what a unit's recording asks for of a motion in its rollout's scene into a folder."""
@@ -39,18 +46,21 @@ def run_unit(
     Args:
         store: Where it goes.
         unit: What to make.
-        version: Hash of the program.
+        version: Hash of the program, which has to be the one that this process runs.
         draw: Draws the pictures of what is kept.
         maker: Makes it.
 
     Raises:
+        HandoverRefused: This process runs another version of the program, or finds another scene under the name of the
+            unit's; nothing is written.
         OSError: The folder cannot be written.
     """
+    check_version(version, running_version())
     began, began_cpu_s = time.perf_counter(), _cpu_s()
     with store.writing(unit, version) as folder:
         try:
             made = maker(unit)
-        except (PlanRefused, NotDrawn, NotNeeded) as problem:
+        except tuple(_KINDS) as problem:
             failure = {"kind": _KINDS[type(problem)], "message": str(problem)}
             meta: dict[str, Any] = {"ended": "failed", "failure": failure}
         else:
@@ -85,6 +95,7 @@ def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, motion: Tr
 
 def main() -> None:
     """Serves requests until standard input ends."""
+    running_version()
     with kept_draughtsman() as draughtsman:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:

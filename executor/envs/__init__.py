@@ -1,7 +1,10 @@
 """Scenes and tasks as Gymnasium environments; importing this registers them and loads no simulator.
 
     import gymnasium
-    env = gymnasium.make("executor.envs:scene2demo/T1-v0")
+    env = gymnasium.make("scene2demo/T1-v0")
+
+Where the package is installed, importing Gymnasium registers them (`scripts/scene2demo_gymnasium.py`). In a checkout
+that is not, "executor.envs:scene2demo/T1-v0" brings this module along.
 
 There is `scene2demo/T1-v0` to `scene2demo/T6-v0`, whose seeds are those of the benchmark, and `scene2demo/Task-v0`,
 which takes a `scene` and a `query`. docs/environment.md has their actions, observations, rewards and arguments.
@@ -9,7 +12,7 @@ which takes a `scene` and a `query`. docs/environment.md has their actions, obse
 
 from __future__ import annotations
 
-from executor.machine.extras import installed_version, require
+from importlib.util import find_spec
 
 FAMILIES = ("T1", "T2", "T3", "T4", "T5", "T6")
 _MODULE = "executor.envs.environment"  # Imported when the first environment is made.
@@ -22,19 +25,21 @@ MOST_TASK_STEPS = 2000
 
 
 def register() -> None:
-    """Makes the environments known to Gymnasium; once is enough, and importing this package does it.
+    """Make the environments known to Gymnasium; importing this package does it, and a second time changes nothing.
 
     Raises:
-        MissingExtra: Gymnasium is not installed.
+        ModuleNotFoundError: Gymnasium is not installed.
     """
-    gymnasium = require("gymnasium", "gym")
+    # While Gymnasium itself is being imported, its top module has no `register` yet.
+    from gymnasium.envs.registration import register, registry
+
+    if TASK_ID in registry:
+        return
     entry = f"{_MODULE}:SceneEnvironment"
     for family in FAMILIES:
-        gymnasium.register(
-            f"scene2demo/{family}-v0", entry, max_episode_steps=MOST_STEPS[family], kwargs={"family": family}
-        )
-    gymnasium.register(TASK_ID, entry, max_episode_steps=MOST_TASK_STEPS)
+        register(f"scene2demo/{family}-v0", entry, max_episode_steps=MOST_STEPS[family], kwargs={"family": family})
+    register(TASK_ID, entry, max_episode_steps=MOST_TASK_STEPS)
 
 
-if installed_version("gymnasium") is not None:
+if find_spec("gymnasium") is not None:
     register()

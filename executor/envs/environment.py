@@ -16,7 +16,7 @@ from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
 from executor.envs.elbow import Elbow
-from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
+from executor.envs.episodes import DrawnEpisode, Source, of_family, of_query, of_task
 from executor.envs.following import HandFollower
 from executor.envs.progress import Progress, ProgressWatch
 from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS, Simulation, steps_each
@@ -29,7 +29,7 @@ from executor.robot.actions import HAND_NUMBERS, joint_limits
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.continuing import checkpoint_of
 from executor.scenes.pair import NotDrawn
-from executor.scenes.vary import LARGEST_SEED
+from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.world.engine import TIMESTEP_S
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
@@ -92,6 +92,8 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         full_size: bool = False,
         start: Checkpoint | None = None,
     ) -> None:
+        # What a copy is built of again; only arguments are local here yet.
+        self._arguments = {name: value for name, value in locals().items() if name != "self"}
         self.family = family
         self._source = _source(family, scene, query, task, physics, variation, full_size, start)
         self._scale = scene.robot.scale if isinstance(scene, Scene) else FULL_SCALE if full_size else PAPER_SCALE
@@ -116,6 +118,19 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._simulation: Simulation | None = None
         self._views: Views | None = None
         self._seed_now = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns what a copy is made of, by `copy` or `pickle`: arguments and random numbers, and no episode.
+
+        The simulator's objects cannot be copied. A copy is an environment as it was when it was made, and `reset` of a
+        seed begins the same episode in it; without a seed, the next one that `reset` of this environment would draw.
+        """
+        return {"arguments": self._arguments, "spec": self.spec, "random": (self._np_random, self._np_random_seed)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state["arguments"])  # type: ignore[misc]
+        self.spec = state["spec"]
+        self._np_random, self._np_random_seed = state["random"]
 
     @property
     def _max_episode_steps(self) -> int | None:
@@ -208,6 +223,9 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Returns:
             The observation, the progress that was made, whether the goal has held, False, and what is known beside it.
+
+        Raises:
+            ValueError: It has another shape, or a number that is not finite; the episode stays as it was.
         """
         simulation = self._running()
         wanted = self._meant(action)
@@ -238,7 +256,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _drawn(self, seed: int | None, index: int | None) -> DrawnEpisode:
         if seed is not None:
-            self._seed_now = check_seed(int(seed))
+            self._seed_now = check_seed(seed)
             return self._source(self._seed_now, index)
         for draw in range(_DRAWS):
             self._seed_now = int(self.np_random.integers(LARGEST_SEED))
@@ -251,8 +269,13 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _meant(self, action: NDArray[np.float32]) -> Array:
         """Returns what an action is in m, rad and shares."""
-        given = np.asarray(action, dtype=float)
         low, high = self._limits
+        given = np.asarray(action, dtype=float)
+        if given.shape != low.shape:
+            raise ValueError(f"the action has the shape {given.shape}: expected {low.shape}")
+        if not np.isfinite(given).all():
+            wrong = ", ".join(f"number {k} is {given[k]}" for k in np.flatnonzero(~np.isfinite(given)))
+            raise ValueError(f"the action cannot be done: {wrong}; expected finite numbers")
         return np.clip(low + (given + 1.0) / 2.0 * (high - low) if self._normalised else given, low, high)
 
     def _observed(self) -> Observation:

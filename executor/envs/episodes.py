@@ -12,7 +12,6 @@ from executor.datasets.variation import UNVARIED, Variation
 from executor.datasets.work import physics_of, prepared
 from executor.rollouts.checkpoint import Checkpoint
 from executor.scenes.rooms.room import Stray
-from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import STANDARD, Physics
 from oag import ObjectActionGraph, Scene, Task, compose
 
@@ -123,14 +122,3 @@ def _drawn(unit: DemoUnit) -> DrawnEpisode:
     todo, physics = prepared(unit), physics_of(unit)
     start = Checkpoint.at_start(todo.graph.scene, physics=physics)
     return DrawnEpisode(todo.query, todo.graph, start, physics, unit, todo.strays)
-
-
-def check_seed(seed: int) -> int:
-    """Returns a seed that episodes can be drawn of.
-
-    Raises:
-        ValueError: There are none of this one.
-    """
-    if not 0 <= seed <= LARGEST_SEED:
-        raise ValueError(f"the seed {seed} is not possible: expected a whole number from 0 to {LARGEST_SEED}")
-    return seed

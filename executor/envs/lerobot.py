@@ -53,7 +53,8 @@ def register() -> None:
     """Makes the environment type known to LeRobot, which has to be installed.
 
     Its options on LeRobot's command line are `--env.task`, `--env.observation_mode` ("state" or "pixels"),
-    `--env.action_mode`, `--env.normalised`, `--env.fps`, `--env.width`, `--env.height`, `--env.episode_length`.
+    `--env.action_mode`, `--env.normalised`, `--env.full_size`, `--env.fps`, `--env.width`, `--env.height`,
+    `--env.episode_length`.
     """
     base = importlib.import_module("lerobot.envs.configs").EnvConfig
     kinds = importlib.import_module("lerobot.configs.types")
@@ -68,6 +69,7 @@ def register() -> None:
         observation_mode: str = "state"
         action_mode: str = "joint_target"
         normalised: bool = False
+        full_size: bool = False
         width: int = 128
         height: int = 128
 
@@ -93,6 +95,7 @@ def register() -> None:
                 "observation_mode": self.observation_mode,
                 "action_mode": self.action_mode,
                 "normalised": self.normalised,
+                "full_size": self.full_size,
                 "rate_hz": float(self.fps),
                 "size": (self.width, self.height),
                 "render_mode": "rgb_array",

@@ -8,7 +8,8 @@ import numpy as np
 
 import bddl
 from bddl import Atom
-from executor.geometry import Array
+from executor.assets.model import Vector
+from executor.geometry import Array, inverse
 from executor.primitives.control import STILL_M
 from executor.robot.description import TCP_LINK
 from executor.rollouts.judge import PLACES, judge_at_rest, misses
@@ -56,7 +57,6 @@ class ProgressWatch:
         categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
         goals = graph.verify().regressed_goals
         self._measures = [bddl.GoalProgress(goal, categories) for goal in (*goals[:-1], graph.task.goal)]
-        self._sites = [_site(world, subtask.target) for subtask in graph.task.subtasks]
         named = {name for atom in self._measures[-1].atoms for name in atom.args}
         self._items = [name for name in world.dynamic_ids if name in named]
         self._atoms = tuple(dict.fromkeys(atom for measure in self._measures for atom in measure.atoms))
@@ -133,10 +133,7 @@ class ProgressWatch:
             ]
             yaw_rad = float(world.robot.get_qpos()[2])
             return min((miss.distance_m for miss in misses(wanted, world, yaw_rad)), default=0.0)
-        link, point_m = self._sites[stage]
-        T_world_link = world.T_world_link(item, link)
-        site_m = T_world_link[:3, :3] @ point_m + T_world_link[:3, 3]
-        return float(np.linalg.norm(world.T_world_link(ROBOT, TCP_LINK)[:3, 3] - site_m))
+        return hand_off_m(world, item)
 
     def _rests(self, since_s: float) -> bool:
         """Decides whether nothing that the goal is about moved since the last look."""
@@ -148,9 +145,21 @@ class ProgressWatch:
         return np.array([self._world.T_world_link(name)[:3, 3] for name in self._items]).reshape(-1, 3)
 
 
-def _site(world: World, object_id: str) -> tuple[str | None, Array]:
-    """Returns where a hand takes a thing: a link, and a point (3,) in its frame."""
-    asset = world.assets[object_id]
-    if asset.handles:
-        return asset.handles[0].link, np.asarray(asset.handles[0].position_m)
-    return None, np.asarray(asset.grasp_point_m)
+def hand_off_m(world: World, object_id: str) -> float:
+    """Returns how far the point between the fingertips is from what a hand can take of a thing.
+
+    That is the nearest point on the bars of its handles, wherever they are now, and where it has none, the nearest one
+    of the box along its own axes.
+    """
+    asset, hand = world.assets[object_id], world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+
+    def off_m(link: str | None, middle_m: Vector, axes: Array, half_m: Array) -> float:
+        local = (inverse(world.T_world_link(object_id, link)) @ np.array([*hand, 1.0]))[:3] - middle_m
+        return float(np.linalg.norm(local - np.clip(axes @ local, -half_m, half_m) @ axes))
+
+    if not asset.handles:
+        return off_m(None, (0.0, 0.0, 0.0), np.eye(3), np.asarray(asset.extent_m) / 2)
+    return min(
+        off_m(handle.link, handle.position_m, np.array([handle.axis]), np.array([handle.length_m / 2]))
+        for handle in asset.handles
+    )

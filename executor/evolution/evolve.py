@@ -12,10 +12,11 @@ from bddl.visible import counted
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
 from executor.primitives.noise import QUIET, CommandNoise
-from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord, ignore
+from executor.records.rollout import FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import RECORD_HZ, Run, composed
+from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault
@@ -23,6 +24,7 @@ from executor.world.physics import STANDARD, Physics
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
+from oag.task.task import required_scene
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""
@@ -67,7 +69,8 @@ def evolve(
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
-        TaskError: `graph` is no graph.
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         ValueError: `limit` is negative.
@@ -76,8 +79,8 @@ def evolve(
     """
     if limit < 0:
         raise ValueError(f"limit must not be negative, got {limit}")
-    graph = composed(graph)
-    nominal = scene or graph.scene
+    graph, seed = composed(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
     concrete = nominal.with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
@@ -235,8 +238,7 @@ class EvolutionLoop:
             early, before = self._visits[blamed].history.reopened(_hindsight(index, attempt))
             self._visits[blamed].history = before.add(_blamed(early, answer), answer)
         self._run.change(compose(with_flow(self._run.task, blamed, answer), scene=self._scene))
-        name, count = self._run.task.subtasks[blamed].name, len(self._visits)
-        self._run.listen(Event("revision", blamed, count, -1, name, self._run.simulated_s, answer.explanation))
+        self._run.tell_revision(blamed, self._starts[blamed], answer.explanation)
         return blamed
 
 

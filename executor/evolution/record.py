@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from bddl.visible import counted
 from executor.records.rollout import Rollout, SubtaskRecord
 from executor.world.faults import Fault
 from llm.evolution import AttemptSeen, GiveUp
@@ -53,6 +54,9 @@ class Evolution:
     rollout: Rollout
     stories: tuple[SubtaskStory, ...]
     faults: tuple[Fault, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Evolution of {self.rollout!r}: {counted(self.revisions, 'revision')}>"
 
     @property
     def succeeded(self) -> bool:

@@ -11,7 +11,6 @@ import os
 import platform
 import sys
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Literal
 
 from executor.machine import extras, self_check, vulkan
@@ -143,13 +142,7 @@ def _hazards() -> tuple[Finding, ...]:
 
 
 def _own_bddl() -> Finding:
-    """Returns whether `bddl` is this project's package and not its namesake, which OmniGibson installs."""
-    home = Path(__file__).resolve().parents[2]
-    spec = importlib.util.find_spec("bddl")
-    place = Path(spec.origin).resolve().parent if spec and spec.origin else None
-    if place != home / "bddl":
-        remedy = "Give this project an environment of its own: make setup"
-        return Finding("bddl", "problem", f"import bddl finds {place}, not {home / 'bddl'}", remedy)
+    """Returns whether OmniGibson's namesake of `bddl` is installed; in place of this project's nothing would start."""
     if other := extras.installed_version("bddl"):
         detail = f"another distribution named bddl ({other}) is installed; this project's own is found first"
         return Finding("bddl", "note", detail, "pip uninstall bddl")

@@ -83,7 +83,7 @@ def cache_dir() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "scene2demo"
 
 
-def content_key(*parts: bytes | str) -> str:
+def content_key(*parts: bytes | memoryview | str) -> str:
     """Returns a short name for some content: equal parts give equal names, whatever wrote them."""
     digest = hashlib.sha256()
     for part in parts:

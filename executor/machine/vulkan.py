@@ -139,15 +139,31 @@ def _read_private(prefix: Path) -> _Private | None:
 def find_renderer() -> Renderer:
     """Returns what to draw with: a driver named by the environment, else the private one, else the machine's.
 
-    A driver named in `VK_DRIVER_FILES` or `VK_ICD_FILENAMES` is the user's word and is not second-guessed.
+    Drivers named in `VK_DRIVER_FILES` or `VK_ICD_FILENAMES` are the user's word: they need not be the best ones, or as
+    new as `LAVAPIPE_MINIMUM`, but they have to offer a device.
     """
     private = _read_private(private_prefix())
-    named = next((os.environ[name] for name in _DRIVER_VARIABLES if os.environ.get(name)), None)
-    if named is not None and (private is None or named != str(private.icd)):
-        return Renderer("system", f"named in the environment: {named}")
+    variable = next((name for name in _DRIVER_VARIABLES if os.environ.get(name)), None)
+    if variable is not None and (private is None or os.environ[variable] != str(private.icd)):
+        return _named_renderer(variable, os.environ[variable])
     if private is not None:
         return Renderer("private", f"Mesa lavapipe {private.version}, installed beside this Python environment")
     return _system_renderer()
+
+
+@cache
+def _named_renderer(variable: str, named: str) -> Renderer:
+    """Returns the drivers that a variable of the environment lists, or why none of them will do."""
+    absent = [path for path in named.split(os.pathsep) if path and not Path(path).exists()]
+    devices, problem = probe_devices()
+    if devices:
+        return Renderer("system", f"named in the environment: {named}")
+    why = f"{', '.join(absent)} does not exist" if len(absent) == 1 else f"{', '.join(absent)} do not exist"
+    listed = f"{variable} lists {named}, and {why if absent else 'no driver is found there'}"
+    if not absent and problem:
+        listed += f" ({problem})"
+    remedy = f"Unset {variable}, or list the JSON manifests of Vulkan drivers in it, with {os.pathsep!r} between them."
+    return Renderer("none", listed, remedy)
 
 
 @cache

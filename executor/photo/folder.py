@@ -54,7 +54,7 @@ def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
     Args:
         path: The folder.
         force: Whether earlier results may be removed.
-        keep: A file that stays all the same: the recording that is replayed.
+        keep: A file that stays all the same: the recording that is replayed, or gone on with.
 
     Raises:
         ResultsExist: It has results, and `force` is not given.
@@ -146,6 +146,7 @@ def result_json(result: Result) -> dict[str, object]:
             {"scene": f"scene_{one.number}.json", "models": dict(one.models), "refused": one.made.refused}
             for one in result.varied
         ],
+        "doubts": list(result.given.doubts),
         "notes": list(result.made.notes),
         "took_s": dict(result.took_s),
     }
@@ -166,6 +167,7 @@ def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
         "box_px": list(thing.detection.box_px),
         "label": thing.detection.label,
         "label_source": thing.detection.source,
+        "label_provenance": thing.detection.provenance,
         "score": thing.detection.score,
         "told": {"doors": thing.detection.doors, "drawers": thing.detection.drawers, "on": _told_on(thing, result)},
         "model": guess.entry.model,
@@ -174,6 +176,9 @@ def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
         "size_m": list(guess.size_m),
         "parameters": dict(guess.parameters),
         "confidence": fit.confidence,
+        "likelier": fit.likelier,
+        "in_box": fit.in_box,
+        "placed": fit.placed,
         "explained": fit.explained,
         "residual_m": fit.residual_m if result.seen.has_depth else None,
         "spread_m": fit.spread_m,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.space.observation import Observation
+from executor.photo.space.observation import Observation, is_hidden
 
 _GOLDEN = 0.61803  # Hues that follow each other by this share of the circle are never alike.
 _DIMMED = 0.75
@@ -35,8 +35,7 @@ def shown_things(seen: Observation, guesses: Mapping[str, Guess]) -> NDArray[np.
         nearer = own < depth
         depth, owner = np.where(nearer, own, depth), np.where(nearer, number, owner)
     # What something unknown hides is not outlined over it.
-    hidden = seen.measured & (seen.z_m < depth - 0.08 - 4.0 * seen.sigma_m)
-    return np.where(hidden, -1, owner).astype(np.int32)
+    return np.where(is_hidden(seen, depth), -1, owner).astype(np.int32)
 
 
 def outlined(seen: Observation, owner: NDArray[np.int32]) -> NDArray[np.uint8]:

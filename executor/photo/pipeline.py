@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.photo.fitting.rim import levelled_by_rim
+from executor.photo.inputs.agreement import depth_doubts
 from executor.photo.inputs.annotations import Detections, Detector, LeftOut, Sighting
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
@@ -49,6 +50,8 @@ class Given:
         depth: As it was read; None where the picture is all there is.
         seen, floor: The picture in the level frame, and what levels it.
         left_out: What was found and the library has nothing for.
+        find_more: Whether what nobody has boxed is searched for.
+        doubts: What speaks against the depth or the boxes being of this picture, in sentences.
     """
 
     name: str
@@ -59,12 +62,14 @@ class Given:
     seen: Observation
     floor: FloorSeen
     left_out: tuple[LeftOut, ...] = ()
+    find_more: bool = False
+    doubts: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
         scale = None if self.depth is not None else (self.floor.up.tolist(), self.floor.height_m)
-        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
+        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale, self.find_more)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -114,6 +119,7 @@ class GivenBeside:
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
         camera_height_m: Of the camera above the floor, which gives its scale to a picture without depth, or with depth
             that a network has guessed.
+        find_more: Whether what nobody has boxed is searched for, too; needed with depth where no boxes are given.
     """
 
     detect: Detector | None = None
@@ -123,6 +129,7 @@ class GivenBeside:
     length: str | None = None
     board: str | None = None
     camera_height_m: float | None = None
+    find_more: bool = False
 
 
 def read_given(picture: Path, beside: GivenBeside) -> Given:
@@ -142,6 +149,13 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
     if beside.detect is None and measured is None:
         hint = "give --boxes, --detector or --model, or --depth, or both"
         raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
+    if beside.detect is None and not beside.find_more:
+        hint = "give --boxes, --detector or --model, or have things searched for in its depths by --find-more"
+        raise PhotoRefused("boxes", picture, "has no boxes", hint)
+    # A network's depth is of the picture, and bent.
+    doubts: tuple[str, ...] = ()
+    if measured is not None and not measured.bend_share:
+        doubts = depth_doubts(shown, measured, intrinsics)
     if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if measured is not None and beside.length is not None:
@@ -161,7 +175,17 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
     if level is None:
         floor = _levelled(shown, intrinsics, found.things, beside)
         level = flat_observation(shown, intrinsics, floor), floor
-    return Given(picture.stem, shown, measured, intrinsics, found.things, *level, found.left_out)
+    return Given(
+        picture.stem,
+        shown,
+        measured,
+        intrinsics,
+        found.things,
+        *level,
+        found.left_out,
+        beside.find_more,
+        (*doubts, *found.doubts),
+    )
 
 
 def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
@@ -201,19 +225,18 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
         PhotoRefused: Nothing is recognised.
     """
     began = time.perf_counter()
-    seen, floor, depth = given.seen, given.floor, given.depth
-    walls = () if depth is None else find_walls(seen, given.detections)
+    seen, floor = given.seen, given.floor
+    for doubt in given.doubts:
+        told(doubt)
+    walls = () if given.depth is None else find_walls(seen, given.detections)
     walled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    # In depths that are bent, more stands out of floor and walls than is there.
-    alone = depth is not None and not depth.bend_share
-    found = reconstruct(seen, given.detections, walls, told, floor.spread_share, alone=alone or not given.detections)
+    found = reconstruct(seen, given.detections, walls, told, floor.spread_share, find_more=given.find_more)
     fitted = time.perf_counter()
-    if not found.things:
-        reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
-        raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)
+    _require_things(given, found)
     same_height_m = SAME_HEIGHT_M if seen.is_exact else _ABOUT_M
     found, made = scene_of(found, given.name, _HARDLY_SEEN * seen.z_m.size, same_height_m=same_height_m)
+    _require_things(given, found)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()
     took = {
@@ -223,3 +246,10 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
         "variations": time.perf_counter() - settled,
     }
     return Result(given, found, made, varied, took)
+
+
+def _require_things(given: Given, found: FittedRoom) -> None:
+    """Refuse a room of which nothing is left."""
+    if not found.things:
+        reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
+        raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)

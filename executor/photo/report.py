@@ -28,7 +28,7 @@ from executor.results.report.html import (
     text,
 )
 
-_SURE = 0.9
+_SURE = 0.7  # A right fit to a box that is 3 % off has about 0.8.
 
 
 def photo_page(result: Result) -> str:
@@ -47,6 +47,7 @@ def photo_page(result: Result) -> str:
             strip("photograph and fits", [(jpeg(picture), "the photograph with outlines of the fits")]),
         ),
         card("<h2>What was given and measured</h2>", _given(result)),
+        card("<h2>In doubt</h2>", bullets(result.given.doubts)) if result.given.doubts else "",
         card("<h2>Left out</h2>", bullets(left_out)) if left_out else "",
         card("<h2>Moved so that it can be</h2>", bullets(result.made.notes)) if result.made.notes else "",
         "<h2>Things</h2>",
@@ -119,6 +120,8 @@ def _thing(thing: FittedThing, result: Result, picture: np.ndarray) -> str:
         ("options", text(", ".join(f"{key} {value}" for key, value in guess.parameters) or "none")),
         ("colour", "none seen" if fit.colour is None else f"rgb({', '.join(map(str, fit.colour))})"),
         ("explains", f"{100 * fit.explained:.0f} % of {_compared(fit)}"),
+        ("in its box", f"what is visible of it has an IoU of {fit.in_box:.2f} with the box"),
+        ("sure of the model alone", f"{100 * fit.likelier:.0f} %, against the next one"),
     ]
     if settled_m is not None:
         rows.append(("settling moved it by", f"{1000 * settled_m:.1f} mm"))
@@ -132,7 +135,7 @@ def _thing(thing: FittedThing, result: Result, picture: np.ndarray) -> str:
     ]
     below = table(others, ("instead", "less likely by (log)", "size [m]")) if others else ""
     return card(
-        f"<h3>{text(thing.id)} {badge(f'{100 * fit.confidence:.0f} % sure of the model', tone)}</h3>",
+        f"<h3>{text(thing.id)} {badge(f'{100 * fit.confidence:.0f} % sure', tone)}</h3>",
         strip("", [(jpeg(np.ascontiguousarray(picture)), thing.id)]),
         facts(rows),
         below,

@@ -11,6 +11,7 @@ import numpy as np
 from executor.assets.footprint import Footprint
 from executor.photo.fitting.body import Guess
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
+from executor.photo.room.supports import EQUAL_M, is_on_one, tops_of
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import SAME_HEIGHT_M, tidied
 from executor.scenes.furnishing.furnish import furnished
@@ -48,8 +49,8 @@ def scene_of(
 ) -> tuple[FittedRoom, MadeScene]:
     """Returns what is in the scene of a reconstruction, and that: without overlaps, with facts, settled in physics.
 
-    Where no such room can be, and can without one thing that is hardly seen or that nobody has put a box around, that
-    is left out.
+    What stands on nothing is left out. Where no such room can be, and can without one thing that is hardly seen or that
+    nobody has put a box around, that is left out, too.
 
     Args:
         found: The fits.
@@ -57,6 +58,12 @@ def scene_of(
         hardly_px: Area of the largest box of what is hardly seen.
         same_height_m: Between a thing and the top that it is taken to stand on.
     """
+    while hanging := _hanging(found, tidied(found.guesses, found.walls, same_height_m)[0]):
+        for thing in [one for one in found.things if one.id in hanging]:
+            problem = f"nothing was found that it stands on, {100 * hanging[thing.id]:.0f} cm above the floor"
+            found = found.without(thing, problem)
+    if not found.things:
+        return found, MadeScene(None, "nothing is in it", (), {})
     made = made_of(found, found.guesses, name, same_height_m=same_height_m)
     unsure = [one for one in found.things if one.detection.area_px < hardly_px or not one.boxed]
     for thing in sorted(unsure, key=lambda one: one.detection.area_px) if made.refused else ():
@@ -79,6 +86,9 @@ def made_of(
         same_height_m: Between a thing and the top that it is taken to stand on.
     """
     guesses, notes = tidied(guesses, found.walls, same_height_m)
+    if hanging := _hanging(found, guesses):
+        listed = ", ".join(f"{key} {100 * height_m:.0f} cm above the floor" for key, height_m in hanging.items())
+        return MadeScene(None, f"nothing is under {listed}", tuple(notes), {})
     names = {thing.id: thing.detection.name_as(guesses[thing.id].entry) for thing in found.things}
     data = scene_json(guesses, found.walls, name, names)
     try:
@@ -154,6 +164,12 @@ def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
         "bbox_extent": f"{fitted}; what is hidden, by the model's usual sizes, walls and neighbours",
         "parameters": {key: fitted for key in dict(thing.fit.guess.parameters)},
     }
+
+
+def _hanging(found: FittedRoom, guesses: Mapping[str, Guess]) -> dict[str, float]:
+    """Return id -> how high above the floor it is, of what stands neither on that nor on any other thing."""
+    tops = list(tops_of(replace(thing.fit, guess=guesses[thing.id]) for thing in found.things))
+    return {key: one.bottom_m for key, one in guesses.items() if not is_on_one(one, tops, EQUAL_M)}
 
 
 def _entry(obj: SceneObject) -> dict[str, object]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,6 +38,26 @@ class Camera:
     fov_y_rad: float
     near_m: float = 0.02
     far_m: float = 25.0
+
+
+def intrinsic_matrix(camera: Camera, size: tuple[int, int]) -> Array:
+    """Return a camera's (3, 3) matrix [pixels] in pictures of a width and height; the middle is half of these."""
+    width, height = size
+    focal = height / 2.0 / math.tan(camera.fov_y_rad / 2.0)
+    return np.array([[focal, 0.0, width / 2.0], [0.0, focal, height / 2.0], [0.0, 0.0, 1.0]])
+
+
+def camera_json(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+    """Return what data sets say of a camera, for pictures of a width and height."""
+    return {
+        "size": list(size),
+        "fov_y_rad": camera.fov_y_rad,
+        "intrinsics": intrinsic_matrix(camera, size),
+        "mount": camera.mount,
+        "T_mount_camera": camera.T_mount_camera,
+        "near_m": camera.near_m,
+        "far_m": camera.far_m,
+    }
 
 
 def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:

@@ -149,10 +149,15 @@ class Actor:
         self._ways.clear()
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
-        """Returns the next action: (12,) joint targets or (10,) a hand action."""
+        """Returns the next action: (12,) joint targets or (10,) a hand action.
+
+        Raises:
+            NotAPolicy: It is not finite.
+        """
         self._see(observation)
         if not self._waiting:
-            self._waiting = list(self._foretell(np.asarray(observation["agent_pos"], float)[:12]))
+            chunk = self._foretell(np.asarray(observation["agent_pos"], float)[:12])
+            self._waiting = list(finite(chunk, self.folder))
         return self._waiting.pop(0)
 
     def _see(self, observation: Mapping[str, Any]) -> None:
@@ -218,3 +223,14 @@ class Actor:
             way = torch.full_like(phase, self._way(numbers, phase))[None]
             found, logits, _ = self._network(numbers[None], told, cloud, way)
         return found[0, -1].numpy(), None if logits is None else logits[0, -1].numpy()
+
+
+def finite(actions: NDArray, policy: str) -> NDArray:
+    """Returns what a policy gives, where it can be done.
+
+    Raises:
+        NotAPolicy: A number is not finite.
+    """
+    if not np.isfinite(actions).all():
+        raise NotAPolicy(f"{policy} gives actions that are not finite: its weights are not, or what it sees is not")
+    return actions

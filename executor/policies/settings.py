@@ -24,7 +24,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, StrictBool, StrictFloat, StrictInt
+from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
 
 from bddl.files import read_bounded_text
 from executor.datasets.formats.clouds import POINTS
@@ -33,8 +33,10 @@ from oag.model.forms import Form
 from oag.model.jsonfile import Document
 
 _DATA = resources.files("executor.policies") / "data"
-Amount = Annotated[StrictFloat | StrictInt, Field(ge=0, le=1e6)]
-Share = Annotated[StrictFloat | StrictInt, Field(ge=0, lt=1)]
+# One number is one setting, whether it is typed with a point or without.
+_AS_FLOAT = AfterValidator(lambda value: float(value) + 0.0)
+Amount = Annotated[StrictFloat | StrictInt, Field(ge=0, le=1e6), _AS_FLOAT]
+Share = Annotated[StrictFloat | StrictInt, Field(ge=0, lt=1), _AS_FLOAT]
 Width = Annotated[StrictInt, Field(ge=1, le=4096)]
 
 
@@ -151,7 +153,7 @@ class TrainingForm(Form):
     mirror: StrictBool = False
     beside_m: Amount = 0.0
     clouds: Annotated[StrictInt, Field(ge=1, le=65_536)] = 24
-    usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1)] = 0.0
+    usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1), _AS_FLOAT] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
 
@@ -188,8 +190,10 @@ def read_settings(name: str) -> PolicySettings:
         raise SettingsError(f"expected {', '.join(known_settings())}, or a file that ends in .toml", source=name)
     try:
         content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+    except tomllib.TOMLDecodeError as problem:
         raise SettingsError(f"is not TOML: {problem}", source=name) from None
+    except RecursionError:
+        raise SettingsError("is not TOML of settings: it is nested too deeply", source=name) from None
     return settings_of(content, name)
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from executor.envs.episodes import of_family
 from executor.machine.files import content_key, json_text, read_json
+from executor.policies.acting import finite
 from executor.policies.settings import Acts, PolicySettings, Sees
 from executor.policies.trained import ABOUT, NotAPolicy, PolicyRecord
 from executor.policies.windows import EpisodeKind, LearnedFrom
@@ -127,7 +128,7 @@ class StockActor:
         }
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(seen)))
-        return np.asarray(action.to("cpu").numpy()[0])
+        return finite(np.asarray(action.to("cpu").numpy()[0]), self.folder)
 
 
 def _row(values: Any) -> torch.Tensor:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.export import open_set
-from executor.datasets.formats.fold import NothingToExport
-from executor.datasets.formats.stream import CLOUD, EpisodeStream, Extra, FoldedEpisode
+from executor.datasets.formats.selection import WITHOUT_PICTURES, NothingToExport
+from executor.datasets.formats.stream import CLOUD, EpisodeStream, Extra, FoldedEpisode, Repeats
 from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
@@ -72,6 +72,8 @@ class Demonstrations:
         phases: (M,) which of `steps` is going on.
         steps: The numbers of plans' steps that occur (`steps.py`), in order.
         takeovers: How many episodes go on from where a policy had come to.
+        repeats: Episodes that are not among these, since their states and actions are those of another one, which each
+            is named with.
         ways: (M,) which way the episode takes things in the subtask that is going on, 0 being the way of the most.
         begins: (M,) 1 where the first step of a subtask is going on, in which a way is chosen, else 0.
     """
@@ -94,6 +96,7 @@ class Demonstrations:
     takeovers: int
     ways: NDArray[np.int64]
     begins: NDArray[np.float32]
+    repeats: Repeats = ()
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -149,17 +152,11 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
     streams, scale = _of_one_robot(paths, include)
     found: list[Told] = []
-    holders: dict[str, Path] = {}
+    once = _Once([pair for stream in streams for pair in stream.found.repeats])
     rows: list[_Seen] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
     for path, stream in zip(paths, streams, strict=True):
-        for told_of, episode in islice(demonstrations(path, stream), most):
-            if told_of.id in holders:
-                raise NothingToExport(
-                    f"{path} has the episode {told_of.name}, which {holders[told_of.id]} has already: it would count "
-                    "twice; name each store once, or what was exported of it"
-                )
-            holders[told_of.id] = path
+        for told_of, episode in islice(once.new(path, stream), most):
             found.append(told_of)
             if include and CLOUD not in episode.columns:
                 raise NotADataset(f"{path} has no point clouds; train on the store, or export it with them")
@@ -192,7 +189,47 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         takeovers=_takeovers(found),
         ways=ways_of(episodes, going_on),
         begins=np.concatenate([_begins(rows) for rows in going_on]),
+        repeats=tuple(once.repeats),
     )
+
+
+@dataclass
+class _Once:
+    """Which demonstrations were read, so that each counts once.
+
+    Attributes:
+        repeats: Names of those that are left out, each with the one whose states and actions it has.
+    """
+
+    repeats: list[tuple[str, str]]
+    _holders: dict[str, Path] = field(default_factory=dict)
+    _firsts: dict[str, str] = field(default_factory=dict)
+
+    def new(self, path: Path, stream: EpisodeStream) -> Iterator[tuple[Told, FoldedEpisode]]:
+        """Yield the demonstrations of a data set whose states and actions none before them has.
+
+        Raises:
+            NothingToExport: One is in a data set before this one already.
+        """
+        for told_of, episode in demonstrations(path, stream):
+            if told_of.id in self._holders:
+                raise NothingToExport(
+                    f"{path} has the episode {told_of.name}, which {self._holders[told_of.id]} has already: it would "
+                    "count twice; name each store once, or what was exported of it"
+                )
+            self._holders[told_of.id] = path
+            called = f"{told_of.name} ({told_of.id[:8]})"
+            first = self._firsts.setdefault(_recorded(episode), called)
+            if first != called:
+                self.repeats.append((called, first))
+                continue
+            yield told_of, episode
+
+
+def _recorded(episode: FoldedEpisode) -> str:
+    """Return what is equal where two episodes have the same states and actions, whatever they are kept in."""
+    columns = ("observation.state", "observation.velocity", "observation.environment_state", "action.joint_target")
+    return content_key(*(np.ascontiguousarray(episode.columns[name]).data.cast("B") for name in columns))
 
 
 def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[list[EpisodeStream], float]:
@@ -202,7 +239,7 @@ def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[li
         NothingToExport: They are of different rates or robots.
         NotADataset: One of them cannot be read.
     """
-    streams = [open_set(path, include) for path in paths]
+    streams = [open_set(path, include, WITHOUT_PICTURES) for path in paths]
     if len({stream.found.rate_hz for stream in streams}) > 1:
         pairs = zip(paths, streams, strict=True)
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
@@ -241,7 +278,7 @@ def learned_from(path: Path) -> LearnedFrom:
         NothingToExport: It has no demonstrations.
         NotADataset: It cannot be read.
     """
-    stream = open_set(path, ())
+    stream = open_set(path, (), WITHOUT_PICTURES)
     shown = [told for told, _ in demonstrations(path, stream)]
     return LearnedFrom(
         rate_hz=stream.found.rate_hz,

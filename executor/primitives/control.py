@@ -31,7 +31,7 @@ LIMIT_S = 120.0
 Tick = Callable[[], None]
 STILL_M = 0.001  # More than what trembles in contact, less than what rolls.
 LONGEST_WAIT_S = 5.0  # A glass that lies on its side rolls for seconds.
-_LOOK_EVERY_S = 0.1
+LOOK_EVERY_S = 0.1
 
 
 class Controller:
@@ -220,13 +220,13 @@ def settle_to_rest(control: Controller, duration_s: float) -> float:
         duration_s: How long in any case, at least a tenth of a second.
     """
     world = control.world
-    control.settle(duration_s - _LOOK_EVERY_S)
-    waited_s = -_LOOK_EVERY_S
+    control.settle(duration_s - LOOK_EVERY_S)
+    waited_s = -LOOK_EVERY_S
     moved_m = np.inf
     while moved_m > STILL_M and waited_s < LONGEST_WAIT_S:
         before = _positions(world)
-        control.settle(_LOOK_EVERY_S)
-        waited_s += _LOOK_EVERY_S
+        control.settle(LOOK_EVERY_S)
+        waited_s += LOOK_EVERY_S
         moved_m = max(
             (float(np.linalg.norm(after - p)) for p, after in zip(before, _positions(world), strict=True)), default=0.0
         )

@@ -24,6 +24,7 @@ from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.reach import (
     HIGH_LIFTS_M,
     LIFTS_M,
+    LOW_LIFTS_M,
     Lift,
     Pick,
     in_the_way,
@@ -134,8 +135,9 @@ def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
 def _lifts_m(session: Session) -> tuple[float, ...]:
     """Returns how far the target may be lifted: a little is enough for what is put elsewhere or backed out with."""
     goes_on = any(later.target == session.subtask.target for later in session.later)
-    backs_out = any(action.primitive in _NOT_HELD_UP for action in session.flow[session.step :])
-    return LIFTS_M if goes_on or backs_out else HIGH_LIFTS_M
+    if any(action.primitive in _NOT_HELD_UP for action in session.flow[session.step :]):
+        return LOW_LIFTS_M
+    return LIFTS_M if goes_on else HIGH_LIFTS_M
 
 
 def _leads_on(session: Session) -> Callable[[Array], bool] | None:

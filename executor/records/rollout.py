@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.visible import counted
 from executor.machine.files import plain
 from executor.records.commands import DriveCommand
 from oag import ActionFlow, Report, Scene, Task
@@ -183,11 +184,26 @@ class Trajectory:
 
 
 @dataclass(frozen=True, slots=True)
+class Detour:
+    """Subtasks that a rollout inserted into its plan, which was then proved again.
+
+    Attributes:
+        first: Index, in the plan that ran, of the first inserted subtask.
+        count: How many were inserted.
+        reason: Why, as a clause.
+    """
+
+    first: int
+    count: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Rollout:
     """One execution of a task in one varied scene.
 
     Attributes:
-        task: The task as it was asked for.
+        task: The plan that ran: the one asked for, and what was inserted into it; in an evolution, the revised one.
         scene: The concrete scene (after variation by the seed and size adjustment), enough to rebuild the world.
         goal_readings: The task goal G, judged after everything had settled.
         state_hash: SHA-256 over the recorded physical states; equal for equal scene, flow, seed.
@@ -195,6 +211,7 @@ class Rollout:
         planning_wall_s, simulation_wall_s: Where the wall time went.
         penetration: How deep bodies overlapped while it ran.
         peaks: The most that it asked of the robot.
+        detours: What was inserted into the plan that was asked for, in the order of the plan.
     """
 
     task: Task
@@ -210,6 +227,28 @@ class Rollout:
     simulation_wall_s: float
     penetration: Penetration = field(default_factory=Penetration)
     peaks: Peaks = field(default_factory=Peaks)
+    detours: tuple[Detour, ...] = ()
+
+    @property
+    def inserted(self) -> frozenset[int]:
+        """Indices of the subtasks that were inserted into the plan."""
+        return frozenset(index for one in self.detours for index in range(one.first, one.first + one.count))
+
+    @property
+    def asked_for(self) -> Task:
+        """The plan without what was inserted into it."""
+        kept = (subtask for index, subtask in enumerate(self.task.subtasks) if index not in self.inserted)
+        return replace(self.task, subtasks=tuple(kept))
+
+    @property
+    def detour_notes(self) -> tuple[str, ...]:
+        """A sentence for each detour: what was inserted where, and why."""
+        return tuple(_detour_note(self.task, detour) for detour in self.detours)
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        done = f"{len(self.subtasks)} of {counted(len(self.task.subtasks), 'subtask')}"
+        return f"<Rollout {ended} of {self.task.name!r}, seed {self.seed}: {done}, {self.simulated_s:.1f} s>"
 
     @property
     def failure(self) -> Failure | None:
@@ -223,17 +262,26 @@ class Rollout:
         return complete and all(s.succeeded for s in self.subtasks) and all(r.satisfied for r in self.goal_readings)
 
 
+def _detour_note(task: Task, detour: Detour) -> str:
+    end = detour.first + detour.count
+    names = " and ".join(subtask.name for subtask in task.subtasks[detour.first : end])
+    numbers, were = (
+        (f"subtask {end}", "was") if detour.count == 1 else (f"subtasks {detour.first + 1} to {end}", "were")
+    )
+    return f"{numbers} ({names}) of {len(task.subtasks)} {were} inserted on the way: {detour.reason}"
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """One thing that happened.
 
     Attributes:
-        kind: What began or ended, or that a flow was revised.
+        kind: What began or ended, or that the plan was revised.
         subtask: Index of the subtask, from 0.
         subtask_count: How many subtasks the task has.
         step: Index of the step in its flow, or -1 for subtask events.
         name: Name of the subtask or primitive.
-        simulated_s: Simulated time so far.
+        simulated_s: Simulated time so far; of a revision, the time that the run goes back to.
         message: A short remark, such as a failure's sentence or a revision's reason; empty when all went well.
     """
 

@@ -14,8 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bddl
+from bddl.visible import counted
+from executor.pictures.cameras import camera_json
 from executor.pictures.frames import Frames, Picture
+from executor.pictures.overview import cameras_for
 from executor.records.rollout import Rollout, Trajectory
+from executor.robot.actions import joint_limits
+from llm.paraphrase import paraphrases
 from oag import Scene, Task, flow_to_json
 
 ACTION_NAMES = (
@@ -27,7 +32,6 @@ ACTION_NAMES = (
 )
 # Fastest motion that an action of 1 stands for: m/s, m/s, rad/s for the base, rad/s for each arm joint.
 ACTION_RATES = np.array([1.0, 1.0, 2.0, *[3.0] * 7])
-FINGER_OPEN_M = 0.028  # One finger of a Panda at 0.7 of its size: the gripper opens to 0.056 m.
 
 
 class EpisodeTooShort(ValueError):
@@ -71,7 +75,7 @@ class Episode:
         images: View name -> (N, H, W, 3) uint8, all of one size; empty when nothing was rendered.
         actions: (N - 1, 11) float32 in [-1, 1], named by `ACTION_NAMES`: displacement of the base in its own frame
             and of the arm's joints, commanded for the interval and divided by `action_scale`; the gripper's
-            commanded opening, -1 shut and 1 open.
+            commanded opening, -1 shut and 1 as far as the robot's fingers open.
         actions_absolute: (N - 1, 12) float32: the drive targets themselves, in the robot's joint order (m, rad).
         action_scale: (10,) displacement that an action of 1 stands for.
         clipped: How many of the actions' numbers had to be clipped to [-1, 1].
@@ -82,6 +86,9 @@ class Episode:
         commanded: Name -> (N - 1, D) other actions that mean the same.
         rewards: (N - 1,) of every transition; by default 1 for the last one of a success.
         about: What else there is to say, as JSON; empty where nothing is.
+        query: The sentence that was typed; empty where a task file was executed.
+        paraphrases: Other sentences for it.
+        cameras: View name -> what is known of its camera (`executor.pictures.cameras.camera_json`).
     """
 
     task: Task
@@ -105,10 +112,22 @@ class Episode:
     commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     rewards: NDArray[np.float32] | None = None
     about: str = ""
+    query: str = ""
+    paraphrases: tuple[str, ...] = ()
+    cameras: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        return f"<Episode {ended} of {self.task.name!r}, seed {self.seed}: {counted(len(self.actions) + 1, 'sample')}>"
 
     @classmethod
-    def from_rollout(cls, rollout: Rollout, frames: Frames | None = None) -> Episode:
-        """Returns the episode of a rollout, with pictures when there are any.
+    def from_rollout(cls, rollout: Rollout, frames: Frames | None = None, query: str = "") -> Episode:
+        """Return the episode of a rollout, with pictures when there are any.
+
+        Args:
+            rollout: What was recorded.
+            frames: What `executor.pictures.render.render` drew of it.
+            query: The sentence that was typed, where one was.
 
         Raises:
             EpisodeTooShort: When fewer than two samples were recorded.
@@ -123,6 +142,9 @@ class Episode:
             trajectory=rollout.trajectory,
             spans=_spans(rollout),
             frames=frames,
+            query=query,
+            paraphrases=paraphrases(query) if query else (),
+            cameras={} if frames is None else _cameras(rollout, frames),
         )
 
     @classmethod
@@ -141,6 +163,9 @@ class Episode:
         commanded: Mapping[str, NDArray[np.float32]] | None = None,
         rewards: NDArray[np.float32] | None = None,
         about: str = "",
+        query: str = "",
+        paraphrases: tuple[str, ...] = (),
+        cameras: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Episode:
         """Returns the episode of a recorded motion and what is known of it; see the attributes.
 
@@ -154,7 +179,8 @@ class Episode:
             raise ValueError(f"expected {count} pictures of each view, got {frames.count}")
         rate_hz = 1.0 / float(np.median(np.diff(trajectory.time_s)))
         scale = ACTION_RATES / rate_hz
-        actions, clipped = _actions(trajectory.robot_qpos, trajectory.robot_target[1:], scale)
+        opening_m = float(joint_limits(scene.robot.scale)[-1, 1])
+        actions, clipped = _actions(trajectory.robot_qpos, trajectory.robot_target[1:], scale, opening_m)
         images = {} if frames is None else {view: frames.at_size(view) for view in frames.views}
         joints = {
             f"{owner}/{column}": positions[:, column]
@@ -183,6 +209,9 @@ class Episode:
             commanded=commanded or {},
             rewards=rewards,
             about=about,
+            query=query,
+            paraphrases=paraphrases,
+            cameras=cameras or {},
         )
 
     @property
@@ -205,19 +234,32 @@ class Episode:
 
 
 def _actions(
-    qpos: NDArray[np.float32], targets: NDArray[np.float32], scale: NDArray[np.float64]
+    qpos: NDArray[np.float32], targets: NDArray[np.float32], scale: NDArray[np.float64], opening_m: float
 ) -> tuple[NDArray[np.float32], int]:
-    """Returns the normalised actions of every transition, and how many numbers were clipped."""
+    """Return the normalised actions of every transition, and how many numbers were clipped.
+
+    Args:
+        qpos: (N, 12) joint positions.
+        targets: (N - 1, 12) what was commanded between them.
+        scale: (10,) displacement that an action of 1 stands for.
+        opening_m: How far one finger of the robot opens.
+    """
     now = qpos[:-1].astype(np.float64)
     moves = targets[:, :10].astype(np.float64) - now[:, :10]
     cosine, sine = np.cos(now[:, 2]), np.sin(now[:, 2])
     forward = cosine * moves[:, 0] + sine * moves[:, 1]
     left = -sine * moves[:, 0] + cosine * moves[:, 1]
     moves[:, 0], moves[:, 1] = forward, left
-    gripper = targets[:, 10:12].mean(axis=1, keepdims=True) / FINGER_OPEN_M * 2.0 - 1.0
+    gripper = targets[:, 10:12].mean(axis=1, keepdims=True) / opening_m * 2.0 - 1.0
     raw = np.concatenate([moves / scale, gripper], axis=1)
     clipped = int(np.count_nonzero(np.abs(raw) > 1.0 + 1e-6))
     return np.clip(raw, -1.0, 1.0).astype(np.float32), clipped
+
+
+def _cameras(rollout: Rollout, frames: Frames) -> dict[str, dict[str, Any]]:
+    """Return what is known of the cameras that drew a rollout's pictures, at the common size."""
+    cameras = cameras_for(rollout.scene, tuple(frames.views), aspect=frames.size[0] / frames.size[1], task=rollout.task)
+    return {camera.name: camera_json(camera, frames.size) for camera in cameras}
 
 
 def _side_by_side(columns: tuple[NDArray[np.float32], ...], count: int) -> NDArray[np.float32]:

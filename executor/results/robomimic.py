@@ -6,7 +6,10 @@ Layout, with T transitions:
                                 scene2demo (JSON: what all demonstrations have in common)
       demo_0                    attrs: num_samples = T, success, seed, state_hash, task, task_detail, scene (JSON),
                                 scaled (JSON: objects at another size than they are drawn with), rate_hz,
-                                action_names, action_scale, subtasks (JSON)
+                                action_names, action_scale, subtasks (JSON); query and paraphrases (JSON), the sentence
+                              that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
+                              (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
+                              (4 x 4; x ahead, y left, z up)
         actions                 (T, 11) float32 in [-1, 1]; see `executor.results.episode.Episode.actions`
         actions_absolute        (T, 12) float32 drive targets in m and rad
         actions_hand            (T, 10) float32 in m and rad, in data sets; see `executor.robot.actions.hand_actions`
@@ -20,16 +23,22 @@ Layout, with T transitions:
         obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4),
                                 gripper_opening (1), joints (J), object (7 K), in data sets
                                 environment_state, primitive (1), <view>_camera_pose (7), `object` and `joints` with
-                                room for the most that one has, point_cloud (1024, 4) float32; where rendered
-                                <view>_image (H, W, 3) uint8, <view>_depth, <view>_segmentation (H, W, 1) uint16
-                                (all plain data sets: a demonstration that is copied into another file is whole)
+                                room for the most that one has
+        obs, last_obs           point_cloud (1024, 4) float32; where rendered <view>_image (H, W, 3) uint8,
+                                <view>_depth, <view>_segmentation (H, W, 1) uint16; T in obs, and in last_obs the one
+                                after the last transition
         object_poses/<id>       (T + 1, 7) position and quaternion
         joint_positions/<id>    (T + 1, J)
         datagen_info            eef_pose (T, 4, 4), gripper_action (T, 1), object_poses/<id> (T, 4, 4),
                                 subtask_term_signals/<subtask> (T,): 1 from the end of the subtask on
     mask/all, mask/successful   names of demonstrations; of a data set also mask/train, valid, corrections
 
-Quaternions are x y z w, as robosuite and robomimic have them.
+Quaternions are x y z w, as robosuite and robomimic have them. All arrays are plain data sets, so that a demonstration
+that is copied into another file is whole; numbers and pictures are compressed (gzip).
+
+Pictures and clouds are in obs alone: next_obs would have nearly all of them a second time. robomimic reads next_obs
+only where `train.hdf5_load_next_obs` is true, which it is for no algorithm of behaviour cloning. Where offline
+reinforcement learning is to have pictures, what follows obs[i] is obs[i + 1], and last_obs at the end.
 
 Source: the layout that robomimic 0.3 and 0.5 read, and MimicGen's `datagen_info`.
 """
@@ -38,7 +47,6 @@ from __future__ import annotations
 
 import io
 import json
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -64,8 +72,16 @@ NO_MASKS: Mapping[str, range] = MappingProxyType({})
 ABOUT = "scene2demo"
 """Attribute of the group of demonstrations: what all of a data set have in common."""
 
+LAST = "last_obs"
+"""Group of what there was to see after the last transition, of what next_obs does not have."""
+
 COMPRESSION = 4
 """Of pictures: 15 % smaller than the fastest level for half as much time again; more takes twice the time for 8 %."""
+
+CHUNK_BYTES = 1 << 20
+"""Of numbers that are compressed together, at the most."""
+
+_NOT_WORTH_IT_BYTES = 4096  # What a compressed array takes beside its numbers.
 
 
 def write_robomimic(
@@ -119,6 +135,9 @@ def _write_demo(demo: Any, episode: Episode) -> None:
             "action_names": json.dumps(ACTION_NAMES),
             "action_scale": episode.action_scale,
             "subtasks": json.dumps([plain(asdict(span)) for span in episode.spans]),
+            "query": episode.query,
+            "paraphrases": json.dumps(episode.paraphrases),
+            "cameras": json.dumps(plain(episode.cameras)),
         }
     )
     rewards = episode.rewards
@@ -127,27 +146,27 @@ def _write_demo(demo: Any, episode: Episode) -> None:
         rewards[-1] = float(episode.succeeded)
     dones = np.zeros(length, dtype=np.int64)
     dones[-1] = 1
-    demo.create_dataset("actions", data=episode.actions)
-    demo.create_dataset("actions_absolute", data=episode.actions_absolute)
-    for name, values in episode.commanded.items():
-        demo.create_dataset(name, data=values)
-    demo.create_dataset("states", data=_states(episode)).attrs["columns"] = json.dumps(episode.state_names)
+    columns: dict[str, NDArray[Any]] = {
+        "actions": episode.actions,
+        "actions_absolute": episode.actions_absolute,
+        **episode.commanded,
+    }
+    for name, values in columns.items():
+        _write_numbers(demo, name, values)
+    _write_numbers(demo, "states", _states(episode)).attrs["columns"] = json.dumps(episode.state_names)
     if trajectory.packed_states:
         packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
-        demo.create_dataset("packed_states", data=packed, compression="gzip", compression_opts=1)
+        _write_numbers(demo, "packed_states", packed)
     if episode.about:
         # No attribute: these end at 64 kB.
         demo.create_dataset("about", data=episode.about)
-    demo.create_dataset("rewards", data=rewards)
-    demo.create_dataset("dones", data=dones)
-    demo.create_dataset("time_s", data=trajectory.time_s)
-    demo.create_dataset("subtask", data=trajectory.subtask)
-    demo.create_dataset("step", data=trajectory.step)
+    columns = {"rewards": rewards, "dones": dones, "time_s": trajectory.time_s}
+    columns |= {"subtask": trajectory.subtask, "step": trajectory.step}
+    columns |= {f"object_poses/{name}": quaternions_last(poses) for name, poses in trajectory.object_poses.items()}
+    columns |= {f"joint_positions/{name}": positions for name, positions in trajectory.joint_positions.items()}
+    for name, values in columns.items():
+        _write_numbers(demo, name, values)
     _write_observations(demo, episode)
-    for name, poses in trajectory.object_poses.items():
-        demo.create_dataset(f"object_poses/{name}", data=quaternions_last(poses))
-    for name, positions in trajectory.joint_positions.items():
-        demo.create_dataset(f"joint_positions/{name}", data=positions)
     _write_datagen_info(demo.create_group("datagen_info"), episode)
 
 
@@ -167,48 +186,50 @@ def _write_observations(demo: Any, episode: Episode) -> None:
         if values.ndim > 2:
             _write_pictures(demo, name, values)
         elif values.shape[1]:
-            demo.create_dataset(f"obs/{name}", data=values[:-1])
-            demo.create_dataset(f"next_obs/{name}", data=values[1:])
+            _write_numbers(demo, f"obs/{name}", values[:-1])
+            _write_numbers(demo, f"next_obs/{name}", values[1:])
     for view, pictures in episode.images.items():
         _write_pictures(demo, f"{view}_image", pictures)
 
 
-def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
-    """Writes pictures, or clouds, into obs and next_obs, one sample apart.
+def _write_numbers(group: Any, name: str, values: NDArray[Any]) -> Any:
+    """Write (N, ...) numbers, compressed where that is worth it, and return the data set."""
+    if values.nbytes <= _NOT_WORTH_IT_BYTES:
+        return group.create_dataset(name, data=values)
+    rows = min(len(values), max(CHUNK_BYTES * len(values) // values.nbytes, 1))
+    return group.create_dataset(
+        name,
+        data=values,
+        chunks=(rows, *values.shape[1:]),
+        compression="gzip",
+        compression_opts=COMPRESSION,
+        shuffle=values.itemsize > 1,
+    )
 
-    Both are plain data sets, so that a demonstration that is copied into another file takes its pictures along. Each
-    picture is compressed once for the two of them.
-    """
-    length, origin = len(pictures) - 1, (0,) * (pictures.ndim - 1)
-    now, after = (
+
+def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
+    """Write pictures, or clouds, each compressed by itself: those of the transitions, and the one after the last."""
+    for group, some in (("obs", pictures[:-1]), (LAST, pictures[-1:])):
         demo.create_dataset(
             f"{group}/{name}",
-            shape=(length, *pictures.shape[1:]),
-            dtype=pictures.dtype,
+            data=some,
             chunks=(1, *pictures.shape[1:]),
             compression="gzip",
             compression_opts=COMPRESSION,
         )
-        for group in ("obs", "next_obs")
-    )
-    for index, picture in enumerate(pictures):
-        packed = zlib.compress(picture.tobytes(), COMPRESSION)
-        if index < length:
-            now.id.write_direct_chunk((index, *origin), packed)
-        if index > 0:
-            after.id.write_direct_chunk((index - 1, *origin), packed)
 
 
 def _write_datagen_info(group: Any, episode: Episode) -> None:
-    trajectory, length = episode.trajectory, episode.length
-    group.create_dataset("eef_pose", data=_matrices(trajectory.eef_pose[:-1]))
-    group.create_dataset("gripper_action", data=episode.actions[:, -1:])
+    trajectory, rows = episode.trajectory, np.arange(episode.length)
+    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(trajectory.eef_pose[:-1])}
+    columns["gripper_action"] = episode.actions[:, -1:]
     for name, poses in trajectory.object_poses.items():
-        group.create_dataset(f"object_poses/{name}", data=_matrices(poses[:-1]))
-    rows = np.arange(length)
+        columns[f"object_poses/{name}"] = _matrices(poses[:-1])
     for number, span in enumerate(episode.spans, start=1):
         signal = ((rows >= span.end - 1) & span.succeeded).astype(np.int64)
-        group.create_dataset(f"subtask_term_signals/{number}_{span.name.replace('/', '_')}", data=signal)
+        columns[f"subtask_term_signals/{number}_{span.name.replace('/', '_')}"] = signal
+    for name, values in columns.items():
+        _write_numbers(group, name, values)
 
 
 def _objects(episode: Episode) -> NDArray[np.float32]:

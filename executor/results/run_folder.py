@@ -4,7 +4,7 @@ proposal.json     what was proposed, in the paper's names
 exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
 conversation.json with a model: every round of questions, with what was wrong with each answer
 conversations.json  with a model that judges: every round of critiques and revisions
-certificate.json  the verdict's evidence, for `scene2demo recheck`
+certificate.json  the evidence for the verdict on task.json: `scene2demo recheck certificate.json --task task.json`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
@@ -27,20 +27,20 @@ from pathlib import Path
 
 from executor.evolution.frames import FOLDER, draw_attempts
 from executor.evolution.record import Evolution
-from executor.machine.files import write_json, write_text
+from executor.machine.files import read_json, write_json, write_text
 from executor.pictures.frames import Frames
 from executor.records.rollout import Rollout
 from executor.results.episode import Episode
 from executor.results.evolution_files import evolution_json, write_pairs
 from executor.results.report.page import report_page
 from executor.results.robomimic import write_robomimic
-from executor.results.run_record import RunRecord, filled_task, rollout_json
+from executor.results.run_record import RunRecord, rollout_json
 from llm.errors import LlmError
-from oag import compose
 
+EXCHANGES = "exchanges.jsonl"
 FILES = (
     "proposal.json",
-    "exchanges.jsonl",
+    EXCHANGES,
     "conversation.json",
     "conversations.json",
     "certificate.json",
@@ -53,7 +53,7 @@ FILES = (
     "video.mp4",
     "report.html",
 )
-WORDS = ("exchanges.jsonl", "conversation.json", "conversations.json")
+WORDS = (EXCHANGES, "conversation.json", "conversations.json")
 """Those of them that have a model's words."""
 
 
@@ -61,9 +61,15 @@ class ResultsExist(FileExistsError):
     """The folder has results of an earlier run."""
 
     def __init__(self, folder: Path, found: Iterable[str]) -> None:
+        names = list(found)
+        paid = EXCHANGES in names
         super().__init__(
-            f"{folder} already has results ({', '.join(found)}); "
-            "choose another folder with --out, or replace them with --force"
+            f"{folder} already has results ({', '.join(names)}); choose another folder with --out, "
+            + (
+                "go on from the recorded answers with --resume, or start over with --force, which keeps these aside"
+                if paid
+                else "or replace them with --force"
+            )
         )
 
 
@@ -76,13 +82,24 @@ class FolderUnusable(OSError):
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder that is ready to take a run's files; make it with `prepare`."""
+    """A folder that is ready to take a run's files; make it with `prepare`.
+
+    Attributes:
+        path: The folder.
+        kept_aside: Where the answers of a model are that an earlier run had paid for, when it starts over.
+    """
 
     path: Path
+    kept_aside: Path | None = None
 
     @classmethod
-    def prepare(cls, path: Path, *, force: bool = False) -> RunFolder:
+    def prepare(cls, path: Path, *, force: bool = False, resume: bool = False) -> RunFolder:
         """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+        Args:
+            path: The folder.
+            force: Removes earlier results; a recording of answers gets another name.
+            resume: Leaves all as it is, for a run that goes on; `clear` removes what it replaces.
 
         Raises:
             ResultsExist: When it has results and `force` is not given.
@@ -93,44 +110,54 @@ class RunFolder:
             # A link counts, wherever it leads: nothing is written through it.
             found = [name for name in (*FILES, FOLDER) if (path / name).is_symlink()]
             found += [name for name in FILES if (path / name).exists() and name not in found]
-            if found and not force:
+            if found and not (force or resume):
                 raise ResultsExist(path, found)
-            for name in found:
-                (path / name).unlink()
-            _remove_pictures(path)
+            kept = None
+            if not resume:
+                kept = kept_aside(path / EXCHANGES)
+                _remove(path, found)
             with tempfile.TemporaryFile(dir=path):
                 pass
         except ResultsExist:
             raise
         except OSError as error:
             raise FolderUnusable(path, error.strerror or str(error)) from error
-        return cls(path)
+        return cls(path, kept)
+
+    @property
+    def query(self) -> str | None:
+        """The sentence of the run whose results are there; None where they have none."""
+        with suppress(OSError, ValueError):
+            proposal = read_json(self.path / "proposal.json")
+            query = proposal.get("query") if isinstance(proposal, dict) else None
+            return query if isinstance(query, str) else None
+        return None
+
+    def clear(self) -> None:
+        """Remove the results of a run that is gone on with; what a model has answered stays."""
+        _remove(self.path, [name for name in FILES if name not in WORDS])
 
     @contextmanager
     def filling(self) -> Iterator[None]:
         """Takes what was written away again when something breaks, such as a full disk; the next run finds no half.
 
-        A model's words stay, under other names, since they were paid for; where it is the model that failed, as they
-        are.
+        What a model has answered stays, since it was paid for; where it is the model that failed, all stays.
         """
         try:
             yield
         except LlmError:
             raise
-        except Exception:
+        except Exception as problem:
             with suppress(OSError):
-                for name in self.written():
-                    if name in WORDS:
-                        (self.path / name).rename(unused(self.path, name))
-                    else:
-                        (self.path / name).unlink()
-                _remove_pictures(self.path)
+                _remove(self.path, [name for name in FILES if name != EXCHANGES])
+            if self.exchanges.exists():
+                problem.add_note(f"What the model has answered is in {self.exchanges}; --resume goes on from it")
             raise
 
     @property
     def exchanges(self) -> Path:
         """Where everything said to and by a model is recorded."""
-        return self.path / "exchanges.jsonl"
+        return self.path / EXCHANGES
 
     def write_conversation(self, conversation: object) -> None:
         """Writes the rounds in which a model was asked."""
@@ -146,18 +173,27 @@ class RunFolder:
         return tuple(name for name in FILES if (self.path / name).exists())
 
     def write_plan(self, record: RunRecord) -> None:
-        """Writes what is known before anything moves: proposal, certificate, scene."""
+        """Writes what is known of the plan: proposal, task, scene, and the certificate of that task."""
         if record.proposal is not None:
             write_json(self.path / "proposal.json", record.proposal)
         if record.report.certificate is not None:
             write_json(self.path / "certificate.json", record.report.certificate.to_json())
+        else:
+            (self.path / "certificate.json").unlink(missing_ok=True)
         write_json(self.path / "scene.json", record.graph.scene.to_json())
         write_json(self.path / "task.json", record.graph.task.to_json())
 
-    def write_rollout(self, rollout: Rollout) -> None:
-        """Writes what was executed, as JSON, and the task with its numbers filled in."""
-        write_json(self.path / "task.json", filled_task(rollout).to_json())
-        write_json(self.path / "rollout.json", rollout_json(rollout))
+    def write_rollout(self, record: RunRecord) -> RunRecord:
+        """Writes what was executed, with the plan that ran, and returns the record of that plan.
+
+        Args:
+            record: The run, of which something moved, with the plan that was asked for.
+        """
+        ran = record.as_ran()
+        self.write_plan(ran)
+        if ran.rollout is not None:
+            write_json(self.path / "rollout.json", rollout_json(ran.rollout))
+        return ran
 
     def write_evolution(self, record: RunRecord, evolution: Evolution) -> RunRecord:
         """Writes how an episode evolved, and returns its record: the plan that was run in the end, and what was drawn.
@@ -166,28 +202,19 @@ class RunFolder:
             record: The run as it was asked for, in the nominal scene.
             evolution: What became of it.
         """
-        # What the folder calls the plan, and certifies, is the one that was run in the end.
-        graph = compose(evolution.evolved, scene=record.graph.scene)
         drawn = draw_attempts(evolution, self.path)
-        done = replace(
-            record,
-            graph=graph,
-            report=graph.verify(),
-            rollout=evolution.rollout,
-            evolution=evolution,
-            attempts=drawn,
-        )
-        self.write_plan(done)
-        self.write_rollout(evolution.rollout)
+        done = replace(record, rollout=evolution.rollout, evolution=evolution, attempts=drawn)
+        # What the folder calls the plan, and certifies, is the one that was run in the end.
+        done = self.write_rollout(done)
         write_pairs(self.path / "pairs.jsonl", evolution, drawn.files)
         # Last, since an episode that has it counts as complete.
-        write_json(self.path / "evolution.json", evolution_json(evolution))
+        write_json(self.path / "evolution.json", evolution_json(evolution) | {"stopped": record.stopped})
         return done
 
-    def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
-        """Writes the demonstration; a recording that is too short for one leaves no file."""
+    def write_episode(self, rollout: Rollout, frames: Frames | None, query: str = "") -> None:
+        """Write the demonstration of a sentence, where one was typed; one of fewer than two samples leaves no file."""
         if len(rollout.trajectory.time_s) >= 2:
-            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames)])
+            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames, query)])
 
     def write_report(self, record: RunRecord, frames: Frames | None) -> None:
         """Writes the page, with the video in it when there is one."""
@@ -195,7 +222,16 @@ class RunFolder:
         write_text(self.path / "report.html", report_page(record, frames, video))
 
 
-def _remove_pictures(path: Path) -> None:
+def kept_aside(recording: Path) -> Path | None:
+    """Return where a recording is kept, for a run that starts over; None where nothing was recorded."""
+    if recording.is_symlink() or not recording.is_file() or not recording.stat().st_size:
+        return None
+    return recording.rename(unused(recording.parent, recording.name))
+
+
+def _remove(path: Path, names: Iterable[str]) -> None:
+    for name in names:
+        (path / name).unlink(missing_ok=True)
     for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
         picture.unlink()
 

@@ -10,7 +10,8 @@ from typing import Any, Literal
 from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
 from executor.records.rollout import Failure, Rollout, SubtaskRecord
-from oag import Action, ObjectActionGraph, Report, Task
+from llm.answers.spending import Spending
+from oag import Action, ObjectActionGraph, Report, Task, compose
 from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
 from oag.task.sizes import Resizing, handled_sizes, resized, resizings
@@ -24,8 +25,8 @@ class RunRecord:
     """One run, however far it got.
 
     Attributes:
-        graph: The composed task.
-        report: What `verify` decided.
+        graph: The composed task: the plan that was asked for, and once something moved, the one that ran.
+        report: What `verify` decided of it.
         query: What was asked for; None when a task file was given.
         proposal: The proposal's JSON; None when a task file was given.
         notes: What the proposer took on trust, left out or scaled.
@@ -36,6 +37,8 @@ class RunRecord:
         command: The command line that repeats the run; empty when it was no command.
         evolution: How failing flows were revised; None when they were not to be.
         attempts: What was drawn of the attempts.
+        spending: What its models took; None where none was asked.
+        stopped: Why the model that judges gave no more answers; empty where that ended nothing.
     """
 
     graph: ObjectActionGraph
@@ -50,6 +53,15 @@ class RunRecord:
     command: str = ""
     evolution: Evolution | None = None
     attempts: AttemptPictures = field(default_factory=AttemptPictures)
+    spending: Spending | None = None
+    stopped: str = ""
+
+    def as_ran(self) -> RunRecord:
+        """Returns the record with the plan that ran, its numbers and insertions, and what `verify` says of it."""
+        if self.rollout is None:
+            return self
+        graph = compose(filled_task(self.rollout), scene=self.graph.scene)
+        return replace(self, graph=graph, report=graph.verify())
 
     @property
     def outcome(self) -> Outcome:
@@ -103,6 +115,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
     """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
     return {
         "task": rollout.task.name,
+        "detours": [asdict(detour) for detour in rollout.detours],
         "seed": rollout.seed,
         "succeeded": rollout.succeeded,
         "failure": _failure_json(rollout.failure),

@@ -74,7 +74,7 @@ class Studio:
             words = self.problem or (frames.renderer if frames is not None else "")
             began = time.perf_counter()
             try:
-                folder.write_episode(rollout, frames)
+                folder.write_episode(rollout, frames, record.query or "")
             except MissingExtra as missing:
                 self.tell(f"no dataset: {missing}")
             wall_s = {**record.wall_s, **self._wall_s, "dataset": time.perf_counter() - began}

@@ -13,7 +13,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from executor.primitives.control import Controller, Tick
+from executor.assets.transforms import rolls_freely
+from executor.geometry import transform_from_quaternion
+from executor.primitives.control import LOOK_EVERY_S, Controller, Tick, settle_to_rest
+from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
 from executor.primitives.noise import NoiseStream
 from executor.primitives.session import Hand
 from executor.robot.description import ARM_HOME
@@ -21,11 +24,15 @@ from executor.world.belief import weaken
 from executor.world.faults import Fault
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
-from oag import Scene
+from oag import Scene, SceneError
 
 
 class CheckpointError(ValueError):
     """Bytes that are not a checkpoint of this version."""
+
+
+class StartUnstable(SceneError):
+    """Something falls, slides or tips before the robot moves: what follows is no episode of the scene."""
 
 
 VERSION = 2
@@ -76,14 +83,23 @@ class Checkpoint:
 
     @classmethod
     def at_start(cls, scene: Scene, faults: tuple[Fault, ...] = (), physics: Physics = STANDARD) -> Checkpoint:
-        """Returns where an episode begins: the scene as it is built, once it has come to rest."""
+        """Returns where an episode begins: the scene as it is built, once it has come to rest.
+
+        Raises:
+            StartUnstable: Something does not stay where the scene has it, unless faults are the reason.
+        """
         pose = scene.robot
         with World(scene, physics=physics) as world:
             weaken(world, faults)
             start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
             control = Controller(world, start, float(world.robot.get_qlimits()[-1, 1]), lambda: None)
             control.settle(START_SETTLE_S)
-            return cls.of(world, control)
+            begins = cls.of(world, control)
+            if not faults:
+                # The checkpoint is packed: what happens from here on decides, and leaves no trace in the states.
+                settle_to_rest(control, LOOK_EVERY_S)
+                _require_unmoved(scene, world)
+            return begins
 
     def to_bytes(self) -> bytes:
         """Returns the checkpoint as UTF-8 JSON."""
@@ -125,3 +141,24 @@ class Checkpoint:
         world.unpack(self.packed)
         world.steps = self.steps
         return world, Controller(world, np.array(self.target), self.finger_target_m, after_step, noise)
+
+
+def _require_unmoved(scene: Scene, world: World) -> None:
+    """Refuses a world at rest in which an item is not where, or not as upright as, its scene has it.
+
+    Raises:
+        StartUnstable: The message names each such item, and how far it moved or tipped.
+    """
+    moved = []
+    for name in world.dynamic_ids:
+        obj, now = scene.objects[name], world.T_world_link(name)
+        before = transform_from_quaternion(obj.position, obj.orientation)
+        distance_m = float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
+        cosine = float(np.clip(now[:3, 2] @ before[:3, 2], -1.0, 1.0))
+        tipped_deg = 0.0 if rolls_freely(world.assets[name]) else float(np.degrees(np.arccos(cosine)))
+        if distance_m > DISPLACED_M or tipped_deg > TIPPED_DEG:
+            moved.append(f"{name} moves by {100 * distance_m:.0f} cm and tips by {tipped_deg:.0f} degrees")
+    if moved:
+        hint = "`scene2demo scenes FILE --check` tells what positions say of it"
+        problem = f"does not stay as it is before the robot moves: {'; '.join(moved)}"
+        raise StartUnstable(problem, source=scene.name, hint=hint)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -82,8 +83,22 @@ class TrajectoryRecorder:
             samples: How many to keep.
             state_hash: The checkpoint's hash.
         """
-        del self._rows[samples:], self._packed[samples:], self.overlaps[samples:], self.peaks[samples:]
+        for rows in self._all():
+            del rows[samples:]
         self.state_hash = state_hash
+
+    def recorded(self) -> tuple[str, list[list[Any]]]:
+        """Returns what was recorded so far, for `restore`."""
+        return self.state_hash, [list(rows) for rows in self._all()]
+
+    def restore(self, recorded: tuple[str, list[list[Any]]]) -> None:
+        """Makes an earlier recording the present one, with all that was recorded since it forgotten."""
+        self.state_hash = recorded[0]
+        for rows, kept in zip(self._all(), recorded[1], strict=True):
+            rows[:] = kept
+
+    def _all(self) -> tuple[list[Any], ...]:
+        return self._rows, self._packed, self.overlaps, self.peaks
 
     def trajectory(self) -> Trajectory:
         """Returns what was recorded so far."""

@@ -15,10 +15,13 @@ import numpy as np
 import bddl
 from executor.assets.library import asset_for
 from executor.records.rollout import SubtaskRecord
-from oag import Action, ActionFlow, Primitive, Scene, SimpleTask, Task
-from oag.flows.search import PICK, PLACE
+from oag import Action, ActionFlow, Primitive, Scene, SceneObject, SimpleTask, Task
+from oag.flows.search import PLACE, taking
 from oag.model.facts import GRIPPER
 from oag.revision.measurements import SupportDrive, first_of
+
+MORE = 2
+"""How many subtasks are inserted: the thing is set down, and taken again."""
 
 MOST_SUPPORTS = 2
 """On how many supports a thing is set down, one after the other, before the plan is left as it was."""
@@ -62,7 +65,7 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
         if name != place.support_goal and thing.role == "A" and _has_a_top(scene, name)
     }
     for support in sorted(far_m, key=lambda name: (far_m[name], name))[:MOST_SUPPORTS]:
-        more = (_set_down(place.target, support), _taken_again(place.target, support))
+        more = (_set_down(place.target, support), _taken_again(place.target, scene[support]))
         yield support, replace(task, subtasks=(*task.subtasks[:index], *more, *task.subtasks[index:]))
 
 
@@ -76,10 +79,11 @@ def _set_down(item: str, support: str) -> SimpleTask:
     return SimpleTask(f"set_{item}_down", detail, item, None, support, held, on, _flow(PLACE))
 
 
-def _taken_again(item: str, support: str) -> SimpleTask:
-    on = bddl.Atom("ontop", (item, support))
+def _taken_again(item: str, support: SceneObject) -> SimpleTask:
+    on = bddl.Atom("ontop", (item, support.id))
     detail = f"Take {item} again, as it can be put where it goes."
-    return SimpleTask(f"take_{item}_again", detail, item, support, None, on, bddl.Not(on), _flow(PICK))
+    flow = _flow(taking("ontop", support.category))
+    return SimpleTask(f"take_{item}_again", detail, item, support.id, None, on, bddl.Not(on), flow)
 
 
 def _flow(primitives: tuple[Primitive, ...]) -> ActionFlow:

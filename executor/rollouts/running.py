@@ -15,6 +15,7 @@ from executor.primitives.monitors import Bystanders
 from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand, Session
 from executor.records.rollout import (
+    Detour,
     Event,
     Failure,
     Listener,
@@ -31,7 +32,8 @@ from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.recorder import TrajectoryRecorder
-from executor.rollouts.regrasp import found_no_place, regrasps
+from executor.rollouts.regrasp import MORE, found_no_place, regrasps
+from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.world import penetration
 from executor.world.belief import believed_scene
@@ -41,6 +43,7 @@ from executor.world.world import World
 from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
 from oag.revision.grounds import GoalReading
+from oag.task.task import required_scene
 
 BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
 GOAL_HOLDS_S = 1.0  # A goal has to hold, not to flash by.
@@ -65,6 +68,7 @@ class Run:
         task: The task as it is run; `change` replaces it.
         goals: The subtasks' regressed goals.
         subtasks: What was done so far, one record a subtask.
+        detours: What was inserted into the plan so far.
         after: Where the last of them ended, once one was done.
         library: What runs each primitive.
 
@@ -99,6 +103,7 @@ class Run:
         self.record_hz = record_hz
         self.recorder = TrajectoryRecorder(self.planner.kinematics, record_hz)
         self.subtasks: list[SubtaskRecord] = []
+        self.detours: tuple[Detour, ...] = ()
         self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
@@ -138,9 +143,11 @@ class Run:
             last: Index of the subtask before which it ends; by default it goes to the end.
         """
         self.recorder.state_hash = checkpoint.state_hash
+        # Counted from the plan's end, since subtasks may be inserted on the way.
+        not_run = 0 if last is None else len(self.task.subtasks) - last
         try:
             index = first
-            while index < len(self.task.subtasks) and index != last:
+            while index < len(self.task.subtasks) - not_run:
                 samples = self.recorder.samples
                 record, after = self.subtask(index, checkpoint, first_step=first_step if index == first else 0)
                 if found_no_place(record, self.task.subtasks[index], checkpoint.held):
@@ -160,19 +167,19 @@ class Run:
 
     def _regrasped(self, index: int, start: Checkpoint, samples: int) -> list[tuple[SubtaskRecord, Checkpoint]] | None:
         """Sets what is held down and takes it again first; returns what was done, or None with all as it was."""
-        as_it_was = self._graph
+        as_it_was, detours, simulated_s = self._graph, self.detours, self.simulated_s
+        item, failed = self.task.subtasks[index].target, self.recorder.recorded()
         for support, task in regrasps(self.task, index, self.scene):
             try:
                 self.change(compose(task, scene=as_it_was.scene))
             except PlanRefused:
                 continue
             self.recorder.rewind(samples, start.state_hash)
-            name = self.task.subtasks[index + 2].name
-            message = f"no place can be got to with this grasp: {self.task.subtasks[index].target} is taken again"
-            count = len(self.task.subtasks)
-            self.listen(Event("revision", index + 2, count, -1, name, self.simulated_s, f"{message} from {support}"))
+            reason = f"no place can be got to with this grasp: {item} is taken again from {support}"
+            self.detours = (*detours, Detour(index, MORE, reason))
+            self.tell_revision(index + MORE, start, reason)
             done: list[tuple[SubtaskRecord, Checkpoint]] = []
-            for added in range(3):
+            for added in range(MORE + 1):
                 done.append(self.subtask(index + added, done[-1][1] if done else start))
                 if not done[-1][0].succeeded:
                     break
@@ -180,9 +187,24 @@ class Run:
                 return done
         if self._graph is not as_it_was:
             self.change(as_it_was)
-            self.recorder.rewind(samples, start.state_hash)
-            self.subtask(index, start)
+            self.detours, self.simulated_s = detours, simulated_s
+            self.recorder.restore(failed)
+            self.tell_revision(
+                index, start, f"{item} was taken again in vain: the plan and its failure stay as they were"
+            )
         return None
+
+    def tell_revision(self, index: int, start: Checkpoint, reason: str) -> None:
+        """Tells the listener that the plan was revised, and that the run goes back to a subtask's start.
+
+        Args:
+            index: Of the subtask that was revised, or before which others were inserted.
+            start: Where the run goes on.
+            reason: Why, as a clause.
+        """
+        back_to_s = start.steps * self.physics.timestep_s
+        count, name = len(self.task.subtasks), self.task.subtasks[index].name
+        self.listen(Event("revision", index, count, -1, name, back_to_s, reason))
 
     def close(self) -> None:
         """Lets go of the simulator's objects; subtasks cannot be run afterwards."""
@@ -314,6 +336,7 @@ class Run:
             simulation_wall_s=total_s - self.planning_s - self.setup_s,
             penetration=penetration.summary(self.recorder.overlaps),
             peaks=peaks.summary(self.recorder.peaks),
+            detours=self.detours,
         )
 
 
@@ -357,13 +380,15 @@ def rollout(
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
-        TaskError: `graph` is no graph.
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         RolloutInterrupted: Ctrl-C; carries the finished part.
     """
-    graph = composed(graph)
-    concrete = (scene or graph.scene).with_scales(graph.task.scales)
+    graph, seed = composed(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
+    concrete = nominal.with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
     return Run(graph, concrete, seed, listen, record_hz, (), physics, noise, stances).from_start()
@@ -391,6 +416,8 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
     run = Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
     run.subtasks = list(earlier.subtasks[:subtask])
+    if [one.name for one in graph.task.subtasks] == [one.name for one in earlier.task.subtasks]:
+        run.detours = earlier.detours
     return run.from_checkpoint(checkpoint, subtask)
 
 

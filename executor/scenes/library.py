@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from importlib import import_module, resources
+from os import PathLike
 from pathlib import Path
 from typing import cast
 
@@ -13,6 +14,7 @@ from bddl.files import read_bounded_text
 from bddl.syntax.errors import Portable
 from oag import Scene, SceneError
 from oag.model.jsonfile import load as load_json
+from oag.model.jsonfile import shown
 
 _DATA = resources.files(__package__) / "data"
 # What draws a scene by its name, None for what is no such name. It is loaded when a name is not that of a fixed scene:
@@ -78,9 +80,16 @@ def load_own(name_or_path: str | Path) -> Scene:
 
 
 def file_of(name_or_path: str | Path) -> Path | None:
-    """Returns the file that is meant: what ends in `.json`, has a folder in it, or exists; None for a name."""
+    """Returns the file that is meant: what ends in `.json`, has a folder in it, or exists; None for a name.
+
+    Raises:
+        SceneError: When it is neither a name nor a path.
+    """
+    if not isinstance(name_or_path, str | PathLike):
+        problem = f"expected the name of a scene or the path of its file, got {shown(name_or_path)}"
+        raise SceneError(problem, source="(argument)", hint="oag.Scene.from_json reads a mapping")
     path = Path(name_or_path)
-    named = isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1
+    named = not isinstance(name_or_path, str) or path.suffix == ".json" or len(path.parts) > 1
     return path if named or path.is_file() or path.is_fifo() else None
 
 

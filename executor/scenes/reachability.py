@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,6 +28,7 @@ import bddl
 from executor.assets.footprint import Footprint, link_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import rolls_freely
 from executor.geometry import (
     Array,
     heading_of,
@@ -40,7 +41,6 @@ from executor.geometry import (
 )
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.place import rolls_freely
 from executor.motion.placing.spots import spots
 from executor.motion.planning.candidates import HandGoal
 from executor.records.rollout import require_flows
@@ -169,12 +169,13 @@ class Reach:
         return {"reachable": self.reachable, "margin_rad": self.margin_rad, "parts": parts}
 
 
-def reach(scene: Scene, task: Task) -> Reach:
+def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda done, total: None) -> Reach:
     """Returns what the rule says of a task.
 
     Args:
         scene: Concrete: the sizes of things are those that they are handled with.
         task: With a flow for every subtask.
+        listen: Called with how many subtasks are decided, and of how many.
 
     Raises:
         MissingFlow: A subtask has none, so that nobody knows what it takes hold of.
@@ -182,20 +183,22 @@ def reach(scene: Scene, task: Task) -> Reach:
     """
     require_flows(task)
     with World(Scene("empty", RobotPose(scale=scene.robot.scale), {})) as world:
-        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)))))
+        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)), listen)))
 
 
-def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]:
+def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int, int], None]) -> Iterator[PartReach]:
     """Yields what the hand has to get to, subtask by subtask."""
     assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
     pitches: dict[str, frozenset[float]] = {}  # With which of them things can be taken.
-    for subtask in task.subtasks:
+    for index, subtask in enumerate(task.subtasks):
+        listen(index, len(task.subtasks))
         used = {action.primitive for action in subtask.flow or ()}
         obj, asset = scene.objects[subtask.target], assets[subtask.target]
         if used & _OF_DOORS:
             handles = _handle_poses(obj, asset, closing=Primitive.ARTICULATE_CLOSE in used)
             best = search.best(handles) if handles else None
-            yield PartReach(subtask.name, f"a handle of {obj.id}", best, "does not exist" if best is None else "")
+            why_none = "moves too little to open anything" if asset.handles else "does not exist"
+            yield PartReach(subtask.name, f"a handle of {obj.id}", best, why_none if best is None else "")
             continue
         if Primitive.GRASP in used:
             by_pitch: dict[float, list[HandGoal]] = {}
@@ -227,7 +230,8 @@ def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]
 
 def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[HandGoal]:
     fraction = CLOSING_FRACTION if closing else None
-    return [goal for bar in asset.handles for goal in handle_goals(bar, link_frame(obj, bar.link, fraction))]
+    bars = [bar for bar in asset.handles if asset.joint(bar.joint).opens]
+    return [goal for bar in bars for goal in handle_goals(bar, link_frame(obj, bar.link, fraction))]
 
 
 def _put_poses(obj: SceneObject, region: Region, item: Asset) -> list[HandGoal]:

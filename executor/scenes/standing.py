@@ -12,7 +12,8 @@ import numpy as np
 import bddl
 from executor.assets.footprint import Footprint, open_fraction, region_frame, solid_parts
 from executor.assets.library import asset_for
-from executor.geometry import Array
+from executor.assets.transforms import bounds
+from executor.geometry import Array, rotation_z, transform_from_quaternion
 from oag import Kind, SceneObject
 from oag.model.scenefile import FLOOR
 from oag.table.library import OPEN_FRACTION
@@ -59,6 +60,19 @@ class Solid:
             tuple((*region_frame(obj, region), region.height_m) for region in hollows),
         )
 
+    @classmethod
+    def fallen(cls, obj: SceneObject) -> Self:
+        """Returns an object that lies or leans: the box around it, on and in which nothing stands."""
+        T = transform_from_quaternion(obj.position, obj.orientation)
+        along = T[:2, int(np.argmin(np.abs(T[2, :3])))]
+        R = rotation_z(math.atan2(along[1], along[0]))
+        low, high = bounds(asset_for(obj), R.T @ T[:3, :3])
+        x, y, _ = (float(value) for value in T[:3, 3] + R @ (low + high) / 2)
+        half_x, half_y, _ = (float(value) for value in (high - low) / 2)
+        z = float(obj.position[2])
+        body = Footprint(x, y, math.atan2(R[1, 0], R[0, 0]), half_x, half_y, z + float(low[2]), z + float(high[2]))
+        return cls(obj, body, (body,), (), ())
+
     def near(self, other: Solid) -> bool:
         """True when the two may share a place on the floor plan: drawers that stand open reach a little further."""
         reach = sum(math.hypot(thing.body.half_x_m, thing.body.half_y_m) for thing in (self, other))
@@ -81,6 +95,12 @@ class Solid:
                 heights.append(other.body.low_m - float(T[2, 3]))
         return min(heights, key=abs, default=None)
 
+    def within_m(self, point_m: Array, height_m: float) -> float:
+        """Returns how far within the edges of a top at a height a point (2,) is; minus infinity without such a top."""
+        tops = [(T, half) for T, half in self.tops if abs(float(T[2, 3]) - height_m) < NEAR_M]
+        within = (float((half - np.abs(T[:2, :2].T @ (point_m - T[:2, 3]))).min()) for T, half in tops)
+        return max(within, default=-math.inf)
+
     def stands_on(self, others: Iterable[Solid]) -> list[str]:
         """Returns the ids of what carries this: those of the nearest tops that its middle is over."""
         found = [(other.obj.id, above_m) for other in others if (above_m := other.below_m(self)) is not None]
@@ -90,7 +110,7 @@ class Solid:
 
 
 def things_of(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
-    """Returns the upright objects with their geometry; what lies or leans is left to physics.
+    """Returns the upright objects with their geometry; `fallen_of` has the others.
 
     Raises:
         AssetError: An object cannot be built.
@@ -98,18 +118,36 @@ def things_of(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
     return {key: Solid.of(obj) for key, obj in objects.items() if is_upright(obj)}
 
 
-def is_upright(obj: SceneObject) -> bool:
-    """Decides whether an object's own z axis is vertical, within five degrees."""
-    _, x, y, _ = obj.orientation
+def fallen_of(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
+    """Returns the items that lie or lean, with the box around each.
+
+    Raises:
+        AssetError: An object cannot be built.
+    """
+    return {key: Solid.fallen(obj) for key, obj in objects.items() if obj.kind is Kind.ITEM and not is_upright(obj)}
+
+
+def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
+    """Decides whether an object's own z axis is vertical, within five degrees.
+
+    Args:
+        obj: The object.
+        w_last: Whether its quaternion is read as x y z w.
+    """
+    _, x, y, _ = (obj.orientation[3], *obj.orientation[:3]) if w_last else obj.orientation
     return 1.0 - 2.0 * (x * x + y * y) > _UPRIGHT
 
 
-def relations(things: Mapping[str, Solid]) -> Iterator[bddl.Atom]:
+def relations(things: Mapping[str, Solid], fallen: Iterable[Solid] = ()) -> Iterator[bddl.Atom]:
     """Yields what stands on or in what: `inside` every hollow that holds it, `ontop` of the nearest top beneath it.
 
     What lies in another item, such as an apple in a bowl, is on nothing; furniture is on other furniture only.
+
+    Args:
+        things: The upright ones, which carry and hold others.
+        fallen: Items that lie or lean, on and in which nothing stands.
     """
-    for thing in things.values():
+    for thing in (*things.values(), *fallen):
         if thing.obj.category in _STANDS_ON_NOTHING:
             continue
         others = [other for other in things.values() if other is not thing and thing.near(other)]

@@ -18,6 +18,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from operator import index
 from typing import Annotated, Any, Literal
 
 import networkx as nx
@@ -32,6 +33,7 @@ from oag import Scene, SceneObject
 from oag.model.errors import InputError
 from oag.model.forms import Form, numbers, unfit, within
 from oag.model.jsonfile import Document, expected
+from oag.task.task import required_scene
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
@@ -48,6 +50,25 @@ class VariationError(InputError, ValueError):
     what = "scene"
 
 
+class SeedError(ValueError):
+    """A seed from which nothing can be drawn."""
+
+
+def check_seed(seed: int) -> int:
+    """Returns a seed from which can be drawn.
+
+    Raises:
+        SeedError: It is no whole number, is negative or is too large.
+    """
+    try:
+        number = index(seed)
+    except TypeError:
+        number = -1
+    if not 0 <= number <= LARGEST_SEED:
+        raise SeedError(f"the seed {seed!r} is not possible: expected a whole number from 0 to {LARGEST_SEED}")
+    return number
+
+
 def vary(scene: Scene, seed: int) -> Scene:
     """Returns the scene that a seed stands for; equal scenes and seeds give equal results.
 
@@ -55,13 +76,15 @@ def vary(scene: Scene, seed: int) -> Scene:
 
     Args:
         scene: A scene; without a `variation` block it comes back as it is.
-        seed: Any integer from 0.
+        seed: Any integer from 0 to `LARGEST_SEED`.
 
     Raises:
+        SeedError: It is another number.
         VariationError: When the block names unknown objects or keys, or a value is not of its form, such as a
             range that is no pair of numbers.
     """
-    if not scene.variation:
+    seed = check_seed(seed)
+    if not required_scene(scene).variation:
         return scene
     name_hash = int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")
     rng = np.random.default_rng([seed, name_hash])

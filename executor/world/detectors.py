@@ -35,6 +35,10 @@ ROOM_REACH_M = 2.0
 """How far beyond its furniture a room goes on, where no other room is nearer."""
 
 _SINK_M = 0.005
+_RISE_M = 0.02
+"""A thing whose lowest point is higher above a top is not on it, whatever else of the support it touches, such as the
+side of a shelf or the board above."""
+
 _EDGE_M = 0.005
 _REST_IMPULSE_NS = 1e-5
 
@@ -107,7 +111,8 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
 def _open(world: World, object_id: str) -> Detection:
     asset = world.assets.get(object_id)
     if asset is None or not asset.joints:
-        return Detection(None, AtomMeasured(reason=f"{object_id} has no joint"))
+        # An object without a joint is not open; of what is no object nothing is known.
+        return Detection(None if asset is None else False, AtomMeasured(reason=f"{object_id} has no joint"))
     fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.joints}
     widest = max(fractions, key=lambda name: fractions[name])
     position, turns = world.joint_position(object_id, widest), asset.joint(widest).kind == "revolute"
@@ -152,10 +157,11 @@ def _ontop(world: World, object_id: str, support: str) -> Detection:
     touching = (GROUND if support == FLOOR else support) in touching_bodies(world, object_id)
     measured = [_above(world, object_id, support, *surface) for surface in _surfaces(world, support)]
     height, outside = max(measured, key=lambda pair: (pair[1] <= 0.0, -abs(pair[0])))
-    value = touching and height >= -_SINK_M and outside <= 0.0
+    value = touching and -_SINK_M <= height <= _RISE_M and outside <= 0.0
+    beyond_m = None if support == FLOOR else outside  # The floor has no edge.
     return Detection(
         value,
-        AtomMeasured(height_above_surface_m=height, centre_beyond_edge_m=outside, touching=touching),
+        AtomMeasured(height_above_surface_m=height, centre_beyond_edge_m=beyond_m, touching=touching),
     )
 
 

@@ -85,7 +85,7 @@ def ask(
         errors = errors_of(findings)
         news = {said_by(found) for found in findings} - doubts
         accepted = answer is not None and not errors and not news
-        log.conversation.entries.append(
+        log.conversation.add(
             Round(
                 module=prompt.module,
                 number=len(log.conversation.rounds) + 1,
@@ -98,6 +98,7 @@ def ask(
                 input_tokens=reply.input_tokens,
                 output_tokens=reply.output_tokens,
                 latency_s=reply.latency_s,
+                recorded=reply.recorded,
             )
         )
         if answer is not None and not errors:

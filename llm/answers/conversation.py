@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
@@ -38,6 +38,7 @@ class Round:
         input_tokens: As the server counted them, or None.
         output_tokens: As the server counted them, or None.
         latency_s: Seconds until the reply was there.
+        recorded: Whether it came out of a recording, and was not paid again.
     """
 
     module: int
@@ -51,6 +52,7 @@ class Round:
     input_tokens: int | None = None
     output_tokens: int | None = None
     latency_s: float = 0.0
+    recorded: bool = field(default=False, compare=False, repr=False)
 
     def to_json(self) -> dict[str, object]:
         """Returns the round as JSON values."""
@@ -92,12 +94,20 @@ class Conversation:
         query: The user's query.
         scene: The scene's name.
         entries: Rounds and verdicts.
+        listen: Gets every round when its answer has been judged.
     """
 
     model: str
     query: str
     scene: str
     entries: list[Round | PlanVerdict] = field(default_factory=list)
+    listen: Callable[[Round], None] | None = field(default=None, compare=False, repr=False)
+
+    def add(self, entry: Round) -> None:
+        """Keep a round, and tell it."""
+        self.entries.append(entry)
+        if self.listen is not None:
+            self.listen(entry)
 
     @property
     def rounds(self) -> tuple[Round, ...]:
@@ -162,7 +172,7 @@ def errors_of(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 
 REPLY_LIMIT = (
-    "The limit of a single reply is the server's; raise it by extra_body in a file of profiles (docs/models.md). "
+    "The limit of a single reply is max_tokens in a file of profiles (docs/models.md), or the server's own. "
     "--max-tokens is the budget of the whole run"
 )
 """What to do about replies that end too early; thinking counts as well."""

@@ -46,27 +46,27 @@ class StepCritique(Answer):
     """What was seen of one step.
 
     Source: the paper's critique m_(tau, j): motion verification, state contrast, anomaly detection, and the observation
-    in a sentence or two.
+    in a sentence or two. The fields stand in the order of thinking: what is there to see before it is judged.
 
     Attributes:
         step: Number of the step, from 1; None where it is not said, and then it is the one that was asked about.
-        motion_verified: Whether the robot moved as the primitive means.
         state_contrast: What differs between the step's beginning and its end.
+        observation: What happened: the diagnosis.
+        motion_verified: Whether the robot moved as the primitive means.
         state_reached: Whether the intended change came about.
         anomaly: What happened that should not have; empty for nothing.
-        observation: The diagnosis.
     """
 
     step: MaybeStepNumber = Field(default=None, description="number of the judged step")
+    state_contrast: Remark = Field(default="", description="what differs between the step's beginning and its end")
+    observation: Reason = Field(description="what happened, in one or two sentences")
     motion_verified: Annotated[Judgement, BeforeValidator(_written)] = Field(
         description="yes, no or unclear: the robot moved as the primitive means"
     )
-    state_contrast: Remark = Field(default="", description="what differs between the step's beginning and its end")
     state_reached: Annotated[Judgement, BeforeValidator(_written)] = Field(
         description="yes, no or unclear: the intended change came about"
     )
     anomaly: Remark = Field(default="", description="what happened that should not have; empty if nothing did")
-    observation: Reason = Field(description="the diagnosis in one or two sentences")
 
 
 @dataclass(slots=True)

@@ -6,11 +6,12 @@ the changes that were verified to work. Nothing leaves here before `verify` has 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import bddl
 from llm.answers.ask import Log
-from llm.answers.conversation import Conversation
+from llm.answers.conversation import Conversation, Round
 from llm.errors import QueryError
 from llm.modules.context import Asked
 from llm.modules.draft import Drafting
@@ -38,6 +39,7 @@ class ModelProposer:
         cross_check: True to ask the model once whether it means it, when its goal is not what the query says word by
             word; where the words cannot be placed, there is nothing to compare with.
         sizing: What becomes of the sizes of what is handled; module 4 is asked unless they are kept.
+        listen: Gets every round.
         conversation: The record of the last proposal, also when there was none in the end.
     """
 
@@ -49,6 +51,7 @@ class ModelProposer:
     images: tuple[Image, ...] = ()
     cross_check: bool = True
     sizing: Sizing = TO_THE_AIM
+    listen: Callable[[Round], None] | None = None
     conversation: Conversation | None = field(default=None, init=False)
 
     def propose(self, query: str, scene: Scene) -> Proposal:
@@ -74,7 +77,7 @@ class ModelProposer:
         if broken is not None:
             hint = "mend the scene; no plan can start from there"
             raise SceneError(broken, source=scene.name, place="facts", hint=hint)
-        self.conversation = Conversation(self.name, query, scene.name)
+        self.conversation = Conversation(self.name, query, scene.name, listen=self.listen)
         transport = self.transport
         if self.budget is not None:
             transport = Metered(transport, name=self.name, budget=self.budget)

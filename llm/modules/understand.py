@@ -34,21 +34,24 @@ _NO_TASK = {"task_name": "nothing", "task_activity_name": "nothing", "task_messa
 class Understanding(Answer):
     """The query in terms of the scene.
 
+    The fields stand in the order of thinking: a model that is asked for a problem first finds one before it has read
+    the scene.
+
     Attributes:
-        problem: Why the query cannot be done here, in one sentence; empty when it can.
         task_name: The wish with every object named by its id, such as "put glass_0 into refrigerator_0".
         task_activity_name: The same as an identifier.
         task_message_detail: The description, step by step.
         goal: The task goal G as a BDDL formula; empty when there is a problem.
+        problem: Why the query cannot be done here, in one sentence; empty when it can.
     """
 
-    problem: Remark = Field(
-        default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
-    )
     task_name: Line = Field(description="the wish in one line, every object named by its id")
     task_activity_name: ActivityName = Field(description="the same in words joined by underscores")
     task_message_detail: Text = Field(description="where things are and what is done, step by step")
     goal: MaybeText = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
+    problem: Remark = Field(
+        default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
+    )
 
     @classmethod
     def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:

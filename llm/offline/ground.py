@@ -151,7 +151,7 @@ class Grounding:
         notes = [*named.notes, *_on_trust(named.descriptions, (object_id,)), *more]
         if named.passed_over:
             others = alternatives(named.passed_over, ", ")
-            notes.append(f'"{named.name}" is the name of {object_id} itself; {others} was passed over')
+            notes.append(f'"{named.name}" fits {object_id} best; {others} was passed over')
         entry = self.names.entries[self.around.scene.objects[object_id].category]
         by_surface = entry is not None and named.name in entry.surface_names
         part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None

@@ -18,6 +18,7 @@ from oag import SceneObject
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner")
 _SIGNS = ("which", "people", "foreign")
+_AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
 
 class LexiconError(LlmError):
@@ -77,6 +78,8 @@ class Lexicon:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as problem:
             raise LexiconError("file", f"is no TOML: {problem}") from problem
+        except RecursionError:
+            raise LexiconError("file", "is no TOML of a lexicon: it is nested too deeply") from None
         for table in (*_TERMINAL_TABLES, "ignored", "categories"):
             if not isinstance(data.get(table), dict):
                 raise LexiconError(f"[{table}]", "the table is missing")
@@ -113,24 +116,37 @@ class Lexicon:
         return None
 
 
-def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
-    """Returns what an object is called, the names that fit it best first.
+def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], ...]:
+    """Return what an object is called, the names that fit it best first.
 
     Args:
         thing: The object.
         entry: The lexicon's entry of its category.
 
     Returns:
-        The names of its own (id, stem of the id, category, model); of the names of its kind, those that its category
-        ends in, as `water_glass` does in "glass"; and the others of its kind.
+        The names of its own (id, stem of the id, category, model); of the names of its kind, those with the noun of its
+        own name, as `water_glass` has "glass" and `desk_with_drawers` has "desk"; the others of its kind; and those
+        that mean its top. A thing that is called after its doors or drawers bears the noun alone less than one that is
+        not: "the cabinet" is `bottom_cabinet_0` rather than `drawer_cabinet_0`.
     """
     key, category, model = thing.id.lower(), thing.category.lower().split(".", 1)[0], thing.model.lower()
     # "The cabinet drawers" are not `cabinet_drawers` itself.
     written = (key, category) if fronts_in(model) else (key, category, model)
-    own = frozenset({*written, *map(_spoken, written), _spoken(key).rstrip("0123456789 ")} - {""})
+    stem = _spoken(key).rstrip("0123456789 ")
+    own = frozenset({*written, *map(_spoken, written), stem} - {""})
     of_kind = frozenset(() if entry is None else entry.names) - own
-    ends = frozenset(name for name in of_kind if _spoken(category).endswith(f" {name}"))
-    return own, ends, of_kind - ends
+    tops = of_kind & (frozenset() if entry is None else entry.surface_names)
+    nouns = {_noun(name) for name in (stem, _spoken(category)) if name}
+    same = frozenset(name for name in of_kind - tops if _noun(name) in nouns)
+    by_front = bool(fronts_in(stem) | fronts_in(category))
+    return own, frozenset() if by_front else same, same if by_front else frozenset(), of_kind - tops - same, tops
+
+
+def _noun(name: str) -> str:
+    """Return the noun of a name: "glass" of "water glass", "desk" of "desk with drawers"."""
+    words = name.split()
+    stop = next((index for index, word in enumerate(words) if index and word in _AFTER_THE_NOUN), len(words))
+    return words[stop - 1]
 
 
 def _spoken(name: str) -> str:

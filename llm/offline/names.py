@@ -87,7 +87,7 @@ class Names:
         return Named((), " ".join(words))
 
     def by_name(self, name: str) -> Named:
-        """Returns the objects that a name fits best: its own before the end of its category, that before its kind."""
+        """Return the objects that a name fits best, in the order of `names_of`; the others were passed over."""
         tiers = [tier for tier in self.bearers.get(name, ()) if tier]
         if not tiers:
             return Named((), name)

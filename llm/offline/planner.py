@@ -80,13 +80,13 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         name += f"_{_NAME_PREPOSITION[step.end.relation]}_{_noun(step.end.object_id, around)}"
     return SimpleTask(
         name=name,
-        detail=_subtask_detail(step),
+        detail=_subtask_detail(step, around),
         target=step.target,
         support_init=None if step.start is None else step.start.object_id,
         support_goal=None if step.end is None else step.end.object_id,
         init=init,
         goal=goal,
-        flow=step.flow(),
+        flow=step.flow(around.scene),
     )
 
 
@@ -121,12 +121,13 @@ def _wish_name(group: Sequence[Intent], around: Surroundings) -> str:
     return f"{name}_{_NAME_PREPOSITION[first.relation]}_the_{_noun(first.destination, around)}"
 
 
-def _subtask_detail(step: PlainTask) -> str:
-    """Returns what the robot does in a simple task, as an imperative sentence."""
+def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
+    """Return what the robot does in a simple task, as an imperative sentence."""
     target, start, end = step.target, step.start, step.end
     if step.kind.is_about_a_door:
+        front = "drawer" if around.affordances[target].opens_by("drawer") else "door"
         does, moves = (
-            ("Open", "pull the door open") if step.kind is IntentKind.OPEN else ("Close", "push the door shut")
+            ("Open", f"pull the {front} open") if step.kind is IntentKind.OPEN else ("Close", f"push the {front} shut")
         )
         way = f"drive to it, take hold of its handle and {moves}, then let go and withdraw the hand."
         return f"{does} {target}: {way}"

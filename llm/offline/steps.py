@@ -70,10 +70,13 @@ class PlainTask:
             return there, bddl.Not(there)
         return bddl.Atom("inside", (self.target, GRIPPER)), there
 
-    def flow(self) -> ActionFlow:
-        """Returns the flow, its numbers open: the executor's geometric planner writes them."""
-        takes_out = self.kind is IntentKind.PICK and self.start is not None and self.start.relation == "inside"
-        return tuple(Action(primitive) for primitive in (search.TAKE_OUT if takes_out else TEMPLATES[self.kind.value]))
+    def flow(self, scene: Scene) -> ActionFlow:
+        """Returns the flow in a scene, its numbers open: the executor's geometric planner writes them."""
+        flow = TEMPLATES[self.kind.value]
+        if self.kind is IntentKind.PICK and self.start is not None:
+            carrier = scene.objects.get(self.start.object_id)
+            flow = search.taking(self.start.relation, "" if carrier is None else carrier.category)
+        return tuple(Action(primitive) for primitive in flow)
 
 
 def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:

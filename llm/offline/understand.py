@@ -201,10 +201,19 @@ def _strange_words(strange: Sequence[str], names: Names, other: Refusal | None) 
 
 
 def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> list[Intent]:
-    """Returns wishes that can be planned here, those nearest to the query's words first."""
-    mentioned = grounding.names.mentioned(tuple(token.text for token in tokens))
+    """Return wishes that can be planned here, those nearest to the query's words first.
+
+    Where the query has a subject, an item to move or a thing to open, and anything can be done with it, all are about
+    that subject: advice about another thing is no help.
+    """
+    around, mentioned = grounding.around, grounding.names.mentioned(tuple(token.text for token in tokens))
     kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
-    objects = grounding.around.scene.objects
+    objects = around.scene.objects
+
+    def is_subject(key: str) -> bool:
+        if kinds and all(kind.is_about_a_door for kind in kinds):
+            return around.affordances[key].door
+        return objects[key].role == "B"
 
     def distance(wish: Intent) -> tuple[bool, bool, int]:
         things = [objects[key].category for key in (wish.target, wish.destination) if key]
@@ -212,7 +221,9 @@ def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> list[Intent]
         alike = len(set(things)) < len(things)
         return (alike, wish.kind not in kinds, -len({wish.target, wish.destination} & set(mentioned)))
 
-    return sorted(possible(grounding.around, mentioned or tuple(objects)), key=distance)
+    wishes = possible(around, mentioned or tuple(objects))
+    subject = next(filter(is_subject, mentioned), None)
+    return sorted([wish for wish in wishes if wish.target == subject] or wishes, key=distance)
 
 
 def _assumptions(request: Request, around: Surroundings) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from llm.errors import BudgetSpent, ModelConfigError, ModelTimeout, RequestError
+from llm.errors import BudgetSpent, ModelConfigError, ModelError, ModelTimeout, RequestError
 from llm.wire.transport import ChatReply, ChatRequest, Transport
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ class Budget:
     """Limits of a run; None is no limit.
 
     Attributes:
-        requests: Requests, retries not counted.
+        requests: Requests, each time that one is sent.
         tokens: Tokens of requests and replies together, as the server counts them.
         cost_usd: US dollars by the profile's list price.
         time_s: Seconds from the first request on.
@@ -42,14 +42,15 @@ class Usage:
     """What a run has used.
 
     Attributes:
-        requests: Requests that were sent, the failed ones included.
-        failures: Those that gave no reply.
+        requests: Requests, each time that one was sent, the failed ones included.
+        failures: Those that gave no reply; a server may charge for what it began, so the cost is a lower bound.
         input_tokens: As counted by the server.
         output_tokens: As counted by the server.
         uncounted: Replies without counts; tokens and cost then are lower bounds.
         cost_usd: By list price, or None where the price is not known.
         waited_s: Seconds spent waiting for replies, retries included.
         elapsed_s: Seconds since the first request.
+        recorded: Replies out of a recording, which the other numbers count as well; nothing was paid for them now.
     """
 
     requests: int = 0
@@ -60,11 +61,17 @@ class Usage:
     cost_usd: float | None = None
     waited_s: float = 0.0
     elapsed_s: float = 0.0
+    recorded: int = 0
 
     @property
     def tokens(self) -> int:
         """Tokens of requests and replies together."""
         return self.input_tokens + self.output_tokens
+
+    @property
+    def is_bound(self) -> bool:
+        """True where tokens and cost may be more than what was counted."""
+        return self.failures > 0 or self.uncounted > 0
 
     def record(self) -> dict[str, object]:
         """Returns the usage as JSON."""
@@ -75,13 +82,15 @@ class Usage:
         parts = [
             f"{self.requests} {'request' if self.requests == 1 else 'requests'}",
             f"{self.input_tokens} + {self.output_tokens} tokens",
-            "cost unknown" if self.cost_usd is None else f"${self.cost_usd:.4f}",
+            "cost unknown" if self.cost_usd is None else f"{'at least ' if self.is_bound else ''}${self.cost_usd:.4f}",
             f"{self.elapsed_s:.1f} s",
         ]
         if self.failures:
             parts.insert(1, f"{self.failures} failed")
         if self.uncounted:
             parts.append(f"{self.uncounted} replies without token counts")
+        if self.recorded:
+            parts.append(f"{self.recorded} of them recorded earlier and not paid again")
         return ", ".join(parts)
 
 
@@ -96,6 +105,7 @@ class Metered:
         budget: The limits.
         warnings: What was left out of a recording that answers.
         boxes: In which form it is asked for boxes of a picture; None for a recording, which does not say.
+        price: What tokens cost; None: not known, or paid for when it was recorded.
         answered_by: The model that gave the latest reply, as its server named it; empty before there is one.
     """
 
@@ -126,12 +136,12 @@ class Metered:
         self.budget = budget or Budget()
         self.warnings = warnings
         self.boxes = boxes
+        self.price = price
         self.answered_by = ""
         if self.budget.cost_usd is not None and price is None:
             advice = "Limit tokens instead, or write the price into a file of profiles"
             raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
         self._transport = transport
-        self._price = price
         self._usage = Usage(cost_usd=None if price is None else 0.0)
         self._started: float | None = None
         self._lock = Lock()
@@ -154,15 +164,17 @@ class Metered:
             request = replace(request, timeout_s=left_s)
         began = time.monotonic()
         reply: ChatReply | None = None
+        attempts = 1
         try:
             reply = self._transport.complete(request)
-            self.answered_by = reply.model
-        except ModelTimeout as error:
-            if left_s is not None and time.monotonic() - began >= left_s:
+            self.answered_by, attempts = reply.model, reply.attempts
+        except ModelError as error:
+            attempts = error.attempts
+            if isinstance(error, ModelTimeout) and left_s is not None and time.monotonic() - began >= left_s:
                 raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error
             raise
         finally:
-            self._count(reply, time.monotonic() - began)
+            self._count(reply, attempts, time.monotonic() - began)
         return reply
 
     def _admit(self) -> float | None:
@@ -189,11 +201,17 @@ class Metered:
     def _spent(self, problem: str) -> BudgetSpent:
         return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
 
-    def _count(self, reply: ChatReply | None, waited_s: float) -> None:
+    def _count(self, reply: ChatReply | None, attempts: int, waited_s: float) -> None:
+        """Counts what came of a request; `_admit` has counted one of its attempts."""
         with self._lock:
-            used = replace(self._usage, waited_s=self._usage.waited_s + waited_s)
+            used = replace(
+                self._usage,
+                requests=self._usage.requests + attempts - 1,
+                failures=self._usage.failures + attempts - (reply is not None),
+                waited_s=self._usage.waited_s + waited_s,
+            )
             if reply is None:
-                self._usage = replace(used, failures=used.failures + 1)
+                self._usage = used
                 return
             inputs = used.input_tokens + (reply.input_tokens or 0)
             outputs = used.output_tokens + (reply.output_tokens or 0)
@@ -202,7 +220,8 @@ class Metered:
                 input_tokens=inputs,
                 output_tokens=outputs,
                 uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
-                cost_usd=None if self._price is None else self._price.cost_usd(inputs, outputs),
+                cost_usd=None if self.price is None else self.price.cost_usd(inputs, outputs),
+                recorded=used.recorded + reply.recorded,
             )
 
     def _elapsed_s(self) -> float:

@@ -25,6 +25,8 @@ from llm.errors import BadReply, ModelError, ModelUnavailable, RequestError
 from llm.wire.profiles import ModelProfile
 from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Part
 
+# A bound of one's own under either name stands for the profile's.
+_BOUNDS = ("max_tokens", "max_completion_tokens")
 _ADDRESS = "Check the server's address: it mostly ends in /v1"
 
 
@@ -36,11 +38,15 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
         profile: How the model wants to be asked.
 
     Raises:
-        RequestError: The request has more images than the model takes, or holds what JSON cannot.
+        RequestError: The request has more images than the model takes, one that cannot be looked at, or what JSON
+            cannot hold.
     """
     images = len(request.images)
     if profile.max_images is not None and images > profile.max_images:
         raise RequestError(f"the request has {images} images, and {profile.name} takes at most {profile.max_images}")
+    for number, image in enumerate(request.images, start=1):
+        if (problem := image.problem()) is not None:
+            raise RequestError(f"picture {number} of {images} is not sent to {profile.name}: {problem}")
     body: dict[str, Any] = {"model": profile.model, "messages": _messages(request, profile)}
     mode = request.mode or profile.mode
     if mode == "json_schema" and request.json_schema is not None:
@@ -48,8 +54,9 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     elif mode == "json_object" and (request.json_schema is not None or request.mode is not None):
         body["response_format"] = {"type": "json_object"}
-    if request.max_tokens is not None:
-        body[profile.max_tokens_field] = request.max_tokens
+    bound = request.max_tokens or profile.max_tokens
+    if bound is not None and not {*_BOUNDS} & {*profile.extra_body, *request.extra_body}:
+        body[profile.max_tokens_field] = bound
     if request.temperature is not None and profile.send_temperature:
         body["temperature"] = request.temperature
     if profile.stream:
@@ -57,7 +64,7 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     body |= {**profile.extra_body, **request.extra_body}
     try:
         json.dumps(body, ensure_ascii=False, allow_nan=False).encode("utf-8")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"the request cannot be written as JSON: {error}") from error
     return body
 

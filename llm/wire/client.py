@@ -99,7 +99,9 @@ class OpenAITransport:
             problem = problem if len(problem) <= LONGEST_MESSAGE else f"{problem[: LONGEST_MESSAGE - 3]}..."
             if outcome.again and exchange.attempts > 1:
                 problem += f" ({exchange.attempts} attempts)"
-            raise outcome.kind(self.profile.name, problem, outcome.advice)
+            error = outcome.kind(self.profile.name, problem, outcome.advice)
+            error.attempts = exchange.attempts
+            raise error
         return replace(
             outcome,
             text=self.without_key(outcome.text),
@@ -213,7 +215,7 @@ class _Exchange:
             size += len(chunk)
             if size > transport.longest_answer_bytes:
                 problem = f"the answer is longer than {transport.longest_answer_bytes} bytes, and was cut off there"
-                self._outcome = Unanswered(ReplyTooLong, problem, "Bound replies by extra_body in a file of profiles")
+                self._outcome = Unanswered(ReplyTooLong, problem, "Bound replies by max_tokens in a file of profiles")
                 return
             yield chunk
         answer = transport.strike_out(b"".join(parts))

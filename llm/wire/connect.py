@@ -18,16 +18,20 @@ def connect(
     *,
     budget: Budget | None = None,
     record: Path | None = None,
+    resume: bool = False,
+    same_start: bool = True,
     cancel: Event | None = None,
 ) -> Metered:
     """Returns what answers requests, with its usage counted in `.usage`; nothing is sent yet.
 
-    What was left out of a damaged recording is in `.warnings`.
+    What was left out of a damaged recording, and what is gone on with, is in `.warnings`.
 
     Args:
         configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
         budget: Limits of the run; default is none.
         record: A new file into which every exchange is written.
+        resume: Goes on with the file of a run that ended early: its replies are given first, and not asked again.
+        same_start: With `resume`, refuses to ask where the run's first request is not in the file.
         cancel: Setting it ends a request that is under way, and all later ones.
 
     Raises:
@@ -51,5 +55,6 @@ def connect(
         transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
         boxes = profile.boxes
     if record is not None:
-        transport = Recorder(transport, record)
+        transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
+        warnings = (*warnings, *recorder.notes)
     return Metered(transport, name=name, budget=budget, price=price, warnings=warnings, boxes=boxes)

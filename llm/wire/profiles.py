@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -42,11 +42,17 @@ BoxForm = Literal[
 
 
 class Price(BaseModel):
-    """List price in US dollars per million tokens."""
+    """List price in US dollars per million tokens.
+
+    Attributes:
+        input, output: Of requests and of replies.
+        date: When it was looked up; empty where that is not said.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
     input: float = Field(ge=0)
     output: float = Field(ge=0)
+    date: Annotated[str, Field(max_length=40)] = ""
 
     def cost_usd(self, input_tokens: int, output_tokens: int) -> float:
         """Returns what so many tokens cost, in US dollars."""
@@ -72,6 +78,7 @@ class Settings(BaseModel):
     max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = Field(
         "max_tokens", description="one of max_tokens, max_completion_tokens"
     )
+    max_tokens: int | None = Field(None, ge=1, description="a number of tokens, 1 or above")
     send_temperature: bool = True
     account_headers: bool = False
     any_model: bool = False
@@ -219,6 +226,8 @@ def _checked(text: str, file: str) -> dict[str, Table]:
         _FILE.validate_python(found)
     except tomllib.TOMLDecodeError as error:
         raise ModelConfigError(file, f"no TOML: {error}") from error
+    except RecursionError:
+        raise ModelConfigError(file, "no TOML of profiles: it is nested too deeply") from None
     except ValidationError as problem:
         raise _faulty(*problem.errors()[0]["loc"], found=problem.errors()[0]["input"], file=file) from None
     return found

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
+from io import BytesIO
 from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
 from llm.errors import RequestError
@@ -19,6 +22,8 @@ Mode = Literal["json_schema", "json_object", "plain"]
 MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
 
 MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp", "image/gif")
+MOST_PIXELS = 64_000_000
+"""Of a picture that is sent: services take no more, and unpacked it has three bytes for each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +48,26 @@ class Image:
     def sha256(self) -> str:
         """The SHA-256 of the bytes, in hexadecimal."""
         return hashlib.sha256(self.data).hexdigest()
+
+    def problem(self) -> str | None:
+        """Return why a model cannot look at the picture; None where all of it can be unpacked."""
+        pillow = import_module("PIL.Image")
+        kinds = [kind.partition("/")[2] for kind in MEDIA_TYPES]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pillow.DecompressionBombWarning)
+            try:
+                with pillow.open(BytesIO(self.data), formats=kinds) as picture:
+                    width, height = picture.size
+                    if width * height > MOST_PIXELS:
+                        return f"it has {width} x {height} pixels; {MOST_PIXELS // 1_000_000} million are the most"
+                    picture.load()
+            except (pillow.DecompressionBombWarning, pillow.DecompressionBombError):
+                return f"it has far more than {MOST_PIXELS // 1_000_000} million pixels, which are the most"
+            except pillow.UnidentifiedImageError:
+                return "it is no picture in PNG, JPEG, WebP or GIF"
+            except Exception as error:  # Decoders raise what they like.
+                return f"it is broken: {error}"
+        return None
 
     def record(self) -> dict[str, object]:
         """Returns what stands for the picture in records: its hash, its media type and its size in bytes."""
@@ -164,7 +189,7 @@ def digest_of(record: Mapping[str, object]) -> str:
     """
     try:
         text = json.dumps(record, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"json_schema and extra_body are JSON: {error}") from error
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
@@ -181,6 +206,7 @@ class ChatReply:
         finish_reason: Why the model stopped: "stop", "length" (cut off by max_tokens), or the server's own word.
         model: The model's name as the server gave it.
         attempts: How often the request was sent, at least 1.
+        recorded: Whether it comes out of a recording; nothing was sent, and nothing paid now.
     """
 
     text: str
@@ -190,6 +216,7 @@ class ChatReply:
     finish_reason: str = "stop"
     model: str = ""
     attempts: int = 1
+    recorded: bool = field(default=False, compare=False, repr=False)
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ Source: docs/semantics.md, Certificates; `oag/certificate/certificate.schema.jso
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -57,6 +57,9 @@ class Certificate:
     scene_sha: str
     body: dict[str, object]
     evidence: tuple[Mapping[str, object], ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Certificate {self.verdict} of task {self.task_hash[:12]}, scene {self.scene_sha[:12]}>"
 
     @property
     def assumptions(self) -> tuple[dict[str, object], ...]:
@@ -154,9 +157,10 @@ def _proof(trace: Trace) -> _Shown:
     first = trace.assumptions[0] if trace.assumptions else None
     if miss is None and first is not None and first.condition is not None:
         miss = ((unknown_since(trace, first), first.condition.fact, not made_true(first.condition)),)
+    written = _written((a.time, a.condition.fact, made_true(a.condition)) for a in trace.assumptions if a.condition)
     return _Shown(
         [_unknown(trace, assumption) for assumption in trace.assumptions],
-        [_link(obligation, link) for obligation in trace.obligations for link in obligation.links],
+        [_link(obligation, link, written) for obligation in trace.obligations for link in obligation.links],
         [
             {"consumer": list(o[:3]), "tree": [None if fact is None else list(fact) for fact in o.cases]}
             for o in trace.obligations
@@ -175,10 +179,10 @@ def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
             assumed[assumption.time, assumption.condition.fact, value] = _unknown(trace, assumption)
     shown = refutation(plan, assumed)
     # What only a choice made known is not known to a checker, who takes up what is forced.
-    known = {(said, time) for time, fact, value in shown.forced for said, _ in with_consequences(fact, value)}
+    known = _written(shown.forced)
     failed = trace.obligations[number]
     links = [
-        _link(failed, link)
+        _link(failed, link, known)
         for link in (failed.links if trace.failures else ())
         if link.value is not None and (link.producer % 2 == 0 or (link.condition.fact, link.producer) in known)
     ]
@@ -189,9 +193,16 @@ def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
     return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
 
 
-def _link(obligation: Obligation, link: CausalLink) -> list[object]:
+def _written(assumed: Iterable[tuple[int, Fact, Value]]) -> set[tuple[Fact, int]]:
+    """Return what (time, fact, value) write that are assumed: those facts and what they exclude, and when."""
+    return {(stated, time) for time, fact, value in assumed for stated, _ in with_consequences(fact, value)}
+
+
+def _link(obligation: Obligation, link: CausalLink, written: Container[tuple[Fact, int]]) -> list[object]:
     (fact, value, positive), producer, _ = link
-    return [*obligation[:3], list(fact), value, positive, producer]
+    # All of a boundary comes after what is assumed there, which writes again what a step may have written before.
+    last = obligation.time if (fact, obligation.time) in written else producer
+    return [*obligation[:3], list(fact), value, positive, last]
 
 
 def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> tuple[Fact, ...]:

@@ -35,6 +35,7 @@ class PlanRun:
         given: What is still to be taken for given, the next one last.
         time: Where it stands; what is written at an earlier time counts.
         latest: The last write of each fact or pattern: when, and what.
+        before: What was known of a fact before something given was written about it, by the fact and the time.
     """
 
     def __init__(self, data: Mapping[str, Any], given: Sequence[Any] = (), *, complete: bool = False) -> None:
@@ -52,6 +53,7 @@ class PlanRun:
         # Of one time, what stands first is taken first: what comes later may follow from it, not the other way round.
         self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME)[::-1] if given else []
         self.time = 1
+        self.before: dict[tuple[Fact, int], Value] = {}
         self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
         self.latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
         for fact in [fact for fact, (_, value) in self.latest.items() if value is True]:
@@ -136,6 +138,7 @@ class PlanRun:
         if value and excluded(fact, self.value):
             raise Impossible(f"{fact} is assumed against an invariant")
         for stated, known in with_consequences(fact, value):
+            self.before[stated, time] = self.last(stated)[1]
             self.latest[stated] = (time, known)
 
     def _take(self) -> None:
@@ -200,6 +203,15 @@ def check_form(data: Mapping[str, Any]) -> None:
     needed_of(plan["goal"])
     for subtask in plan["subtasks"]:
         needed_of(subtask["init"]), needed_of(subtask["goal"])
+
+
+# Kind, subtask and step; a fact, its value, and whether it is that; and when it was written.
+_LINKS = frozenset((str, int, int, list, value, bool, int) for value in (bool, str))
+
+
+def is_link(link: Any) -> bool:
+    """Return whether something has the form of a link."""
+    return type(link) is list and tuple(map(type, link)) in _LINKS and set(map(type, link[3])) == {str} and all(link[3])
 
 
 def given_of(entry: Any) -> Given:

@@ -16,7 +16,8 @@ from typing import Any
 
 from oag.checker.cases import Place, Reader, Rejected, require, truth_by_cases, truth_of, with_values
 from oag.checker.evidence import check_evidence
-from oag.checker.plan import PlanRun, check_form
+from oag.checker.form import form_check
+from oag.checker.plan import PlanRun, check_form, is_link
 from oag.checker.refutation import check_refutation, failing_place
 from oag.model.facts import Fact, fact_text
 from oag.table.invariants import with_consequences
@@ -53,7 +54,11 @@ def recheck(certificate: Any) -> RecheckResult:
         if type(data) is not dict or "schema" not in data:
             data = certificate_in(certificate)
         _check_envelope(data)
-        return RecheckResult(True, _confirm(data))
+        confirmed = _confirm(data)
+        # The links of a proof, of which there may be thousands, have been looked at one by one.
+        place = form_check()({**data, "links": data["links"][:0]} if data["failure"] is None else data)
+        require(place is None, f"malformed certificate: {place} has another form than documented, or does not belong")
+        return RecheckResult(True, confirmed)
     except Rejected as problem:
         return RecheckResult(False, str(problem))
     except _MALFORMED as problem:
@@ -137,7 +142,7 @@ class LinkedPlan:
         self.cases = {tuple(entry["consumer"]): entry["tree"] for entry in data["cases"]}
         require(len(self.cases) == len(data["cases"]), "two distinctions of cases are of one place")
         # The next link is the last one; the first stands for none.
-        self.links = [("", 0, 0, (), None, True, 0), *reversed(data["links"])]
+        self.links = [["", 0, 0, [], "", True, 0], *reversed(data["links"])]
         # Everything that an assumption says, its consequences among it; and the assumptions that nothing needed yet.
         self.unneeded = {(fact, time): value for time, fact, value in self.run.given}
         require(len(self.unneeded) == len(given), "something is assumed twice")
@@ -172,7 +177,9 @@ class LinkedPlan:
 
     def _link(self, place: Place) -> tuple[Fact, Any, Any, int]:
         """Returns the next link, which must be of this place and hold: fact, value, whether it is so, and producer."""
-        kind, subtask, step, names, value, positive, producer = self.links.pop()
+        kind, subtask, step, names, value, positive, producer = link = self.links.pop()
+        if not is_link(link):
+            raise Rejected(f"malformed certificate: {link!r:.80} is no link")
         fact = tuple(names)
         written, known = self.run.last(fact)
         if producer != written:
@@ -184,7 +191,7 @@ class LinkedPlan:
     def _note(self, clause: Clause, fact: Fact, producer: int) -> None:
         """Notes that an assumption is needed, when without it nothing that would do is known to hold."""
         assumption, said = self.said[fact, producer]
-        without = with_values(self.run.value, dict.fromkeys(said))
+        without = self._without(self.run.value, assumption, said)
         if truth_of((clause,), without, self.objects) is not True:
             self.unneeded.pop(assumption, None)
 
@@ -203,9 +210,14 @@ class LinkedPlan:
         require(self._truth(wanted, tree, read) is True, f"the links do not give {place}")
         for write in set(linked.items()) & self.said.keys() if self.unneeded else ():
             assumption, said = self.said[write]
-            without = with_values(read, dict.fromkeys(said))
+            without = self._without(read, assumption, said)
             if assumption in self.unneeded and not self._holds_without(wanted, tree, without):
                 del self.unneeded[assumption]
+
+    def _without(self, read: Reader, assumption: _Write, said: tuple[Fact, ...]) -> Reader:
+        """Return a reader to whom what an assumption says is what it was before."""
+        run, time = self.run, assumption[1]
+        return with_values(read, {fact: run.before[fact, time] for fact in said if run.last(fact)[0] == time})
 
     def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
         """Returns whether a formula holds for a reader, by a distinction of cases if there is one."""

@@ -6,18 +6,19 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import bddl
+from bddl.syntax.tree import Quantified
 from oag.explain.explain import Explainer
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
 from oag.model.categories import Kind
-from oag.model.diagnostic import SCALES, Diagnostic
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
 from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
 from oag.progression.progress import Step, Trace
-from oag.table.library import RESTING
+from oag.table.library import RESTING, needed
 from oag.table.start import scene_facts
-from oag.table.state import START
-from oag.task.goals import there_to_change
+from oag.table.state import START, truth_of
+from oag.task.goals import default_goal, there_to_change
 from oag.task.sizes import resizings
 from oag.task.task import Task, label, step_place, subtask_place
 
@@ -43,13 +44,59 @@ def all_findings(
         message = f"its goal {bddl.format(task.subtasks[index].goal)} holds already when it starts"
         hint = "drop the subtask, or say what it has to change"
         found.append(_warning("task/vacuous", message, subtask_place(task, index), index, hint=hint))
+    if runs and trace.undecided_from is None:
+        found.extend(_holds_at_start(task, scene, trace))
     found.extend(locality_findings(task, scene, trace, runs=runs))
     if runs:
         found.extend(explainer.goal_gaps())
+        found.extend(_omitted_effects(task, trace))
     found.extend(searched_notes(task, searched))
     found.extend(_unfilled(task))
     found.extend(Diagnostic("task/scaled", "note", str(change), SCALES) for change in resizings(task.scales, scene))
     return tuple(found)
+
+
+def _holds_at_start(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
+    """Yield a warning where the task goal holds before anything moved: a rollout that does nothing fulfils it."""
+    goal = needed(task.goal)
+    if task.subtasks and goal != () and truth_of(goal, trace.start.value, scene.categories):
+        message = (
+            f"the task goal {bddl.format(task.goal)} holds at the start already: a robot that does nothing reaches it"
+        )
+        hint = "say in the goal what the subtasks have to change"
+        yield _warning("goal/holds-at-start", message, TASK_GOAL, hint=hint)
+
+
+def _omitted_effects(task: Task, trace: Trace) -> Iterator[Diagnostic]:
+    """Yield a note for what subtasks are there to bring about, and bring about, and the task goal does not speak of.
+
+    The goal speaks of an item where it says anything of its place, and of a door where it says how that shall be.
+    """
+    if not task.goal_given or trace.undecided_from is not None or trace.unsettled is not None:
+        return
+    spoken = {(atom.predicate in RESTING, atom.args[:1]) for atom in bddl.atoms(task.goal)}
+    bound = {binder.variable for node in task.goal.walk() if isinstance(node, Quantified) for binder in node.binders}
+    of_any = {is_place for is_place, args in spoken if bound.intersection(args)}
+    effects = [
+        literal
+        for part in bddl.conjuncts(default_goal(task.subtasks))
+        for literal in bddl.literals(part) or ()
+        if trace.start.holds(literal.atom) is not literal.value
+    ]
+    placed = {atom.args[:1] for atom, wanted in effects if wanted and atom.predicate in RESTING}
+    omitted = []
+    for atom, wanted in effects:
+        is_place = atom.predicate in RESTING
+        # Where an item is put says more than where it was taken from.
+        if not wanted and is_place and atom.args[:1] in placed:
+            continue
+        if is_place not in of_any and (is_place, atom.args[:1]) not in spoken:
+            omitted.append(bddl.format(atom if wanted else bddl.Not(atom)))
+    if omitted:
+        holds = f"{', '.join(omitted)} {'holds' if len(omitted) == 1 else 'hold'}"
+        message = f"{holds} at the end, as the subtasks want it, and the task goal says nothing of it"
+        hint = "add to the goal what is wanted; a rollout that loses it counts as a success"
+        yield Diagnostic("goal/omits-effect", "note", message, TASK_GOAL, hint=hint)
 
 
 def _unfilled(task: Task) -> Iterator[Diagnostic]:

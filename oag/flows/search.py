@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import bddl
 from oag.model.actions import ActionFlow
-from oag.model.categories import Kind
+from oag.model.categories import Kind, has_boards
 from oag.model.facts import HAND, held_by
 from oag.model.primitives import Parameter, Primitive, applicable
 from oag.progression.compiled import CompiledSubtask
@@ -32,11 +32,12 @@ _RELEASE = (Primitive.UNGRASP, Primitive.RETREAT)
 OPEN = (*_REACH, Primitive.ARTICULATE_OPEN, *_RELEASE)
 CLOSE = (*_REACH, Primitive.ARTICULATE_CLOSE, *_RELEASE)
 PICK = (*_REACH, Primitive.LIFT_EEF_UP)
-# Within a compartment a lift takes nothing out of it: a thing is out when the hand has backed out with it.
+# Within a compartment, or under a shelf's next board, a lift takes nothing out: the hand has to back out with it.
 TAKE_OUT = (*PICK, Primitive.RETREAT)
 PLACE = (Primitive.NAVIGATE_TO_SUPPORT, Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN, *_RELEASE)
 # Picking up and putting down in one subtask; shorter flows do without the lift, which only the symbols allow.
 TRANSPORT = (*PICK, *PLACE)
+
 
 TEMPLATES = (OPEN, CLOSE, PICK, TAKE_OUT, PLACE, TRANSPORT)
 
@@ -48,6 +49,16 @@ ORDER = (17, 18, 1, 2, 3, 4, 19, 5, 7, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 20, 
 PrimitiveFlow = tuple[Primitive, ...]
 # Returns the state after a primitive, None when it may not run.
 _Step = Callable[[View, CompiledSubtask, Primitive, Parameter], View | None]
+
+
+def taking(relation: str, category: str) -> PrimitiveFlow:
+    """Returns the flow that takes a thing from where it stands.
+
+    Args:
+        relation: How it stands there, "ontop" or "inside".
+        category: Of what it stands on or in.
+    """
+    return TAKE_OUT if relation == "inside" or has_boards(category) else PICK
 
 
 class Found(NamedTuple):

@@ -50,6 +50,9 @@ _SOLID = _words(
 )
 """What has no inside that a thing could be put into; of what is not known, anything may have one."""
 
+_BOARDED = _words("shelf rack bookshelf bookcase shelving")
+"""What has boards above each other: what stands on one of them is under another, and a lift alone takes it nowhere."""
+
 # A thing of unknown category whose smaller horizontal side is longer than this is taken for furniture: no scaling
 # that keeps it recognisable would bring it between the fingers.
 FURNITURE_SIDE_M = 0.30
@@ -64,6 +67,11 @@ def has_inside(category: str) -> bool:
     """Decides whether a thing can be inside things of a category: False for tables and apples, True where unknown."""
     last = _category_words(category)[-1]
     return last not in _SOLID and last.removesuffix("s") not in _SOLID
+
+
+def has_boards(category: str) -> bool:
+    """Decides whether what stands on things of a category may stand under a part of it, as on the boards of a shelf."""
+    return _category_words(category)[-1] in _BOARDED
 
 
 def _category_words(category: str) -> list[str]:

@@ -175,6 +175,8 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "context/goal-gap": CodeInfo("A subtask's goal says less than what the rest of the plan needs of it."),
         "goal/not-reached": CodeInfo("The task goal does not hold at the end.", "MISSING_STEP"),
         "goal/undone": CodeInfo("A step undoes what a subtask had reached of the task goal.", "WRONG_TEMPORAL_ORDER"),
+        "goal/holds-at-start": CodeInfo("The task goal holds before anything has moved.", "ADDITIONAL_STEP"),
+        "goal/omits-effect": CodeInfo("The task goal does not speak of what a subtask is there to bring about."),
         "revision/repeated": CodeInfo("A revised flow is one that failed already, up to a tolerance on its numbers."),
         "revision/assumes": CodeInfo("A revised flow needs something unknown that the flow before did not need."),
         "revision/too-long": CodeInfo("A revised flow has more steps than a revision may have."),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -39,8 +40,23 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return result
 
 
+class _NoNumber(_Refused):
+    """A constant such as NaN; the decoder does not tell where."""
+
+
+# A string, in which constants are words, or one of them.
+_CONSTANT = re.compile(r'"(?:[^"\\]|\\.)*"|NaN|-?Infinity')
+
+
 def _no_constant(name: str) -> object:
-    raise _Refused(f"{name} is no JSON number")
+    raise _NoNumber(f"{name} is no JSON number")
+
+
+def _first_constant(text: str) -> str:
+    """Returns where the first constant that is no number stands in a JSON text."""
+    found = next(one for one in _CONSTANT.finditer(text) if not one[0].startswith('"'))
+    before = text[: found.start()]
+    return f"line {before.count(chr(10)) + 1}, column {found.start() - before.rfind(chr(10))}"
 
 
 # Refuses, by a ValueError, keys that appear twice and constants such as NaN.
@@ -107,6 +123,8 @@ def load(source: Source, error: type[InputError]) -> Document:
     except json.JSONDecodeError as problem:
         place = f"line {problem.lineno}, column {problem.colno}"
         raise error(f"is not valid JSON: {problem.msg} at {place}", source=str(path)) from problem
+    except _NoNumber as problem:
+        raise error(f"is not valid JSON: {problem} at {_first_constant(text)}", source=str(path)) from problem
     except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
     return Document(data, path.name, error)

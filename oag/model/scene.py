@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Self
 
 import bddl
+from bddl.visible import counted
 from oag.model.categories import Kind, Role, kind_of
 from oag.model.errors import SceneError
 from oag.model.facts import GRIPPER
@@ -131,6 +132,9 @@ class Scene:
         object.__setattr__(self, "facts", read_facts(self.facts, self.objects, "(Scene)"))
         self._check_held()
         object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
+
+    def __repr__(self) -> str:
+        return f"<Scene {self.name!r}: {counted(len(self.objects), 'object')}, {counted(len(self.facts), 'fact')}>"
 
     def _check_held(self) -> None:
         """Raises the error for a fact that puts something into the gripper that it cannot hold."""

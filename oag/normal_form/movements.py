@@ -21,10 +21,12 @@ from oag.model.primitives import (
     Primitive,
     parameter_kind,
 )
+from oag.model.scene import RobotPose
 from oag.normal_form.formulas import conjunction
 from oag.progression.progress import Step, Trace
 from oag.table.library import NAVIGATION, RESTING
 from oag.table.state import START
+from oag.task.sizes import longest_motion_m
 from oag.task.task import SimpleTask, Task
 
 _LARGEST = {ParameterKind.DISTANCE_M: MAX_DISTANCE_M, ParameterKind.ANGLE_DEG: MAX_ANGLE_DEG}
@@ -236,7 +238,8 @@ def summed_moves(flow: Sequence[Action]) -> ActionFlow:
     """
     merged: list[Action] = []
     for primitive, group in groupby(flow, key=lambda action: action.primitive):
-        largest = _LARGEST.get(parameter_kind(primitive))
+        # What is merged is no longer than what every robot's hand can do.
+        largest = longest_motion_m(primitive, RobotPose()) or _LARGEST.get(parameter_kind(primitive))
         for known, part in groupby(group, key=lambda action: isinstance(action.parameter, int | float)):
             actions = tuple(part)
             if largest is None or not known or len(actions) == 1:

@@ -9,12 +9,13 @@ from bddl.syntax.tree import Quantified
 from oag.model.facts import GRIPPER, ROBOT_FACTS
 from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
-from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
+from oag.repairs.renaming import Variant, flipped, related, renamed, respelled, shortened
 from oag.table.library import RESTING
 from oag.table.start import contradictions
 from oag.task.edits import AddFact, ChangeSubtask, SetTaskGoal
 from oag.task.reading import infer_roles
 from oag.task.task import SimpleTask
+from oag.task.wellformed import kind_problem
 
 # In a large scene only so many objects are tried in the place of a wrong one.
 _MOST_OBJECTS = 12
@@ -76,12 +77,19 @@ def condition_candidates(mistake: Mistake) -> Iterator[Candidate]:
         known = [name for name in subtask.roles if name is not None and name in mistake.scene.objects]
         likely = dict.fromkeys((*known, *_objects_like(mistake, subtask.target)))
         for field in ("init", "goal"):
-            for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
+            before = getattr(subtask, field)
+            meant = (variant for variant in respelled(before, likely) if _is_of_its_kind(variant, before, mistake))
+            for number, variant in enumerate(meant):
                 # A negative literal about something else mostly holds, and then says nothing.
                 rest = 6 * rank + 2 + number // 4 + (6 if variant.denies else 0)
                 yield changed_condition(index, field, variant, rest, kind="change-object")
         for variant in shortened(subtask.init):
             yield changed_condition(index, "init", variant, 6 * rank + 20)
+
+
+def _is_of_its_kind(variant: Variant, before: bddl.Formula, mistake: Mistake) -> bool:
+    """Decide whether a changed condition says nothing new of a thing that its kind cannot be: to deny that is idle."""
+    return all(kind_problem(atom, mistake.scene) is None for atom in bddl.atoms(variant.formula) - bddl.atoms(before))
 
 
 def fact_candidates(mistake: Mistake) -> Iterator[Candidate]:

@@ -6,6 +6,7 @@ measured as well, such as the contact that ended a motion. In files they are one
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeVar
@@ -13,12 +14,12 @@ from typing import Any, Literal, TypeVar
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The base of all records; what is None was not measured, and is not written."""
+    """The base of all records; what is None, or no finite number, was not measured, and is not written."""
 
     def to_json(self) -> dict[str, object]:
         """Returns the record as JSON values."""
-        found = ((field.name, getattr(self, field.name)) for field in fields(self))
-        return {name: _plain(value) for name, value in found if value is not None}
+        found = ((field.name, _plain(getattr(self, field.name))) for field in fields(self))
+        return {name: value for name, value in found if value is not None}
 
 
 Measurements = tuple[Measurement, ...]
@@ -270,7 +271,7 @@ class AtomMeasured(Measurement):
         gap_m, allowed_gap_m: `nextto`.
         separation_m: `touching`.
         beyond_its_furniture_m, nearest_room: `inroom`.
-        tilted_deg: Of what was put down: how far it leans from how it stood at first.
+        tilted_deg: Of what was put down: how far it leans from upright, or from how it stood at first.
         lifted_m: Of what was picked up: how far its lowest point is above where that was.
         undecided: Whether no detector could tell.
     """
@@ -362,4 +363,6 @@ def _plain(value: Any) -> object:
         return value.to_json()
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     return dict(value) if isinstance(value, Mapping) else value

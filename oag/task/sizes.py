@@ -1,4 +1,4 @@
-"""Sizes and the gripper: how wide it takes things, the factor that brings an item to that, and how much is too much.
+"""Sizes and the hand: how wide it takes things, the factor that brings an item to that, and how far it can be moved.
 
 Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
 what the robot's gripper takes, widths are drawn from a seed, and nothing loses more than two fifths of its size
@@ -13,6 +13,7 @@ from random import Random
 from typing import Self
 
 from oag.model.categories import has_rim
+from oag.model.primitives import Primitive
 from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
 from oag.model.scenefile import PAPER_SCALE
 from oag.task.task import Task
@@ -62,6 +63,29 @@ class Gripper:
 
 PAPER_GRIPPER = Gripper.of(RobotPose())
 """The hand of the paper's robot: what it can take, one of full size can too."""
+
+_SIDEWAYS = frozenset(
+    (
+        Primitive.MOVE_EEF_FORWARD,
+        Primitive.MOVE_EEF_BACKWARD,
+        Primitive.MOVE_EEF_LEFT,
+        Primitive.MOVE_EEF_RIGHT,
+    )
+)
+_MOUNT_M = 0.30  # Of the arm on the base, whatever its size.
+_SHOULDER_M = 0.333  # Above the mount; this and the next at full size.
+_STRETCHED_M = 0.96  # From the shoulder to between the fingertips: a Panda's 0.855 m and the hand.
+
+
+def longest_motion_m(primitive: Primitive, robot: RobotPose) -> float | None:
+    """Return the longest distance over which a primitive can move the hand of a robot; None where it moves no hand.
+
+    Up and down it is from the floor to as high as the stretched arm gets, else from one side of the shoulder to the
+    other.
+    """
+    if primitive in (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN):
+        return round(_MOUNT_M + (_SHOULDER_M + _STRETCHED_M) * robot.scale, 2)
+    return round(2 * _STRETCHED_M * robot.scale, 2) if primitive in _SIDEWAYS else None
 
 
 @dataclass(frozen=True, slots=True)

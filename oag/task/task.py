@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import bddl
+from bddl.visible import counted
 from oag.model.actions import ActionFlow, flow_to_json
 from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import MissingScene, SceneError, TaskError
@@ -135,6 +136,9 @@ class Task:
                 place = f"subtasks[{index}]"
                 raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
 
+    def __repr__(self) -> str:
+        return f"<Task {self.name!r}: {counted(len(self.subtasks), 'subtask')}, goal {bddl.format(self.goal)}>"
+
     @classmethod
     def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
         """Returns the task that a JSON file, or a mapping of the same form, describes.
@@ -232,9 +236,18 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
     chosen = scene if scene is not None else task.scene
     if chosen is None:
         raise MissingScene(task.name)
-    if not isinstance(chosen, Scene):
-        raise SceneError(f"expected a Scene, got {shown(chosen)}", source=_ARGUMENT, hint=_READ.format("Scene"))
-    return chosen
+    return required_scene(chosen)
+
+
+def required_scene(scene: object) -> Scene:
+    """Returns a scene.
+
+    Raises:
+        SceneError: It is none, but the name of one, say.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"expected a Scene, got {shown(scene)}", source=_ARGUMENT, hint=_READ.format("Scene"))
+    return scene
 
 
 def label(subtask: int, step: int) -> str:

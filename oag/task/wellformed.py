@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
+from bddl.syntax.structure import affirmed as affirmed_in
 from bddl.syntax.tree import Quantified
+from oag.model.actions import Action
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, Severity
 from oag.model.facts import ANY, GRIPPER
 from oag.model.jsonfile import did_you_mean
 from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
@@ -22,7 +24,7 @@ from oag.model.scenefile import FREE_PARAMETERS
 from oag.table.library import NAVIGATION, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET
-from oag.task.sizes import Gripper, scale_factor, too_small
+from oag.task.sizes import Gripper, longest_motion_m, scale_factor, too_small
 from oag.task.task import SimpleTask, Task, step_place, subtask_place
 
 # So many other places of one mistake are listed before the rest is only counted.
@@ -33,7 +35,10 @@ _HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
 def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
-    """Returns everything that is wrong with a task's form, each cause once, in order of place."""
+    """Returns everything that is wrong with a task's form, each cause once, in order of place.
+
+    A warning says that the task is too much to be decided, and nothing else is.
+    """
     found = _Findings(task, scene)
     found.extend(task.issues)
     _check_scene(found)
@@ -108,6 +113,7 @@ class _Findings:
         hint: str | None = None,
         field: str | None = None,
         cause: tuple[str, ...] = (),
+        severity: Severity = "error",
     ) -> None:
         """Adds one finding; findings of an equal `cause`, a kind of mistake with what it is about, are one mistake."""
         key: object = cause or len(self._found)
@@ -116,7 +122,9 @@ class _Findings:
                 self._repeats.setdefault(key, []).append(place)
             return
         about = cause[1:]
-        self._found[key] = Diagnostic(code, "error", message, place, subtask, step, hint=hint, field=field, about=about)
+        self._found[key] = Diagnostic(
+            code, severity, message, place, subtask, step, hint=hint, field=field, about=about
+        )
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""
@@ -199,6 +207,7 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     if binders:
         _check_size(found, formula, index, place, field)
     bound = frozenset(binder.variable for binder in binders)
+    affirmed = frozenset(affirmed_in(formula))
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
         if spec is None:
@@ -212,7 +221,9 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
                     found.check_name(name, place, index, field)
-            _check_kind(found, atom, index, place, field)
+            # That something is not what it cannot be holds anyway; who names the robot means the gripper.
+            if atom in affirmed or ROBOT in atom.args:
+                _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
         found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
@@ -227,18 +238,19 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
 
 
 def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
-    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    """Warns of the condition with which a task says more than can be decided: nested quantifiers multiply."""
     within = found.instances <= MOST_INSTANCES
     found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
     if within and found.instances > MOST_INSTANCES:
         found.add(
             "bddl/too-many-instances",
             f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
-            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            f"the task's quantifiers say more than {MOST_INSTANCES} things: nothing of the plan was decided",
             place,
             index,
             field=field,
             hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+            severity="warning",
         )
 
 
@@ -290,6 +302,8 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
             found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
+        elif (longest_m := longest_motion_m(action.primitive, found.scene.robot)) is not None:
+            _check_motion(found, (index, position), action, longest_m)
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
             found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
@@ -307,6 +321,13 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if action.primitive in ARTICULATIONS:
             message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
+
+
+def _check_motion(found: _Findings, at: tuple[int, int], action: Action, longest_m: float) -> None:
+    """Reports a motion of the hand that is longer than the robot's arm allows from anywhere to anywhere."""
+    if isinstance(action.parameter, float) and action.parameter > longest_m:
+        message = f"{action.primitive.name} moves the hand at most {longest_m:g} m with this robot's arm"
+        found.add_step("flow/parameter", f"{message}, got {action.parameter:g} m", at)
 
 
 def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> None:

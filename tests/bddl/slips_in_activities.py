@@ -87,6 +87,14 @@ SLIPS = (
         "(not (inside",
         True,
     ),
+    Slip(
+        "place of what is to come",
+        "(future tea.n.05_1)",
+        "(future tea.n.05_1) (inside tea.n.05_1 cup.n.01_1)",
+        "described-future",
+        "(inside tea",
+        True,
+    ),
     Slip("no such thing to come", "(real ?tea.n.05_1)", "", "future-without-real", "(future tea", True),
     # Formulas.
     Slip(

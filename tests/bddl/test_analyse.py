@@ -139,11 +139,11 @@ def test_objects_of_which_nothing_is_said() -> None:
 
 
 def test_the_filled_contain_and_what_is_not_future_is_real() -> None:
-    text = "(define (problem p) (:domain omnigibson) {} (:goal (and (contains ?b.n.01_1 ?w.n.01_1) (real ?b.n.01_1))))"
-    objects = "(:objects b.n.01_1 - b.n.01 w.n.01_1 - w.n.01) (:init (inroom b.n.01_1 kitchen) {})"
-    held = text.format(objects.format("(filled b.n.01_1 w.n.01_1)"))
-    future = text.format(objects.format("(filled b.n.01_1 w.n.01_1) (future b.n.01_1)"))
-    assert codes(bddl.analyse(held, "behavior")) == ["goal-holds-at-start"]
+    objects = "(:objects b.n.01_1 b.n.01_2 - b.n.01 w.n.01_1 - w.n.01)"
+    text = f"(define (problem p) (:domain omnigibson) {objects} (:init (filled b.n.01_1 w.n.01_1) {{}}) (:goal {{}}))"
+    held = text.format("(inroom b.n.01_1 kitchen)", "(and (contains ?b.n.01_1 ?w.n.01_1) (real ?b.n.01_1))")
+    future = text.format("(future b.n.01_2)", "(and (contains ?b.n.01_1 ?w.n.01_1) (real ?b.n.01_2))")
+    assert codes(bddl.analyse(held, "behavior")) == ["goal-holds-at-start", "idle-real"]
     assert codes(bddl.analyse(future, "behavior")) == []
 
 
@@ -246,3 +246,107 @@ def test_depth_is_no_obstacle(depth: int) -> None:
     nested = "".join(f"(exists (?v{index} - a) " for index in range(depth)) + "(open a_0)" + ")" * depth
     found = bddl.analyse(nested, objects={"a_0": "a"}, prove=False)
     assert codes(found).count("unused-variable") == min(depth, MOST_LISTED)
+
+
+WILD = START.replace("table.n.02_1 - table", "table.n.02_1 table.n.02_* - table").replace(
+    "(inroom table.n.02_1 kitchen)", "(inroom table.n.02_1 kitchen) (inroom table.n.02_* kitchen)"
+)
+ONLY_WILD = START.replace("table.n.02_1 - table", "table.n.02_* - table").replace("table.n.02_1", "table.n.02_*")
+
+
+def wildcards(goal: str, text: str = WILD) -> list[tuple[str, str]]:
+    """Returns severity and message of what is found about wildcards."""
+    if text is ONLY_WILD:
+        text = text.replace("ontop plate.n.04_1 table.n.02_*", "ontop plate.n.04_1 floor.n.01_1")
+        text = text.replace("ontop plate.n.04_2 table.n.02_*", "ontop plate.n.04_2 floor.n.01_1")
+    found = bddl.analyse(text.format(goal=goal, more=""), "behavior")
+    assert all(item.severity != "error" for item in found), found
+    return [(item.severity, item.message) for item in found if item.code == "counted-wildcard"]
+
+
+SOME_TABLE = "(exists (?table.n.02 - table.n.02) (ontop ?apple.n.01_1 ?table.n.02))"
+
+
+def test_a_goal_over_a_category_with_a_wildcard_has_one_note() -> None:
+    ((severity, message),) = wildcards(f"(and {SOME_TABLE} {SOME_TABLE.replace('01_1', '01_2')})")
+    assert severity == "note" and message.startswith("`table.n.02_*` is counted as one object")
+    assert wildcards("(ontop ?apple.n.01_1 ?table.n.02_1)") == []
+    assert wildcards(ALL_ON_TABLE) == []
+
+
+def test_a_goal_over_a_wildcard_alone_is_suspicious() -> None:
+    ((severity, message),) = wildcards(SOME_TABLE, ONLY_WILD)
+    assert severity == "warning" and "`table.n.02` has no other" in message
+
+
+@pytest.mark.parametrize(
+    ("goal", "said"),
+    [
+        ("(forpairs (?apple.n.01 - apple.n.01) (?table.n.02 - table.n.02) {})", "only 2 pairs are asked for"),
+        ("(forpairs (?table.n.02 - table.n.02) (?apple.n.01 - apple.n.01) {})", "asks for up to 3"),
+        ("(fornpairs (3) (?apple.n.01 - apple.n.01) (?table.n.02 - table.n.02) {})", "3 pairs of 2 are asked for"),
+        ("(exists (?apple.n.01 - apple.n.01) (forn (3) (?table.n.02 - table.n.02) {}))", "3 of 2 are to be so"),
+    ],
+)
+def test_a_goal_that_counts_a_wildcard_is_suspicious(goal: str, said: str) -> None:
+    """How many there are decides what it asks for, and whether that is possible at all."""
+    ((severity, message),) = wildcards(goal.format("(ontop ?apple.n.01 ?table.n.02)"))
+    assert severity == "warning" and said in message
+
+
+def test_a_goal_that_contradicts_itself_beside_a_wildcard_is_impossible() -> None:
+    goal = f"(and {SOME_TABLE} (open ?plate.n.04_1) (not (open ?plate.n.04_1)))"
+    found = bddl.analyse(WILD.format(goal=goal, more=""), "behavior")
+    assert "2 of its 3 conjuncts" in next(item.message for item in found if item.code == "impossible-goal")
+
+
+def test_whether_a_goal_about_a_wildcard_holds_at_the_start_is_not_examined() -> None:
+    goal = "(forall (?table.n.02 - table.n.02) (not (frozen ?table.n.02)))"
+    (first, *_) = bddl.analyse(WILD.format(goal=goal, more=""), "behavior")
+    assert (first.code, first.severity) == ("unchecked-goal", "note")
+
+
+COMING = "(future apple.n.01_1)"
+
+
+def misused(goal: str, more: str = COMING, placed: bool = False) -> list[tuple[str, str]]:
+    """Returns codes and severities of what is found about things that are yet to come."""
+    text = activity(goal, more)
+    text = text if placed else text.replace("(ontop apple.n.01_1 floor.n.01_1)", "")
+    return [(item.code, item.severity) for item in bddl.analyse(text, "behavior")]
+
+
+def test_what_is_yet_to_come_stands_nowhere() -> None:
+    real = "(real ?apple.n.01_1)"
+    assert misused(real) == []
+    assert misused(real, placed=True) == [("described-future", "error")]
+    for said in ("(frozen apple.n.01_1)", "(ontop plate.n.04_1 apple.n.01_1)", "(inroom apple.n.01_1 kitchen)"):
+        assert misused(real, f"{COMING} {said}") == [("described-future", "error")]
+    assert misused(real, f"{COMING} (not (frozen apple.n.01_1))") == []
+    assert misused("(real ?stain.n.01_1)", "(future stain.n.01_1) (insource floor.n.01_1 stain.n.01_1)", True) == [
+        ("described-future", "error")  # A plate is covered with it.
+    ]
+
+
+def test_a_goal_about_what_is_yet_to_come_asks_that_it_come() -> None:
+    assert misused("(frozen ?apple.n.01_1)") == [("future-without-real", "error")]
+    assert misused("(and (frozen ?apple.n.01_1) (not (real ?apple.n.01_1)))") == [("future-without-real", "error")]
+    assert misused("(and (frozen ?apple.n.01_1) (real ?apple.n.01_1))") == []
+    assert misused("(forn (1) (?apple.n.01 - apple.n.01) (real ?apple.n.01))") == []
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "(real ?plate.n.04_1)",
+        "(forall (?plate.n.04 - plate.n.04) (real ?plate.n.04))",
+        "(imply (real ?apple.n.01_1) (real ?plate.n.04_1))",
+    ],
+)
+def test_to_ask_for_what_is_there_from_the_start_is_idle(goal: str) -> None:
+    whole = f"(and (real ?apple.n.01_1) (open ?plate.n.04_2) {goal})"
+    assert misused(whole) == [("idle-real", "warning")]
+
+
+def test_what_is_there_may_be_used_up() -> None:
+    assert misused("(and (real ?apple.n.01_1) (not (real ?plate.n.04_1)))") == []

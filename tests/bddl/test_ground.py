@@ -133,10 +133,24 @@ def test_six_nested_quantifiers_over_a_hundred_objects_share_their_bodies() -> N
     assert len(bddl.ground(formula, scene).atoms) == 100
 
 
-def test_a_wildcard_is_an_object_like_any_other() -> None:
+def test_a_wildcard_is_counted_as_one_object_with_a_warning() -> None:
     formula = ForAll("x", "floor.n.01", Atom("covered", ("x", "stain.n.01_1")))
-    atoms = bddl.ground(formula, {"floor.n.01_1": "floor.n.01", "floor.n.01_*": "floor.n.01"}).atoms
+    floors = {"floor.n.01_1": "floor.n.01", "floor.n.01_*": "floor.n.01"}
+    with pytest.warns(bddl.CountedWildcard, match=r"`floor\.n\.01_\*` is counted as one object of `floor\.n\.01`"):
+        atoms = bddl.ground(formula, floors).atoms
     assert [atom.args[0] for atom in atoms] == ["floor.n.01_1", "floor.n.01_*"]
+    for question in (bddl.options, bddl.GoalProgress, bddl.compile_goal):
+        with pytest.warns(bddl.CountedWildcard):
+            question(formula, floors)
+    with pytest.warns(bddl.CountedWildcard):
+        assert bddl.evaluate(formula, {}, floors) is None
+
+
+def test_a_wildcard_that_no_quantifier_ranges_over_is_not_warned_of() -> None:
+    goal = Exists("x", "cup", Atom("open", ("x",)))
+    objects = {"cup_0": "cup", "floor.n.01_*": "floor.n.01"}
+    assert len(bddl.ground(goal, objects).atoms) == len(list(bddl.options(goal, objects))) == 1
+    assert bddl.evaluate(goal, {}, objects) is None
 
 
 def test_objects_are_required_where_there_is_a_quantifier() -> None:

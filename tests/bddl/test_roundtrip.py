@@ -88,6 +88,40 @@ def test_a_problem_is_printed_as_people_write_it() -> None:
     )
 
 
+def test_a_goal_of_behavior_keeps_the_question_marks_of_its_objects() -> None:
+    marks = ("(ontop ?apple.n.01_1 ?table.n.02_1)", "(ontop apple.n.01_1 ?table.n.02_1)", "(frozen apple.n.01_1)")
+    goal = f"(and {' '.join(marks)} (forall (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1)))"
+    text = (
+        "(define (problem p-0) (:domain omnigibson) "
+        "(:objects apple.n.01_1 - apple.n.01 table.n.02_1 - table.n.02) "
+        f"(:init (inroom table.n.02_1 kitchen) (ontop apple.n.01_1 table.n.02_1)) (:goal {goal}))"
+    )
+    for profile in ("behavior", "behavior-compat"):
+        problem = bddl.parse(text, profile=profile)
+        printed = bddl.format(problem)
+        assert " ".join(printed.split()).replace("( ", "(").replace(" )", ")") == text
+        assert bddl.parse(printed, profile=profile) == problem
+        assert bddl.format(problem.goal) == bddl.format(bddl.parse_formula(goal, profile=profile)) == goal
+
+
+def test_a_goal_of_behavior_that_was_built_by_hand_gets_question_marks() -> None:
+    on = bddl.Atom("ontop", ("apple.n.01_1", "table.n.02_1"))
+    objects = (bddl.TypedObject("apple.n.01_1", "apple.n.01"), bddl.TypedObject("table.n.02_1", "table.n.02"))
+    problem = bddl.Problem("p-0", "omnigibson", objects, (on,), bddl.Not(on))
+    printed = bddl.format(problem)
+    assert "        (ontop apple.n.01_1 table.n.02_1)\n" in printed
+    assert "        (not (ontop ?apple.n.01_1 ?table.n.02_1))\n" in printed
+    assert bddl.parse(printed, profile="behavior") == problem
+    assert "?" not in bddl.format(bddl.Problem("p", "kitchen", objects, (on,), bddl.Not(on)))
+
+
+def test_marks_of_a_goal_do_not_get_into_a_start() -> None:
+    on = bddl.parse_formula("(ontop ?apple.n.01_1 ?table.n.02_1)", profile="behavior")
+    objects = (bddl.TypedObject("apple.n.01_1", "apple.n.01"), bddl.TypedObject("table.n.02_1", "table.n.02"))
+    problem = bddl.Problem("p-0", "omnigibson", objects, (on,), bddl.Not(on))
+    assert bddl.parse(bddl.format(problem), profile="behavior") == problem
+
+
 def test_question_marks_are_written_for_bound_names_alone() -> None:
     formula = bddl.And((bddl.Exists("x", "glass", bddl.Atom("ontop", ("x", "y"))), bddl.Atom("open", ("x",))))
     assert bddl.format(formula) == "(and (exists (?x - glass) (ontop ?x y)) (open x))"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,6 +11,9 @@ import pytest
 from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, scene_at_paper_size
+
+# For the renderer's driver. Tests take all cores already, and the processes that make data sets draw so too.
+os.environ.setdefault("LP_NUM_THREADS", "1")
 
 
 @pytest.fixture

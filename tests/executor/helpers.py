@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from executor.assets.library import asset_for
 from executor.geometry import Array, transform
 from executor.scenes import library
 from executor.world.world import World
@@ -45,6 +46,27 @@ def scene_object(category: str, extent: tuple[float, float, float] | None = None
         scale=(1.0, 1.0, 1.0),
         parameters=parameters,
     )
+
+
+BOARD = "board_shelf_2"
+
+
+def on_a_shelf(height_m: float) -> Scene:
+    """Returns a shelf of five boards, 21 cm apart, with a can of some height on the third, and a table."""
+    shelf = {"category": "shelf", "model": "shelf_open", "position": [1.1, 0.0, 0.6], "bbox_extent": [0.35, 0.9, 1.2]}
+    shelf |= {"orientation": [1, 0, 0, 0], "parameters": {"boards": 4}}
+    board = next(r for r in asset_for(scene_of({"shelf_0": shelf})["shelf_0"]).regions if r.name == BOARD)
+    can = {"category": "can", "model": "can", "bbox_extent": [0.05, 0.05, height_m], "orientation": [1, 0, 0, 0]}
+    can["position"] = [1.04, 0.1, 0.6 + board.floor_m[2] + height_m / 2 + 0.0005]
+    table = {"category": "table", "model": "table", "position": [0.9, -1.6, 0.3], "bbox_extent": [0.6, 0.9, 0.6]}
+    facts = ["(ontop can_0 shelf_0)"]
+    return scene_of({"shelf_0": shelf, "can_0": can, "table_0": table | {"orientation": [1, 0, 0, 0]}}, facts)
+
+
+def scene_of(objects: dict[str, dict[str, object]], facts: list[str] | None = None) -> Scene:
+    """Returns a scene of some objects, of which the facts say everything."""
+    closed = ["ontop", "inside", "open"]
+    return Scene.from_json({"name": "made", "objects": objects, "facts": facts or [], "closed": closed})
 
 
 def settle(world: World, seconds: float = 0.5) -> None:

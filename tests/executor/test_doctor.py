@@ -77,9 +77,3 @@ def test_known_hazards_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "ends the process on numpy 2" in found["mplib"].detail
     assert found["pinocchio"].remedy == "pip uninstall pin"
     assert found["bddl"].status == "note" and "3.0" in found["bddl"].detail
-
-
-def test_a_foreign_bddl_in_front_of_ours_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
-    really = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: really("json") if name == "bddl" else really(name))
-    assert by_topic()["bddl"].status == "problem"

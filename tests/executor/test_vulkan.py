@@ -28,6 +28,7 @@ def bare_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def see(monkeypatch: pytest.MonkeyPatch, seen: tuple[tuple[Device, ...], str]) -> None:
     """Lets the system's drivers offer these devices."""
     vulkan._system_renderer.cache_clear()
+    vulkan._named_renderer.cache_clear()
     monkeypatch.setattr(vulkan, "probe_devices", lambda: seen)
 
 
@@ -76,11 +77,32 @@ def test_half_a_private_driver_is_none() -> None:
     assert vulkan.find_renderer().kind == "none"
 
 
-def test_a_driver_named_in_the_environment_is_the_users_word(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("variable", ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"])
+def test_a_driver_named_in_the_environment_is_the_users_word(variable: str, monkeypatch: pytest.MonkeyPatch) -> None:
     install_private()
-    monkeypatch.setenv("VK_DRIVER_FILES", "/etc/mine.json:/etc/other.json")
+    see(monkeypatch, ((Device("llvmpipe", "cpu", "22.3.6"),), ""))
+    monkeypatch.setenv(variable, "/etc/absent.json:/etc/mine.json")
     renderer = vulkan.find_renderer()
     assert renderer.kind == "system" and "/etc/mine.json" in renderer.why
+
+
+@pytest.mark.parametrize("variable", ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"])
+def test_named_drivers_without_a_device_are_refused_in_one_message(
+    variable: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    install_private()
+    present = tmp_path / "present.json"
+    present.write_text("no manifest")
+    for listed, why in (
+        ("/no/a.json", "lists /no/a.json, and /no/a.json does not exist"),
+        (f"/no/a.json:{present}:/no/b.json", "/no/a.json, /no/b.json do not exist"),
+        (str(present), "and no driver is found there (no Vulkan driver is installed)"),
+    ):
+        monkeypatch.setenv(variable, listed)
+        with pytest.raises(vulkan.RendererNotFound, match="Nothing here can draw pictures") as raised:
+            vulkan.activate()
+        assert f"{variable} lists" in str(raised.value) and why in str(raised.value)
+        assert f"Unset {variable}" in str(raised.value)
 
 
 def test_activation_reaches_child_processes_and_stays_private_there(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import struct
+import zlib
 from threading import Event
 from typing import Any
 
@@ -11,6 +14,9 @@ from llm.wire.client import OpenAITransport
 from llm.wire.profiles import ModelProfile, find_profile
 from llm.wire.transport import ChatRequest
 from tests.llm.model_server import ModelServer
+
+PNG = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC")
+"""A picture of one pixel; what is written behind it makes another file of it."""
 
 KEY = "sk-never-to-be-seen-0123456789"
 KEY_VARIABLE = "SCENE2DEMO_MODEL_KEY"
@@ -42,3 +48,24 @@ def transport_to(
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets the client library wait hardly at all before it sends again."""
     monkeypatch.setattr("openai._base_client.INITIAL_RETRY_DELAY", 0.001)
+
+
+def png_of(width: int, height: int, rows: bytes = b"") -> bytes:
+    """Returns a picture whose file says that it has so many pixels, whatever it holds."""
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    pieces = ((b"IHDR", head), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in pieces
+    )
+
+
+BAD_PICTURES: dict[str, tuple[bytes, str]] = {
+    "900 million pixels": (png_of(30_000, 30_000), "million"),
+    "100 million pixels": (png_of(10_000, 10_000), "million"),
+    "65 million pixels": (png_of(65_000, 1_001), "million"),
+    "cut off": (png_of(64, 64, bytes(65 * 64))[:60], "broken"),
+    "garbage behind the mark": (b"\x89PNG\r\n\x1a\nand what follows", "broken"),
+    "JPEG without an end": (b"\xff\xd8\xff\xe0" + bytes(40), "no picture"),
+    "a letter": (b"Dear Sir", "PNG"),
+}
+"""Name -> file, and a word of why it is not sent."""

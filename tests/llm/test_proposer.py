@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -52,3 +53,17 @@ def test_importing_llm_leaves_the_grammar_library_alone() -> None:
     code = "import sys, llm; print(sorted({'lark', 'yaml', 'openai', 'networkx', 'pydantic'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("given", ["kitchen_t1", None, {}])
+@pytest.mark.parametrize("model", [None, llm.OfflinePlanner()])
+def test_what_is_no_scene_is_refused(given: object, model: object) -> None:
+    untyped: Any = llm
+    with pytest.raises(oag.SceneError, match=r"expected a Scene, got .* \(oag\.Scene\.from_json reads one"):
+        untyped.propose("open the fridge", given, model)
+
+
+def test_a_query_is_text() -> None:
+    untyped: Any = llm
+    with pytest.raises(llm.QueryError, match="expected a sentence in English, got 5"):
+        untyped.propose(5, SCENES["kitchen_t1"])

@@ -191,12 +191,12 @@ def ill_formed(data: dict[str, Any], world: World0) -> int | bool | None:
 
 
 def _contradictory(literals: tuple[Literal, ...], world: World0) -> bool:
-    """Whether a condition holds in no state, or speaks of an opening of what has none."""
+    """Whether a condition holds in no state, or asks that what has no joint be open, or something in what is solid."""
     true = {fact for fact, value in literals if value}
     false = {fact for fact, value in literals if not value}
-    if true & false or any(fact[0] == "open" and fact[1] not in world.kinds.fixtures for fact in true | false):
+    if true & false or any(fact[0] == "open" and fact[1] not in world.kinds.fixtures for fact in true):
         return True
-    if any(fact[0] == "inside" and fact[2] in world.solid for fact in true | false):
+    if any(fact[0] == "inside" and fact[2] in world.solid for fact in true):
         return True
     return any(len(f) == 3 and (f[1] == f[2] or (f[0], f[2], f[1]) in true) for f in true)
 

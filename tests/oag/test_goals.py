@@ -154,3 +154,50 @@ def test_goals_that_are_not_well_formed_are_read_all_the_same() -> None:
 def test_many_subtasks() -> None:
     rows = [placing(f"glass_{number % 2}") for number in range(3000)]
     assert len(bddl.conjuncts(task_of(*rows).goal)) == 2
+
+
+SHUT_DRAWER: Row = ("drawer_0", "(not (open drawer_0))", "(open drawer_0)", [17, 1, 2, 3, 4, 5, 6], None)
+CLOSE_DRAWER: Row = ("drawer_0", "(open drawer_0)", "(not (open drawer_0))", SHUT, None)
+
+
+def findings_about_the_goal(goal: str, *rows: Row) -> dict[str, str]:
+    """Return the messages of `goal/...` by code, of a plan that is proved for a goal."""
+    task = task_of(*rows)
+    report = oag.compose(replace(task, goal=bddl.parse_formula(goal), goal_given=True)).verify()
+    assert report.verdict is oag.Verdict.PROVED, str(report)
+    return {found.code: found.message for found in report.diagnostics if found.code.startswith("goal/")}
+
+
+def moving(item: str) -> tuple[Row, Row]:
+    placed = f"(inside {item} refrigerator_0)"
+    return picking(item), (item, f"(inside {item} gripper)", placed, PLACE, "refrigerator_0")
+
+
+@pytest.mark.parametrize(
+    ("goal", "omitted"),
+    [
+        ("(inside glass_0 refrigerator_0)", "(inside glass_1 refrigerator_0)"),
+        ("(and (inside glass_0 refrigerator_0) (inside glass_1 refrigerator_0))", None),
+        ("(forall (?x - water_glass) (inside ?x refrigerator_0))", None),
+        ("(exists (?x - refrigerator) (and (inside glass_0 ?x) (inside glass_1 ?x)))", None),
+        # A goal that speaks of a thing as a place alone says nothing of where that is.
+        ("(and (inside glass_0 refrigerator_0) (not (ontop glass_0 glass_1)))", "(inside glass_1 refrigerator_0)"),
+    ],
+)
+def test_effects_that_the_goal_omits_are_noted(goal: str, omitted: str | None) -> None:
+    found = findings_about_the_goal(goal, *moving("glass_0"), *moving("glass_1"))
+    assert set(found) == ({"goal/omits-effect"} if omitted else set())
+    assert omitted is None or found["goal/omits-effect"].startswith(f"{omitted} holds at the end")
+
+
+def test_an_omitted_door_is_noted_and_one_that_ends_as_it_was_is_not() -> None:
+    rows = moving("glass_0")
+    found = findings_about_the_goal("(inside glass_0 refrigerator_0)", SHUT_DRAWER, *rows)
+    assert found["goal/omits-effect"].startswith("(open drawer_0) holds")
+    assert not findings_about_the_goal("(inside glass_0 refrigerator_0)", SHUT_DRAWER, CLOSE_DRAWER, *rows)
+
+
+@pytest.mark.parametrize("goal", ["(not (open drawer_0))", "(exists (?x - water_glass) (ontop ?x table_0))"])
+def test_a_goal_that_holds_at_the_start_is_warned_of(goal: str) -> None:
+    found = findings_about_the_goal(goal, SHUT_DRAWER, CLOSE_DRAWER, *moving("glass_0"))
+    assert "holds at the start already" in found["goal/holds-at-start"]

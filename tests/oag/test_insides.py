@@ -68,6 +68,33 @@ def test_it_is_said_wherever_it_stands(place: str) -> None:
     assert [error.code for error in report.errors] == ["bddl/kind"]
 
 
+@pytest.mark.parametrize(
+    "denial", ["(not (inside glass_0 table_0))", "(not (open table_0))", "(not (ontop glass_0 glass_0))"]
+)
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("place", ["init", "goal", "task goal", "in a formula"])
+def test_its_denial_holds(denial: str, closed: bool, place: str) -> None:
+    data, world = task_json("T1"), scene("T1").to_json()
+    if not closed:
+        facts = ["(ontop glass_0 table_0)", "(not (open refrigerator_0))", "(not (inside glass_0 refrigerator_0))"]
+        world |= {"closed": [], "facts": facts}
+    if place in ("init", "goal"):
+        data["sub_tasks"][0][place] = f"(and {data['sub_tasks'][0][place]} {denial})"
+    else:
+        said = denial if place == "task goal" else f"(imply (hot glass_0) (and {denial}))"
+        data["goal"] = f"(and {data['goal']} {said})"
+    report = oag.compose(data, oag.Scene.from_json(world)).verify()
+    assert report.verdict is oag.Verdict.PROVED, report
+    assert oag.recheck(report.certificate)
+
+
+def test_that_nothing_is_in_the_robot_is_about_the_gripper() -> None:
+    data = task_json("T1")
+    data["goal"] = "(and (inside glass_0 refrigerator_0) (not (inside glass_0 robot)))"
+    (error,) = verify(data, "T1").errors
+    assert error.code == "bddl/kind" and error.hint == "the hand is called gripper: (inside glass_0 gripper)"
+
+
 def test_a_scene_cannot_say_it() -> None:
     world = scene("T1").to_json() | {"facts": ["(inside glass_0 table_0)", "(not (inside refrigerator_0 table_0))"]}
     report = oag.compose(task_json("T1"), oag.Scene.from_json(world)).verify()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -47,8 +48,11 @@ def test_too_many_instances_are_a_diagnostic(word: str, depth: int, cups: int, f
     goal = nested(word, depth)
     change = {} if field == "task goal" else {field: goal}
     found = report(room(cups), goal if field == "task goal" else "(open drawer_0)", change)
-    assert [error.code for error in found.errors] == ["bddl/too-many-instances"]
-    assert found.errors[0].place.endswith(field) and str(MOST_INSTANCES) in found.errors[0].message
+    assert found.verdict is oag.Verdict.CONDITIONAL and found.errors == () and found.certificate is None
+    (warning,) = found.diagnostics
+    assert (warning.code, warning.severity) == ("bddl/too-many-instances", "warning")
+    assert warning.place.endswith(field) and str(MOST_INSTANCES) in warning.message
+    assert not oag.recheck(found) and json.loads(json.dumps(found.to_json()))["verdict"] == "CONDITIONAL"
     assert oag.canonical(found.task, found.scene) is not None
 
 
@@ -60,7 +64,14 @@ def test_all_conditions_of_a_task_count_together() -> None:
     scene, once = room(60, "nextto"), "(forall (?a - cup) (forall (?b - cup) (not (nextto ?a ?b))))"
     assert report(scene, once)
     found = report(scene, once, {"init": once})
-    assert [(error.code, error.place) for error in found.errors] == [("bddl/too-many-instances", "task goal")]
+    assert [(said.code, said.place) for said in found.diagnostics] == [("bddl/too-many-instances", "task goal")]
+
+
+def test_a_mistake_beside_too_many_instances_refutes_the_plan() -> None:
+    found = report(room(20), nested("exists", 6), {"target": "lid_0"})
+    assert found.verdict is oag.Verdict.REFUTED
+    assert [error.code for error in found.errors] == ["bddl/unknown-object"]
+    assert [said.code for said in found.diagnostics][-1] == "bddl/too-many-instances"
 
 
 def test_a_category_without_objects_is_no_work() -> None:

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 import oag
-from tests.oag.paper import task_json, verify
+from oag.task.sizes import longest_motion_m
+from tests.oag.paper import scene, task_json, verify
 
 GLASS_STAYS = "(ontop glass_0 table_0)"
 
@@ -79,3 +80,29 @@ def test_lifting_by_nothing_lifts_nothing() -> None:
     report = verify(data, "T1")
     assert [(error.code, error.subtask) for error in report.errors] == [("flow/goal-not-reached", 1)]
     assert any("to the executor" in fix.summary and fix.proves for fix in report.fixes)
+
+
+HAND = range(7, 13)
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.0])
+@pytest.mark.parametrize("primitive", HAND)
+def test_a_motion_longer_than_the_arm_is_refused_and_a_shorter_one_is_not(primitive: int, scale: float) -> None:
+    kitchen = scene("T1").with_robot(scale)
+    longest_m = longest_motion_m(oag.Primitive(primitive), kitchen.robot)
+    assert longest_m is not None
+    for distance_m, fits in ((longest_m, True), (longest_m + 0.01, False), (2.0, False)):
+        data = task_json("T1")
+        data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, {"7": 0.2}, {str(primitive): distance_m}]
+        report = oag.compose(oag.Task.from_json(data, scene=kitchen)).verify()
+        found = [error for error in report.errors if error.code == "flow/parameter"]
+        assert not found if fits else "moves the hand at most" in found[0].message and found[0].subtask == 1
+        assert fits or any("to the executor" in fix.summary and fix.proves for fix in report.fixes)
+
+
+def test_motions_that_are_added_up_stay_motions_of_the_arm() -> None:
+    data = task_json("T1")
+    data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, {"7": 0.9}, {"7": 0.9}]
+    assert verify(data, "T1")
+    merged = oag.canonical(oag.Task.from_json(data, scene=scene("T1")))
+    assert oag.compose(merged).verify()

@@ -12,11 +12,12 @@ import pytest
 
 import bddl
 import oag
+from oag.checker.form import form_check
 from oag.checker.formulas import read_formula
-from tests.forgeries import rehashed
+from tests.forgeries import VALIDATOR, rehashed, single_changes
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene, task_json, verify
-from tests.oag.test_recheck import certificate
+from tests.oag.test_recheck import SMALL, certificate, small
 
 # A box on a table, which the robot only drives about and reaches for.
 OBJECTS = {
@@ -177,3 +178,45 @@ def test_the_checker_reads_formulas_as_the_language_does(text: str) -> None:
 def test_the_checker_reads_nothing_else(text: str) -> None:
     with pytest.raises(ValueError, match="as the language prints it"):
         read_formula(text)
+
+
+@pytest.mark.parametrize("index", [0, 3, 5])
+def test_the_form_is_that_of_the_schema(index: int) -> None:
+    """Of one certificate of each verdict, whatever is changed; but that 1.0 is no whole number here."""
+    assert [SMALL[number][3] for number in (0, 3, 5)] == ["CONDITIONAL", "REFUTED", "PROVED"]
+    for changed in single_changes(small(index), (None, True, "", -1, [], {})):
+        assert (form_check()(changed) is None) is VALIDATOR.is_valid(changed)
+
+
+@pytest.mark.parametrize("index", [0, 3, 5])
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [("", ".note"), ("plan", "plan.note"), ("scene", "scene.note"), ("plan.subtasks.0", "subtasks[0].note")]
+    + [("assumptions.0", "assumptions[0]")],
+)
+def test_what_is_in_no_schema_does_not_belong(index: int, place: str, said: str) -> None:
+    data: Any = small(index)
+    at = data
+    for key in place.split(".") if place else ():
+        at = at[int(key) if key.isdecimal() else key]
+    at["note"] = "trust me"
+    result = oag.recheck(rehashed(data))
+    assert not result and result.reason.startswith("malformed certificate: ") and said in result.reason
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("cases", 0, "consumer", 1), True, "cases[0].consumer[1]"),
+        (("counterexample", 0, 2), 0, ""),
+        (("counterexample", 1), [0, ["open", "refrigerator_0"], True, "so it is"], "counterexample"),
+        (("links",), "", "links"),
+        (("search",), False, ""),
+        (("plan", "goal_given"), "yes", "plan.goal_given"),
+        (("plan", "goal"), {}, "plan.goal"),
+    ],
+)
+def test_a_malformed_refutation_is_rejected(path: tuple[Any, ...], value: Any, said: str) -> None:
+    data = altered(small(4), path, value)
+    result = oag.recheck(rehashed(data))
+    assert not result and said in result.reason

@@ -218,6 +218,29 @@ def cases(draw: st.DrawFn, most_unknown: int = 5) -> Case:
     return Case(known, tuple(sorted(unknown)), plan, goal, tuple(closed))
 
 
+@st.composite
+def crossed_cases(draw: st.DrawFn) -> Case:
+    """A plan that asks, in one condition or in two, for a thing on another and not the other way round.
+
+    What it asks for is unknown at first, and what it denies may be written by a step, or follow from what is assumed.
+    """
+    case = draw(cases(most_unknown=3))
+    pair = (("ontop", "cup_0", "apple_0"), ("ontop", "apple_0", "cup_0"))
+    wanted, denied = draw(st.permutations(pair))
+    unknown = {*case.unknown, wanted, *draw(st.sets(st.just(denied)))}
+    literals: tuple[Literal, ...] = ((denied, False), (wanted, True))
+    plan = list(case.parts)
+    for group in (literals,) if draw(st.booleans()) else ((literal,) for literal in literals):
+        index = draw(st.integers(0, len(plan) - 1))
+        if draw(st.booleans()):
+            plan[index] = replace(plan[index], init=(*plan[index].init, *group))
+        else:
+            plan[index] = replace(plan[index], goal=(*plan[index].goal, *group))
+    known = {fact: value for fact, value in case.known.items() if fact not in unknown}
+    closed = tuple(name for name in case.closed if name != "ontop")
+    return Case(known, tuple(sorted(unknown)), tuple(plan), case.goal, closed)
+
+
 def satisfiable(goal: tuple[Literal, ...]) -> bool:
     """Whether a goal of at most two literals can be true in some state."""
     true = frozenset(fact for fact, wanted in goal if wanted)

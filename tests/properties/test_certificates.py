@@ -14,7 +14,7 @@ from tests.bruteforce import Part, decided
 from tests.forgeries import VALIDATOR, claim_holds, forgeries, rehashed, same
 from tests.framings import framings
 from tests.properties import formulas
-from tests.properties.plans import FACTS, Case, cases
+from tests.properties.plans import FACTS, Case, cases, crossed_cases
 
 FEW = settings(max_examples=40, deadline=None)
 MANY = settings(max_examples=2000, deadline=None)
@@ -42,6 +42,7 @@ def check_change(task: oag.Task, data: st.DataObject) -> None:
     """13: with a few things changed and the hashes right, it is rejected, or of the same plan it says the same."""
     original = certificate_of(task)
     changed = data.draw(forgeries(original))
+    assert not oag.recheck(changed) or VALIDATOR.is_valid(changed)
     if oag.recheck(changed) and all(same(changed[key], original[key]) for key in ("plan", "scene")):
         assert all(same(changed[key], original[key]) for key in ("verdict", "failure"))
 
@@ -50,6 +51,7 @@ def check_forgery(case: Case, data: st.DataObject) -> None:
     """14: with a few things changed and the hashes right, whatever it says of its own plan is so."""
     forged = data.draw(forgeries(certificate_of(case.task())))
     if oag.recheck(forged):
+        assert VALIDATOR.is_valid(forged)
         assert claim_holds(forged, FACTS) is not False
 
 
@@ -84,6 +86,13 @@ def test_the_judge_agrees_with_what_was_not_forged(case: Case) -> None:
 @FEW
 def test_p12_certificates_pass_and_survive_json(case: Case) -> None:
     check_passes(case.task())
+
+
+@given(crossed_cases())
+@settings(FEW, max_examples=60)
+def test_p12_so_do_those_whose_assumptions_say_what_a_step_wrote(case: Case) -> None:
+    check_passes(case.task())
+    check_judge(case)
 
 
 @given(formulas.formula_cases())
@@ -133,6 +142,13 @@ def test_p14_a_proof_of_one_plan_is_none_of_another(case: Case, data: st.DataObj
 @given(cases(most_unknown=6))
 @MANY
 def test_p12_at_length(case: Case) -> None:
+    check_passes(case.task())
+
+
+@pytest.mark.slow
+@given(crossed_cases())
+@MANY
+def test_p12_crossed_at_length(case: Case) -> None:
     check_passes(case.task())
 
 

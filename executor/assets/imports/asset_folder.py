@@ -29,7 +29,12 @@ class ImportRefused(ValueError):
     """An asset cannot be read, or the robot could do nothing with it; the message says how to mend it."""
 
     def __init__(self, path: Path, problem: str, hint: str) -> None:
+        self.problem, self.hint = problem, hint
         super().__init__(f"{path}: {problem}; {hint}")
+
+
+class NothingThere(ImportRefused):
+    """A file that an asset names is not there, or has nothing solid in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +61,8 @@ class AssetFolder:
         `package://NAME/rest` is looked for as `rest` and as `NAME/rest` in the folder.
 
         Raises:
-            ImportRefused: The name leads out of the folder, there is no such file, or it is too large.
+            NothingThere: There is no such file.
+            ImportRefused: The name leads out of the folder, its package is not there, or the file is too large.
         """
         scheme = next((scheme for scheme in _SCHEMES if name.startswith(scheme)), "")
         rest = name[len(scheme) :]
@@ -72,9 +78,14 @@ class AssetFolder:
                 raise ImportRefused(self.here, f"a name of {len(name)} letters cannot be read", "shorten it") from error
             if found:
                 return self.readable(path)
-        near = near_names(name, self._names())
+        if scheme and below:
+            package = rest.partition("/")[0]
+            if not any((self.here / first).is_dir() for first in (package, below.partition("/")[0])):
+                hint = f"copy the package's folder {package!r} into this one, so that there is {rest}"
+                raise ImportRefused(self.here, f"{name} is not there", hint)
+        near = near_names(below if scheme else name, self._names())
         hint = f"did you mean {' or '.join(near)}?" if near else "the folder must have all files that the asset names"
-        raise ImportRefused(self.here / name, "no such file", hint)
+        raise NothingThere(self.here / rest, "no such file", hint)
 
     def _names(self) -> list[str]:
         """Names of the first files in the folder, for hints: it may be somebody's home."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from executor.assets.imports.orient import outward_of
+from executor.assets.imports.orient import outward_of, slides_sideways
 from executor.assets.imports.raw import RawAsset, rounded
 from executor.assets.model import Region
 from executor.assets.parts.shapes import ROOM_ABOVE_M
@@ -70,7 +70,7 @@ def find_places(raw: RawAsset, pieces: Mapping[str, Sequence[Array]], *, item: b
         return tuple(_place(raw, "hollow", "interior", body, box, _ABOVE) for box in found[:1])
     places: list[Region] = []
     for joint in raw.joints:
-        if joint.kind == "prismatic":
+        if joint.kind == "prismatic" and not slides_sideways(raw, joint):
             walls = pieces[joint.child]
             points = np.concatenate(list(walls))
             air = _hollows(walls, points.min(axis=0), points.max(axis=0), 2, 1, SMALLEST_IN_DRAWER_M, 1)
@@ -98,7 +98,8 @@ def _behind_doors(raw: RawAsset, solid: Sequence[Array]) -> list[Region]:
     """Hollows of the body that open where a door hangs."""
     body = raw.links[0]
     low, high = body.points_m.min(axis=0), body.points_m.max(axis=0)
-    facing = {joint: tuple(outward_of(raw, joint)) for joint in raw.joints if joint.kind == "revolute"}
+    doors = [joint for joint in raw.joints if joint.kind == "revolute" or slides_sideways(raw, joint)]
+    facing = {joint: tuple(outward_of(raw, joint)) for joint in doors}
     places: list[Region] = []
     for outward in dict.fromkeys(facing.values()):
         axis = int(np.argmax(np.abs(outward)))

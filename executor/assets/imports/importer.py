@@ -13,6 +13,7 @@ from bddl import near_names
 from executor.assets.imports.assemble import assemble
 from executor.assets.imports.asset_folder import AssetFolder, ImportRefused
 from executor.assets.imports.convex import convex_pieces
+from executor.assets.imports.meant import as_meant
 from executor.assets.imports.mesh_files import FORMATS, read_mesh, up_axis
 from executor.assets.imports.orient import facing_minus_x, shut, upright
 from executor.assets.imports.raw import RawAsset, RawLink, solid_as_seen
@@ -66,15 +67,21 @@ def import_asset(
     if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
         raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
     side = read_side_file(side_file or (beside if beside.is_file() else None))
-    raw = facing_minus_x(shut(solid_as_seen(_read(source, side))), side.front)
+    raw = shut(solid_as_seen(_read(source, side)))
     raw = _sized(source, raw, side.height_m if height_m is None else height_m)
-    for joint in raw.joints:
-        if joint.high > WIDEST[joint.kind]:
-            told = f"joint {joint.name} opens by {joint.high:g}"
-            raise ImportRefused(source, told, f"at most {WIDEST[joint.kind]:.3g} {UNIT[joint.kind]} make sense")
     what = category or side.category or raw.category or chosen
     low, high = raw.box()
     kind = kind_of(what, float((high - low)[:2].min()))
+    if kind is Kind.ARTICULATED:
+        raw = as_meant(raw)
+    for joint in raw.joints:
+        if joint.high > WIDEST[joint.kind]:
+            told = f"joint {joint.name} opens by {joint.high:g}"
+            hint = f"at most {WIDEST[joint.kind]:.3g} {UNIT[joint.kind]} make sense"
+            if joint.kind == "revolute" and joint.high <= 360.0:
+                hint += f"; {joint.high:g} degrees are {np.deg2rad(joint.high):.3g} rad"
+            raise ImportRefused(source, told, hint)
+    raw = facing_minus_x(raw, side.front)
     if raw.joints and kind is not Kind.ARTICULATED:
         note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
         raw = replace(raw.in_one(), notes=(*raw.notes, note))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, read_markup
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, NothingThere, read_markup
 from executor.assets.imports.raw import GREY, MeshPart
 from executor.machine.extras import require
 
@@ -37,7 +37,8 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[MeshPart, ...]:
         file: The mesh.
 
     Raises:
-        ImportRefused: The file is of no known format, broken or empty, or names something outside the folder.
+        NothingThere: The file has no faces.
+        ImportRefused: The file is of no known format or broken, or names something outside the folder.
         MissingExtra: trimesh is not installed.
     """
     ending = file.suffix.lower()
@@ -66,7 +67,7 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[MeshPart, ...]:
     solid = (geometry for geometry in geometries if len(getattr(geometry, "faces", ())))
     parts = tuple(_part(file, geometry).stretched(unit) for geometry in solid)
     if not parts:
-        raise ImportRefused(file, "has no faces", "export it with triangles")
+        raise NothingThere(file, "has no faces", "export it with triangles")
     return parts
 
 

@@ -8,11 +8,15 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint
+from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink
+from executor.assets.model import LEAST_TRAVEL
 from executor.geometry import Array, rotation_z, transform
 
 _FRONTS = {"-x": np.pi * 0.0, "+x": np.pi, "-y": -np.pi / 2, "+y": np.pi / 2}
 """By how much an asset is turned about z so that its front, which faces there, faces -x."""
+
+_PANEL, _SLIDING = 0.5, 0.15  # Thickness of a door, as a share of its next longer side.
+_AT_FACE = 0.7  # Of the way from the middle of the body to its face.
 
 
 def upright(raw: RawAsset, up: str) -> RawAsset:
@@ -31,20 +35,30 @@ def shut(raw: RawAsset) -> RawAsset:
     """Returns the asset with every joint shut at 0 and opening in the positive direction.
 
     A joint is shut at zero where its limits admit it, else at the limit nearest to zero; it opens towards the farther
-    limit.
+    limit. A door that goes both ways opens out of the body, where there is a way to go.
     """
     notes = list(raw.notes)
     links = {link.name: link for link in raw.links}
     joints = []
     for joint in raw.joints:
         at = min(max(0.0, joint.low), joint.high)
-        if joint.low < at < joint.high:
-            notes.append(f"joint {joint.name} goes both ways from zero; shut is zero, and it opens the longer way")
-        links[joint.child] = links[joint.child].through(partial(MeshPart.moved, T=_motion(joint, at)))
         forwards = joint.high - at >= at - joint.low
+        if joint.low < at < joint.high:
+            way = "the longer way"
+            shorter = min(joint.high - at, at - joint.low)
+            if shorter >= LEAST_TRAVEL[joint.kind] and _opens_inwards(raw, joint, forwards):
+                forwards, way = not forwards, "out of the body"
+            notes.append(f"joint {joint.name} goes both ways from zero; shut is zero, and it opens {way}")
+        links[joint.child] = links[joint.child].through(partial(MeshPart.moved, T=_motion(joint, at)))
         travel = joint.high - at if forwards else at - joint.low
         joints.append(replace(joint, axis=joint.axis if forwards else -joint.axis, low=0.0, high=travel))
     return replace(raw, links=tuple(links.values()), joints=tuple(joints), notes=tuple(notes))
+
+
+def _opens_inwards(raw: RawAsset, joint: RawJoint, forwards: bool) -> bool:
+    if joint.kind == "prismatic" or not is_panel(raw.link_of(joint)):
+        return False
+    return float(opening_of(raw, joint) @ outward_of(raw, joint)) * (1.0 if forwards else -1.0) < 0.0
 
 
 def _motion(joint: RawJoint, position: float) -> Array:
@@ -92,18 +106,60 @@ def _front_of(raw: RawAsset) -> str:
 def outward_of(raw: RawAsset, joint: RawJoint) -> Array:
     """Returns the unit vector (3,) in which a door's or drawer's front faces, along one of the asset's axes.
 
-    A drawer faces where it slides to. A door faces across its thinnest side, away from the middle of the body.
+    A drawer faces where it slides to. A door, also one that slides sideways, faces across its thinnest side, away from
+    the middle of the body.
     """
-    if joint.kind == "prismatic":
+    if joint.kind == "prismatic" and not slides_sideways(raw, joint):
         axis = int(np.argmax(np.abs(joint.axis)))
         return unit(axis, float(joint.axis[axis]))
-    # All of the door, since the largest part of a framed one may be a bar that is thin both ways.
-    door = np.concatenate([part.vertices_m for part in raw.link_of(joint).without_handles])
-    low, high = door.min(axis=0), door.max(axis=0)
+    low, high = _box_of(raw.link_of(joint))
     axis = int(np.argmin(high - low))
+    return unit(axis, float(((low + high) / 2 - _middle_of(raw))[axis]))
+
+
+def opening_of(raw: RawAsset, joint: RawJoint) -> Array:
+    """Returns the unit vector (3,) in which the middle of a hinged door goes first when it opens."""
+    low, high = _box_of(raw.link_of(joint))
+    way = np.cross(joint.axis, (low + high) / 2 - joint.origin_m)
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
+
+
+def is_panel(link: RawLink) -> bool:
+    """Decides whether a part is much thinner one way than the others, as a door is."""
+    low, high = _box_of(link)
+    thin, middle, _ = sorted(high - low)
+    return bool(thin < _PANEL * middle)
+
+
+def slides_sideways(raw: RawAsset, joint: RawJoint) -> bool:
+    """Decides whether a joint slides an upright panel along itself, at the face of the body: a sliding door.
+
+    What stands upright in the body, such as a pull-out beside an oven, is thicker; a keyboard's tray lies.
+    """
+    if joint.kind != "prismatic":
+        return False
+    low, high = _box_of(raw.link_of(joint))
+    across = int(np.argmin(high - low))
+    thin, middle, _ = sorted(high - low)
     body = raw.links[0].points_m
-    middle = (body.min(axis=0) + body.max(axis=0)) / 2
-    return unit(axis, float(((low + high) / 2 - middle)[axis]))
+    half_m = float(np.ptp(body[:, across])) / 2
+    at_face = abs(float(((low + high) / 2 - _middle_of(raw))[across])) > _AT_FACE * half_m
+    along = int(np.argmax(np.abs(joint.axis)))
+    return bool(thin < _SLIDING * middle and across != 2 and along != across and at_face)
+
+
+def _box_of(link: RawLink) -> tuple[Array, Array]:
+    """The corners (3,) of the box around all of a door but its handles.
+
+    The largest part of a framed door may be a bar that is thin both ways.
+    """
+    points = np.concatenate([part.vertices_m for part in link.without_handles])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _middle_of(raw: RawAsset) -> Array:
+    body = raw.links[0].points_m
+    return np.asarray((body.min(axis=0) + body.max(axis=0)) / 2)
 
 
 def unit(axis: int, sign: float) -> Array:

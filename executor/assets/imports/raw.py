@@ -90,6 +90,7 @@ class RawJoint:
         origin_m: (3,) a point of its axis.
         axis: (3,) unit vector.
         low, high: Limits in rad or m, low < high.
+        mimics: The joint that it follows by the file; empty where it follows none.
     """
 
     name: str
@@ -99,6 +100,7 @@ class RawJoint:
     axis: Array
     low: float
     high: float
+    mimics: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

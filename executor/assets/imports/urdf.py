@@ -17,7 +17,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, parsed_markup, read_text
+from executor.assets.imports.asset_folder import (
+    AssetFolder,
+    ImportRefused,
+    NothingThere,
+    parsed_markup,
+    read_text,
+)
 from executor.assets.imports.mesh_files import MOST_FACES, from_screen, read_mesh
 from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink
 from executor.assets.imports.side_file import CATEGORY
@@ -29,6 +35,8 @@ HEAVIEST_KG = 10_000.0
 _MOVES: dict[str, Literal["revolute", "prismatic"]] = {"revolute": "revolute", "prismatic": "prismatic"}
 _WELDED = frozenset({"fixed", "continuous"})
 _HANDLE = re.compile(r"(?<![a-z])(handle|knob|pull|grip)(?![a-z])", re.IGNORECASE)
+_FRONT = re.compile(r"(?<![a-z])(door|drawer|lid)(?![a-z])", re.IGNORECASE)
+_XACRO = re.compile(r"\$[{(]")
 _HINT = "see the URDF specification, or import the meshes one by one"
 # PartNet-Mobility's words for things, where ours are others.
 _CATEGORIES = {"StorageFurniture": "cabinet"}
@@ -68,7 +76,8 @@ def read_urdf(file: Path, *, handles_by_mesh: bool = False) -> RawAsset:
         handles_by_mesh: Whether a mesh that is a handle in one element is one in all.
 
     Raises:
-        ImportRefused: The file is no URDF, or something in it cannot be used; the message names it.
+        ImportRefused: The file is no URDF, or something in it cannot be used; the message names it. A mesh that is not
+            there or has no faces is left out, and a note says so.
         MissingExtra: yourdfpy is not installed.
     """
     return _Reader(file, _parsed(file), handles_by_mesh=handles_by_mesh).asset()
@@ -82,6 +91,9 @@ def _parsed(file: Path) -> Any:
     if root.tag != "robot":
         raise ImportRefused(file, f"begins with <{root.tag}>, not with <robot>", _HINT)
     etree.strip_tags(root, etree.Comment)
+    if _is_xacro(root):
+        hint = f"expand it first: xacro {file.name} > {file.stem}_expanded.urdf"
+        raise ImportRefused(file, "has expressions of xacro, and is no URDF yet", hint)
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
     try:
         robot = yourdfpy.URDF._parse_robot(xml_element=root)
@@ -95,6 +107,14 @@ def _parsed(file: Path) -> Any:
         else:
             said = str(error)
         raise ImportRefused(file, f"is no URDF that can be read: {said}", _HINT) from error
+
+
+def _is_xacro(root: Any) -> bool:
+    """Whether an element or a value is one that xacro has yet to replace."""
+    return any(
+        "/xacro}" in str(element.tag) or any(map(_XACRO.search, map(str, element.attrib.values())))
+        for element in root.iter()
+    )
 
 
 def _is_handle_name(*names: str | None) -> bool:
@@ -140,7 +160,8 @@ class _Reader:
             self._joints_of.setdefault(joint.parent, []).append(joint)
         roots = [name for name in self._links if name not in children]
         if len(roots) != 1:
-            raise self._refused(f"has {len(roots)} links that hang on nothing", "one must carry all others")
+            named = f" ({', '.join(roots[:4])})" if roots else ""
+            raise self._refused(f"has {len(roots)} links that hang on nothing{named}", "one must carry all others")
         return roots[0]
 
     def asset(self) -> RawAsset:
@@ -161,6 +182,11 @@ class _Reader:
                     self._notes.append(f"joint {joint.name} sits on a part that moves itself; it was made fast")
                 elif joint.type == "continuous":
                     self._notes.append(f"joint {joint.name} turns without end; it was made fast")
+                elif joint.type in _MOVES:
+                    self._notes.append(f"warning: joint {joint.name} has no range; it was made fast")
+                elif carrier == self._root and self._looks_like_front(joint.child):
+                    said = f"joint {joint.name} is fixed, and {joint.child} looks like a door or a drawer"
+                    self._notes.append(f"warning: {said}: it will not open")
                 waiting.append((joint.child, joint.child if moves else carrier, T_joint))
         if seen != len(self._links):
             raise self._refused("its joints make a ring", "assets are trees")
@@ -182,6 +208,13 @@ class _Reader:
         fast = limit is not None and limit.lower is not None and limit.lower == limit.upper
         return joint.type in _MOVES and not fast
 
+    def _looks_like_front(self, name: str) -> bool:
+        """Whether a link is called a door or a drawer, or has a handle and other parts."""
+        link = self._links[name]
+        handles = [_is_handle_name(element.name) for element in (*link.visuals, *link.collisions)]
+        called = _FRONT.search(name.replace("_", " ")) is not None and not _is_handle_name(name)
+        return bool(handles) and (called or any(handles)) and not all(handles)
+
     def _joint(self, joint: Any, T: Array) -> RawJoint:
         axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
         length = float(np.linalg.norm(axis))
@@ -193,7 +226,8 @@ class _Reader:
         if not (np.isfinite([low, high]).all() and low < high):
             raise self._refused(f"the limits of joint {joint.name} are {low:g} and {high:g}", "numbers, lower first")
         turned = T[:3, :3] @ axis / length
-        return RawJoint(joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), turned, low, high)
+        mimics = "" if joint.mimic is None else str(joint.mimic.joint)
+        return RawJoint(joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), turned, low, high, mimics)
 
     def _take(self, name: str, carrier: str, T: Array) -> None:
         """Keeps a link's mass and shapes as those of its carrier."""
@@ -261,7 +295,14 @@ class _Reader:
         if scale.shape not in ((1,), (3,)) or not np.isfinite(scale).all() or (scale == 0.0).any():
             problem = f"mesh {mesh.filename} has the scale {_told(scale)}"
             raise self._refused(problem, "expected three numbers other than 0")
-        return tuple(part.stretched(scale) for part in read_mesh(self._folder, self._folder.find(mesh.filename)))
+        try:
+            parts = read_mesh(self._folder, self._folder.find(mesh.filename))
+        except NothingThere as problem:
+            said = f"warning: mesh {mesh.filename} was left out: {problem.problem}; {problem.hint}"
+            if said not in self._notes:
+                self._notes.append(said)
+            return ()
+        return tuple(part.stretched(scale) for part in parts)
 
 
 def _told(lengths: Any) -> str:

@@ -73,7 +73,7 @@ def mono_like(depth_m: Array, rng: np.random.Generator) -> Array:
 def exact_boxes(masks: Mapping[str, NDArray[np.bool_]], categories: Mapping[str, str]) -> dict[str, Sighting]:
     """Returns object id -> its mask, the box around it, and its name, as the simulator has them."""
     return {
-        name: Sighting(categories[name], categories[name], box_of(mask), 1.0, ORACLE, mask)
+        name: Sighting(categories[name], categories[name], box_of(mask), 1.0, ORACLE, mask, provenance="detector")
         for name, mask in masks.items()
     }
 
@@ -105,5 +105,5 @@ def mocked_boxes(
         category = other if chance < detector.missed + detector.misnamed else categories[name]
         x0, y0 = np.clip(box[:2], 0.0, [width - _LEAST_PX, height - _LEAST_PX])
         x1, y1 = np.clip(np.maximum(box[2:], [x0 + _LEAST_PX, y0 + _LEAST_PX]), 0.0, [width, height])
-        found[name] = Sighting(category, category or None, (x0, y0, x1, y1), 1.0, MOCKED)
+        found[name] = Sighting(category, category or None, (x0, y0, x1, y1), 1.0, MOCKED, provenance="detector")
     return found

@@ -99,7 +99,8 @@ def input_of(
         depth, floor = None, levelled_by_height(find_upright(picture, camera), height_m)
         seen = flat_observation(picture, camera, floor)
     detections = tuple(boxes.values()) if detect is None else detect(picture).things
-    return TrackInput(Given(name, picture, depth, camera, detections, seen, floor), boxes)
+    # What the mocked detector misses is there to be found; a track is of all that a picture shows.
+    return TrackInput(Given(name, picture, depth, camera, detections, seen, floor, find_more=True), boxes)
 
 
 def _boxes(

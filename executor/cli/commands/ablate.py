@@ -6,7 +6,7 @@ which leaves a table of the episodes that were finished.
 
 from __future__ import annotations
 
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_limit, check_seed, refuse, task_to_run
 from executor.cli.inputs import refuse_existing
 from executor.cli.judging import Judging, chosen_views
@@ -17,6 +17,7 @@ from executor.evolution.record import Evolution
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
 from llm.answers.conversation import Conversation
+from llm.answers.spending import Spending
 from oag import ObjectActionGraph, compose
 from oag.task.sizes import resizings
 
@@ -33,7 +34,7 @@ def execute(options: AblateOptions) -> int:
     check_limit(options.limit)
     chosen = settings(options, chosen_views(options.judged.views))
     if options.out is not None:
-        refuse_existing(options.out / FILE, force=options.force)
+        refuse_existing(options.out / FILE, force=options.force or options.resume)
     task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     graph = compose(task, scene=scene)
     report = graph.verify()
@@ -42,14 +43,17 @@ def execute(options: AblateOptions) -> int:
     if not options.json:
         tell_notes(map(str, resizings(task.scales, scene)))
     rows: list[AblationRow] = []
-    with Judging(options.judged, options.out, force=options.force) as judging:
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
+    judged_by = Judging(options.judged, options.out, force=options.force, resume=options.resume, quiet=options.json)
+    with judged_by as judging:
         for setting in chosen:
             rows.append(_row(options, setting, graph, judging))
             if not options.json:
                 tell(f"{setting.letters}, {setting.look_back} back: {rows[-1].after} of {rows[-1].trials} succeeded")
             if rows[-1].stopped:
                 break
-    return _finish(options, [row for row in rows if row.trials or row.stopped != BY_CTRL_C], rows[-1].stopped)
+    kept = [row for row in rows if row.trials or row.stopped != BY_CTRL_C]
+    return _finish(options, kept, rows[-1].stopped, judging.spending)
 
 
 def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
@@ -86,13 +90,14 @@ def _row(options: AblateOptions, setting: AblationSetting, graph: ObjectActionGr
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str) -> int:
+def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
     """Writes and prints the table.
 
     Args:
         options: What was typed.
         rows: Settings with at least one episode, or that the model did not answer.
         stopped: Why nothing more was run; empty when everything was.
+        spending: What the model took.
     """
     interrupted = stopped == BY_CTRL_C
     code = INTERRUPTED if interrupted else FAILED if stopped else DONE
@@ -104,6 +109,7 @@ def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str) -> in
         "episodes": options.episodes,
         "measurements": options.judged.measurements,
         "rows": [row.to_json() for row in rows],
+        "usage": None if spending is None else spending.to_json(),
     }
     if options.out is not None and rows:
         write_json(options.out / FILE, data)
@@ -112,6 +118,8 @@ def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str) -> in
         return code
     if rows:
         say(table(rows))
+    if spending is not None:
+        say(spending.total())
     if interrupted:
         tell("scene2demo: interrupted; finished episodes are in the table", style="yellow")
     elif stopped:

@@ -1,9 +1,9 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
 unit again, as a video and a report.
 
-`bench` returns 0 when every unit that was asked for is done (whatever came of it), 130 after Ctrl-C. Failures are what
-a benchmark measures; they are no failure of the benchmark. `replay` returns 0 when the states were the same as when it
-was measured, whether it succeeded or not; 1 when they were not.
+`bench` returns 0 when every unit that was asked for is done and one at least succeeded, 1 when none did (but for
+baselines, which may come to nothing), 130 after Ctrl-C. Failures are what a benchmark measures. `replay` returns 0 when
+the states were the same as when it was measured, whether it succeeded or not; 1 when they were not.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
-from oag import compose
 
 BASELINE_WORKER = "executor.baselines.worker"
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
@@ -78,14 +77,17 @@ def _measure(options: BenchOptions) -> int:
             interrupted = True
         finally:
             cells = write_results(folder)
+    endings = Counter(result["ended"] for one in asked for result in folder.results(one))
+    hopeless = options.baseline is None and endings.total() > 0 and not endings["succeeded"]
+    code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     if options.json:
-        print_json({"ok": not interrupted, "interrupted": interrupted, **bench_json(cells)})
+        print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting)
         say(f"results in {folder.path}: summary.json, report.html, units/")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
-    return INTERRUPTED if interrupted else DONE
+    return code
 
 
 def write_results(folder: BenchFolder) -> list[Cell]:
@@ -212,11 +214,9 @@ def _replay(options: BenchReplayOptions) -> int:
         began = time.perf_counter()
         again = replay(recorded)
         wall = {"planning and physics": time.perf_counter() - began}
-        # What the folder calls the plan, and certifies, is the one that was run in the end.
-        graph = again.graph if again.story is None else compose(again.story.evolved, scene=again.pair.scene)
         record = RunRecord(
-            graph=graph,
-            report=graph.verify(),
+            graph=again.graph,
+            report=again.graph.verify(),
             query=again.pair.query,
             notes=(f"unit {recorded['name']}: {again.verdict}",),
             rollout=again.rollout,
@@ -230,8 +230,7 @@ def _replay(options: BenchReplayOptions) -> int:
                 size=None if options.size == BenchReplayOptions.size else options.size,
             ),
         )
-        folder.write_plan(record)
-        folder.write_rollout(again.rollout)
+        record = folder.write_rollout(record)
         if again.story is not None:
             write_json(folder.path / "evolution.json", evolution_json(again.story))
         record = studio.finish(record, folder)

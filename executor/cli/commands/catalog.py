@@ -9,13 +9,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bddl import format as written
 from bddl.files import temporary_beside
+from bddl.visible import counted
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind
 from executor.assets.parameters import ModelEntry, Quantity, Range
 from executor.cli.errors import BAD_INPUT, DONE, BadOption
 from executor.cli.inputs import refuse_existing
-from executor.cli.output import ERR, print_json, say, tell, tell_notes
+from executor.cli.output import ERR, print_json, say, tell, tell_notes, tell_warnings
 from executor.cli.words.running import AssetsOptions, ImportOptions, ScenesOptions
 from executor.machine.files import write_json
 from executor.pictures.sheet import asset_sheet
@@ -121,12 +122,13 @@ def _show_scene(options: ScenesOptions, name: str) -> None:
 def _check_scene(options: ScenesOptions, name: str) -> int:
     """Prints all that is wrong with a scene, else the facts that follow; draws or writes it where that is wanted."""
     _refuse_outputs(options)
-    found, problems, wrong = _examined(name)
+    found, problems, misread, wrong = _examined(name)
     errors = [*problems, *(str(flaw) for flaw in wrong if flaw.error)]
-    warnings = [str(flaw) for flaw in wrong if not flaw.error]
+    warnings = [*misread, *(str(flaw) for flaw in wrong if not flaw.error)]
     facts = [] if found is None else [written(fact) for fact in found.scene.facts]
+    notes = [] if found is None else list(found.notes)
     if options.json:
-        print_json({"ok": not errors, "errors": errors, "warnings": warnings, "facts": facts})
+        print_json({"ok": not errors, "errors": errors, "warnings": warnings, "notes": notes, "facts": facts})
     else:
         if found is not None:
             _tell(found, warnings)
@@ -135,7 +137,8 @@ def _check_scene(options: ScenesOptions, name: str) -> int:
         if errors or found is None:
             say(f"{name}: {len(errors)} {'thing is' if len(errors) == 1 else 'things are'} wrong")
         else:
-            say(f"{name}: nothing is wrong; {len(found.scene.objects)} objects, and these facts:")
+            verdict = f"no errors, {counted(len(warnings), 'warning')}" if warnings else "nothing is wrong"
+            say(f"{name}: {verdict}; {len(found.scene.objects)} objects, and these facts:")
             for fact in facts:
                 say(f"  {fact}")
     if found is not None:
@@ -145,17 +148,20 @@ def _check_scene(options: ScenesOptions, name: str) -> int:
     return BAD_INPUT if errors else DONE
 
 
-def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[Flaw, ...]]:
-    """Returns a scene as far as there is one, what is wrong in its file, and what is wrong with the scene."""
+def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[str, ...], tuple[Flaw, ...]]:
+    """Returns a scene as far as there is one, and what has to be known of it.
+
+    That is what is wrong in its file, what was read otherwise than it is written, and what is wrong with the scene.
+    """
     path = library.file_of(name)
     if path is None or library.holds_cousins(path):
         found = converted(name)
-        return found, (), flaws(found.scene)
+        return found, (), (), flaws(found.scene)
     read = furnished(path)
     scene = read.scene or read.rest
     if scene is None:
-        return None, read.problems, ()
-    return Converted(scene, ()), read.problems, flaws(scene)
+        return None, read.problems, (), ()
+    return Converted(scene, ()), read.problems, read.warnings, flaws(scene)
 
 
 def _refuse_outputs(options: ScenesOptions) -> None:
@@ -178,8 +184,7 @@ def _draw(options: ScenesOptions, scene: Scene) -> None:
 
 def _tell(found: Converted, warnings: list[str]) -> None:
     tell_notes(found.notes)
-    for warning in warnings:
-        tell(f"warning: {warning}", style="yellow")
+    tell_warnings(warnings)
 
 
 def _list_models(options: AssetsOptions) -> None:

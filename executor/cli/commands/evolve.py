@@ -15,7 +15,7 @@ from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
 from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
 from executor.cli.fault_words import FaultWords
-from executor.cli.judging import Judging, judge_arguments
+from executor.cli.judging import Judging, judge_arguments, stopped_words
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.words.running import EvolveOptions
@@ -27,6 +27,7 @@ from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord
 from executor.world.faults import Fault, fault_json
+from llm.answers.spending import Spending
 from oag import ObjectActionGraph, Task, clopper_pearson, compose, flow_to_json
 from oag.task.sizes import resizings
 
@@ -49,33 +50,49 @@ def execute(options: EvolveOptions) -> int:
     notes = tuple(map(str, resizings(task.scales, scene)))
     if not options.json:
         tell_notes(notes)
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     told: list[dict[str, Any]] = []
     last: Evolution | None = None
-    interrupted = False
+    interrupted, stopped = False, ""
+    spent: list[Spending] = []
     try:
-        for done, episode in _episodes(options, faults, graph):
-            last = done
+        for done, episode in _episodes(options, faults, graph, spent):
+            last, stopped = done, episode.get("stopped", "")
             told.append(episode)
             if not options.json and options.episodes > 1:
                 say(_headline(episode), style="green" if episode["succeeded"] else "red")
     except EvolutionInterrupted:
         interrupted = True
+    usage = spent[0].to_json() if spent else None
     good = not interrupted and all(episode["succeeded"] for episode in told)
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
+        head |= {"usage": usage, "stopped": stopped}
         print_json({**head, **_summary_of(told), "episodes": told})
     else:
         _print(told, last, options)
-        if interrupted:
+        for spending in spent:
+            say(spending.total())
+        if stopped:
+            tell(f"scene2demo: {stopped_words(stopped)}", style="red")
+        elif interrupted:
             tell("scene2demo: interrupted; finished episodes were kept, --resume goes on", style="yellow")
     return code
 
 
 def _episodes(
-    options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph
+    options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph, spent: list[Spending]
 ) -> Iterator[tuple[Evolution | None, dict[str, Any]]]:
     """Yields the episodes in JSON form, in the order of seeds, each with what was run here; None where it was kept.
+
+    The one in which the model stops answering is the last, and says so; it is none that is kept.
+
+    Args:
+        options: What was typed.
+        faults: What is wrong on purpose.
+        graph: The proved plan.
+        spent: Where what the model takes is put, if there is one.
 
     Raises:
         BadOption: The folder to go on from has episodes of another experiment.
@@ -94,8 +111,14 @@ def _episodes(
             # An episode that was interrupted has no evolution.json, and is run again.
             folders[seed] = RunFolder.prepare(path, force=options.force or options.resume)
     judged_by = Judging(
-        options.judged, options.out, force=options.force, resume=options.resume, pictures=options.pictures
+        options.judged,
+        options.out,
+        force=options.force,
+        resume=options.resume,
+        pictures=options.pictures,
+        quiet=options.json,
     )
+    spent += [] if judged_by.spending is None else [judged_by.spending]
     with judged_by as judging, RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
         for seed in seeds:
             if seed in kept:
@@ -104,13 +127,23 @@ def _episodes(
             began = time.perf_counter()
             drawn = tuple(words.drawn(seed) for words in faults)
             done = judging.evolve(graph, seed=seed, limit=options.limit, listen=progress, faults=drawn)
-            told = evolution_json(done) | {"wall_s": time.perf_counter() - began}
+            stopped = "" if done.succeeded else judging.stopped
+            told = evolution_json(done) | {"wall_s": time.perf_counter() - began, "stopped": stopped}
             if seed in folders:
-                _write(folders[seed], graph, done, options)
+                _write(folders[seed], graph, done, options, judging.spending, stopped)
             yield done, told
+            if stopped:
+                return
 
 
-def _write(folder: RunFolder, graph: ObjectActionGraph, evolution: Evolution, options: EvolveOptions) -> None:
+def _write(
+    folder: RunFolder,
+    graph: ObjectActionGraph,
+    evolution: Evolution,
+    options: EvolveOptions,
+    spending: Spending | None,
+    stopped: str,
+) -> None:
     command = command_line(
         "evolve",
         options.task,
@@ -122,7 +155,7 @@ def _write(folder: RunFolder, graph: ObjectActionGraph, evolution: Evolution, op
         **judge_arguments(options.judged),
     )
     with folder.filling():
-        record = RunRecord(graph, graph.verify(), command=command)
+        record = RunRecord(graph, graph.verify(), command=command, spending=spending, stopped=stopped)
         folder.write_report(folder.write_evolution(record, evolution), None)
         try:
             folder.write_episode(evolution.rollout, None)
@@ -139,6 +172,8 @@ def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[
     try:
         told = read_json(path)
     except (OSError, ValueError):
+        return None
+    if isinstance(told, dict) and told.get("stopped"):
         return None
     asked = {"original": task.to_json(), "faults": [fault_json(fault) for fault in faults], "seed": seed}
     same = isinstance(told, dict) and all(told.get(key) == json.loads(json_text(asked[key])) for key in asked)

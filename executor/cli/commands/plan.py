@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED
 from executor.cli.executing import check_seed
-from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 from executor.cli.words.running import PlanOptions
 from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
@@ -18,29 +18,35 @@ from oag.task.sizes import Sizing
 
 
 def execute(options: PlanOptions) -> int:
-    """Prints the verdict, and what the hand has to get to.
+    """Prints the verdict as soon as there is one, and what the hand has to get to.
 
     Raises:
         SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
         QueryError: The sentence is not understood, or cannot be planned in the scene.
     """
     check_seed(options.seed)
-    scene = scene_for(options.query, options.scene, full_size=options.full_size)
-    require_possible(scene)
-    proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
-    graph = compose(proposal.task, scene=scene)
-    report = graph.verify()
-    # Of a plan that is not proved nobody knows what the hand would have to get to.
-    found = reach(scene.with_scales(graph.task.scales), graph.task) if report else None
+    quiet = options.json
+    with counting(f"reading the scene {options.scene}", quiet=quiet):
+        scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
+        tell_warnings(require_possible(scene))
+    with counting("planning, and proving the plan", quiet=quiet):
+        proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
+        graph = compose(proposal.task, scene=scene)
+        report = graph.verify()
+    if not quiet:
+        tell_notes(proposal.notes)
+        say(str(report))
+    found = None
+    if report:
+        # Of a plan that is not proved nobody knows what the hand would have to get to.
+        with counting("asking for the arm's reach, subtask by subtask", quiet=quiet) as told:
+            found = reach(scene.with_scales(graph.task.scales), graph.task, told)
     code = DONE if found is not None and found.reachable else FAILED
     if options.json:
         head = {"ok": code == DONE, "exit_code": code, "query": options.query, "notes": list(proposal.notes)}
         plan = {"plan": graph.task.to_json(), "reach": None if found is None else found.to_json()}
         print_json({**head, **report.to_json(), **plan})
-        return code
-    tell_notes(proposal.notes)
-    say(str(report))
-    if found is None:
+    elif found is None:
         tell("\nthe reach of the arm was not asked, since the plan is not proved", style="yellow")
     else:
         _print_reach(found)

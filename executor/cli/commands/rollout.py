@@ -208,9 +208,7 @@ class _Keeper:
         command = command_line("rollout", options.task, scene=options.scene, seed=done.seed, **given)
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
         with folder.filling():
-            folder.write_plan(record)
-            folder.write_rollout(done)
-            folder.write_report(record, None)
+            folder.write_report(folder.write_rollout(record), None)
             if self._dataset:
                 folder.write_episode(done, None)
 

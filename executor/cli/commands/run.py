@@ -14,8 +14,18 @@ from bddl.files import read_bounded
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_limit, check_seed, command_line, studio_for
-from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
-from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.judging import (
+    NO_VIEWS,
+    PICTURES,
+    REPLAY,
+    Judging,
+    connected,
+    counted_to_the_end,
+    spending_of,
+    stopped_words,
+    tell_kept,
+)
+from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
 from executor.cli.words.running import JudgeOptions, RunOptions
@@ -28,7 +38,8 @@ from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
 from executor.scenes.plausible import require_possible
 from executor.scenes.reading import scene_for
-from llm import Image, Metered, ModelProposer, Proposal, propose
+from llm import Image, ModelProposer, Proposal, propose
+from llm.answers.spending import Spending
 from oag import Scene, compose
 from oag.task.sizes import Sizing
 
@@ -48,25 +59,35 @@ def execute(options: RunOptions) -> int:
     images = _pictures(options.image, options.model)
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
-    scene = scene_for(options.query, options.scene, full_size=options.full_size)
+    scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
     # A model would be paid for a plan with things that nobody can build.
-    require_possible(scene)
+    tell_warnings(require_possible(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
         propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.
-    folder = RunFolder.prepare(options.out, force=options.force)
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
+    # A recording that is replayed is read before its folder is prepared for other results.
+    replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
+    folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
+    tell_kept(folder.kept_aside)
+    same = not options.resume or folder.query in (None, options.query)
+    check(same, "--resume", options.out, f"the folder of a run of the same sentence, not of {folder.query!r}")
     with folder.filling():
-        model = connected(options, folder.exchanges)
-        if model is None:
-            proposal = propose(options.query, scene, sizing=sizing)
-        else:
-            proposal = _proposed_by(model, options, scene, folder, images)
-        record = _executed(options, proposal, scene, folder, model)
+        model = replayed or connected(options, folder.exchanges, resume=options.resume)
+        spending = spending_of(model, quiet=options.json)
+        with counted_to_the_end(spending, quiet=options.json):
+            if spending is None:
+                proposal = propose(options.query, scene, sizing=sizing)
+            else:
+                proposal = _proposed_by(spending, options, scene, folder, images)
+            if options.resume:
+                folder.clear()
+            record = _executed(options, proposal, scene, folder, spending)
     return _finish(record, folder, options)
 
 
 def _executed(
-    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, model: Metered | None
+    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
 ) -> RunRecord:
     """Returns the record of a run, when everything that stands is in its folder.
 
@@ -75,7 +96,7 @@ def _executed(
         proposal: What the offline planner, or the model, proposed.
         scene: Where it is.
         folder: The run's folder.
-        model: Who proposed it; None for the offline planner.
+        spending: Who proposed it, and what it took; None for the offline planner.
     """
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
@@ -85,6 +106,7 @@ def _executed(
         query=options.query,
         proposal=proposal.to_json(),
         notes=proposal.notes,
+        spending=spending,
         command=command_line(
             "run",
             options.query,
@@ -111,10 +133,8 @@ def _executed(
         return record
     _say_plan(record, options)
     with studio_for(options) as studio:
-        record = _evolved(record, options, folder, model) if options.evolve else _moved(record, options)
-        if record.rollout is not None:
-            folder.write_rollout(record.rollout)
-            record = studio.finish(record, folder)
+        record = _evolved(record, options, folder) if options.evolve else folder.write_rollout(_moved(record, options))
+        record = studio.finish(record, folder)
     return record
 
 
@@ -131,19 +151,18 @@ def _moved(record: RunRecord, options: RunOptions) -> RunRecord:
     return replace(record, rollout=done, interrupted=interrupted, wall_s=wall)
 
 
-def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: Metered | None) -> RunRecord:
+def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRecord:
     """Returns the record of a run whose failing flows were revised; how is in the folder.
 
     Args:
-        record: The proved plan.
+        record: The proved plan; the model that proposed it, if one did, judges and revises as well.
         options: What was typed.
         folder: The run's folder.
-        model: Who proposed the plan, and judges and revises as well; None for measurements.
     """
     began = time.perf_counter()
     interrupted = False
     with (
-        Judging(_judged(options), folder.path, force=options.force, model=model, pictures=options.video) as judging,
+        Judging(_judged(options), folder.path, spending=record.spending, pictures=options.video) as judging,
         RolloutProgress(quiet=options.json) as progress,
     ):
         try:
@@ -153,7 +172,8 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: M
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began
-        record = folder.write_evolution(record, evolution)
+        stopped = "" if evolution.succeeded else judging.stopped
+        record = folder.write_evolution(replace(record, stopped=stopped), evolution)
     return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
@@ -181,11 +201,13 @@ def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
     print_summary(record, folder)
     if record.interrupted:
         tell("scene2demo: interrupted; what was finished is in the folder", style="yellow")
+    elif record.stopped:
+        tell(f"scene2demo: {stopped_words(record.stopped)}", style="red")
     return code
 
 
 def _proposed_by(
-    model: Metered, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+    spending: Spending, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> Proposal:
     """Returns a model's proposal for a run's query; what it was asked and answered is in the folder, also on failure.
 
@@ -195,11 +217,13 @@ def _proposed_by(
         AnswersRefused: None of the model's answers held.
     """
     sizing = Sizing(options.seed, options.keep_sizes)
-    proposer = ModelProposer(model, name=options.model or "", images=images, sizing=sizing)
+    name = options.model or ""
+    proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.hear)
     try:
         return proposer.propose(options.query, scene)
     finally:
-        if proposer.conversation is not None:
+        # What is gone on with keeps its record until there is a new one.
+        if proposer.conversation is not None and (spending.rounds or not options.resume):
             folder.write_conversation(proposer.conversation.to_json())
 
 
@@ -220,6 +244,7 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
 
     Raises:
         BadOption: Nobody looks at them, or a file cannot be read, is too large, or is no picture that models take.
+        PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
         raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")
@@ -235,7 +260,10 @@ def _picture(path: Path) -> Image:
     kind = _media_type(data)
     if kind is None:
         raise BadOption("--image", path, "a picture in PNG, JPEG, WebP or GIF")
-    return Image(data, kind)
+    picture = Image(data, kind)
+    if (problem := picture.problem()) is not None:
+        raise BadOption("--image", path, f"a picture that a model can look at, and {problem}")
+    return picture
 
 
 def _media_type(data: bytes) -> str | None:

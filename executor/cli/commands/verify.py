@@ -9,6 +9,7 @@ from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.planning import VerifyOptions
 from executor.machine.files import write_json
+from llm.offline.sentences import other_readings
 from oag import Fix, Report, Verdict, canonical_digest, compose
 
 
@@ -28,6 +29,9 @@ def execute(options: VerifyOptions) -> int:
             refuse_existing(path, force=options.force, option=name)
     task, scene = task_and_scene(options.task, options.scene)
     report = compose(task, scene=scene).verify()
+    if report.trace is not None:
+        # Sentences of a malformed task are compared with nothing.
+        report = report.with_findings(other_readings(task, scene))
     if options.apply is not None and report.verdict is not Verdict.REFUTED:
         raise BadOption("--apply", options.apply, f"no number: the plan is {report.verdict.value}, so it has no fixes")
     fix = _chosen(report, options.apply) if options.out is not None and report.verdict is Verdict.REFUTED else None

@@ -9,11 +9,13 @@ from typing import Annotated, Literal
 import tyro
 
 from executor.cli.words.shared import (
+    READ_SCENE,
     CommonOptions,
     Flag,
     FullSize,
     KeepSizes,
     Maybe,
+    Read,
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
@@ -44,7 +46,7 @@ class GenerateOptions(CommonOptions):
     ]
     """Families of the benchmark, a sentence (with --scene), or a YAML file that lists what to make."""
     out: ResultsFolder
-    scene: Maybe[str] = None
+    scene: Annotated[Maybe[str], READ_SCENE] = None
     """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: the kitchen that an episode's
     seed draws."""
     episodes: int = 20
@@ -99,7 +101,7 @@ class ReplayOptions(CommonOptions):
     (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
     """
 
-    store: tyro.conf.Positional[Path]
+    store: tyro.conf.Positional[Annotated[Path, Read()]]
     """A store of episodes, as `generate` makes them, or a data set that was exported of one."""
     through: Literal["log", "env"] = "log"
     """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
@@ -113,7 +115,9 @@ class ReplayOptions(CommonOptions):
 
 Store = tyro.conf.Positional[
     Annotated[
-        Path, tyro.conf.arg(metavar="STORE", help="Folder that `generate` filled.", help_behavior_hint="(required)")
+        Path,
+        tyro.conf.arg(metavar="STORE", help="Folder that `generate` filled.", help_behavior_hint="(required)"),
+        Read(),
     ]
 ]
 
@@ -127,8 +131,11 @@ class ExportOptions(CommonOptions):
     format: Format = "lerobot"
     """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
     include: Annotated[tuple[Extra, ...], tyro.conf.arg(metavar="WHAT...", help_behavior_hint="")] = ()
-    """What is to be in it too: depth and segmentation (where all episodes have them), point_cloud (of what is there,
+    """What is to be in it too: depth and segmentation (which all episodes have to have), point_cloud (of what is there,
     1,024 points), corrections (attempts that failed and were revised, as episodes of their own)."""
+    only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all successes)")] = ""
+    """Which episodes, such as origin=T5+T6,views=head: origin, ended (succeeded, failed), rate, robot, size (128x128),
+    channels (depth, segmentation), and views, which are all that the data set has then (none: no pictures)."""
     force: ReplaceResults = False
 
 
@@ -142,6 +149,7 @@ class ConvertOptions(CommonOptions):
             tyro.conf.arg(
                 metavar="SOURCE", help="Folder that `dataset export` wrote.", help_behavior_hint="(required)"
             ),
+            Read(),
         ]
     ]
     out: ResultsFolder
@@ -201,6 +209,7 @@ class MergeOptions(CommonOptions):
         Annotated[
             tuple[Path, ...],
             tyro.conf.arg(metavar="STORE...", help="Folders that `generate` filled.", help_behavior_hint="(required)"),
+            Read(),
         ]
     ]
     out: ResultsFolder
@@ -240,7 +249,7 @@ class TrainOptions(CommonOptions):
 
     settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
     """state, ensemble, rooms, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
-    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)")]
+    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)"), Read()]
     """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
     out: Path
     """Folder for the policy."""
@@ -272,6 +281,7 @@ class EvaluateOptions(CommonOptions):
                 help="Folders that `train` filled, or policies of LeRobot (its `pretrained_model`).",
                 help_behavior_hint="(required)",
             ),
+            Read(),
         ]
     ]
     task: Maybe[Family] = None
@@ -310,7 +320,9 @@ class CorrectOptions(CommonOptions):
 
     policy: tyro.conf.Positional[
         Annotated[
-            Path, tyro.conf.arg(metavar="POLICY", help="Folder that `train` filled.", help_behavior_hint="(required)")
+            Path,
+            tyro.conf.arg(metavar="POLICY", help="Folder that `train` filled.", help_behavior_hint="(required)"),
+            Read(),
         ]
     ]
     out: ResultsFolder

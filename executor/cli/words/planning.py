@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.shared import CommonOptions, Flag, Maybe, ReplaceFile, SceneBeside, TaskFile
+from executor.cli.words.shared import READ_SCENE, CommonOptions, Flag, Maybe, Read, ReplaceFile, SceneBeside, TaskFile
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class GraphOptions(CommonOptions):
 class RecheckOptions(CommonOptions):
     """Check a certificate without trusting the verifier that wrote it."""
 
-    certificate: tyro.conf.Positional[Path]
+    certificate: tyro.conf.Positional[Annotated[Path, Read("certificate")]]
     """The certificate's JSON file, or that of a report: what `verify --json` prints."""
-    task: Maybe[Path] = None
+    task: Annotated[Maybe[Path], Read("task")] = None
     """The task's JSON file that it has to be about; by default any."""
-    scene: Maybe[str] = None
+    scene: Annotated[Maybe[str], READ_SCENE] = None
     """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""

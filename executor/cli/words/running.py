@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import tyro
 
@@ -21,6 +21,7 @@ from executor.cli.words.datasets import (
 )
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
+    READ_SCENE,
     BddlFiles,
     CommonOptions,
     Episodes,
@@ -28,6 +29,7 @@ from executor.cli.words.shared import (
     FirstSeed,
     Flag,
     FullSize,
+    GoOn,
     KeepSizes,
     Limit,
     MaxCost,
@@ -36,10 +38,12 @@ from executor.cli.words.shared import (
     Maybe,
     PhotoInputs,
     Profile,
+    Read,
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
     SceneName,
+    Sentence,
     Size,
     TaskToRun,
     Video,
@@ -54,11 +58,10 @@ Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampl
 class RunOptions(CommonOptions):
     """Turn a sentence and a scene, or a photograph of one, into a verified plan, a rollout, a video and a dataset."""
 
-    query: tyro.conf.Positional[str]
-    """What the robot is to do, such as "put the glass into the refrigerator"."""
+    query: Sentence
     out: ResultsFolder
     scene: Maybe[SceneName] = None
-    photo: Maybe[Path] = None
+    photo: Annotated[Maybe[Path], Read()] = None
     """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
     beside: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
@@ -77,6 +80,7 @@ class RunOptions(CommonOptions):
     limit: Limit = 5
     memory: Maybe[Path] = None
     """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
+    resume: GoOn = False
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
@@ -92,8 +96,8 @@ class PlanOptions(CommonOptions):
     plan takes hold of, and for a spot wherever it puts it. Collisions, paths and physics are not looked at.
     """
 
-    query: tyro.conf.Positional[str]
-    """What the robot is to do, such as "put the glass into the refrigerator"."""
+    begins: ClassVar[str] = "loading the planner and the simulator"
+    query: Sentence
     scene: SceneName
     seed: int = 0
     """What the widths of what the gripper takes are drawn from, as `run` draws them."""
@@ -179,6 +183,7 @@ class AblateOptions(CommonOptions):
     judged: JudgeOptions = field(default_factory=JudgeOptions)
     out: Maybe[Path] = None
     """Folder for the table, the recording and the pictures."""
+    resume: GoOn = False
     force: ReplaceResults = False
 
 
@@ -223,7 +228,7 @@ class BenchOptions(CommonOptions):
 class BenchReplayOptions(CommonOptions):
     """Run one unit of a benchmark again, and make a report with a video of it."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: tyro.conf.Positional[Annotated[Path, Read()]]
     """The benchmark's folder."""
     unit: tyro.conf.Positional[str]
     """The unit's name, as the report lists it, or the beginning of it."""
@@ -246,7 +251,7 @@ class ScenesOptions(CommonOptions):
     scene_k_info.json of Digital Cousins is furnished with models of the library.
     """
 
-    scene: tyro.conf.Positional[Maybe[str]] = None
+    scene: tyro.conf.Positional[Annotated[Maybe[str], READ_SCENE]] = None
     """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
     check: Flag = False
     """Say all that is wrong with the scene, else what stands on or in what in it; the exit code is 2 or 0."""
@@ -292,7 +297,7 @@ class PhotoOptions(CommonOptions):
     those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
     """
 
-    picture: tyro.conf.Positional[Path]
+    picture: tyro.conf.Positional[Annotated[Path, Read()]]
     """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
     out: ResultsFolder
     beside: PhotoInputs = field(default_factory=PhotoInputs)
@@ -301,6 +306,7 @@ class PhotoOptions(CommonOptions):
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
+    resume: GoOn = False
     force: ReplaceResults = False
 
 
@@ -318,7 +324,7 @@ class AssetsOptions(CommonOptions):
 class ImportOptions(CommonOptions):
     """Make a model for scenes of a URDF, a PartNet-Mobility folder or a mesh, and tell what a robot can do with it."""
 
-    source: tyro.conf.Positional[Path]
+    source: tyro.conf.Positional[Annotated[Path, Read()]]
     """A .urdf file, a folder with mobility.urdf, or an OBJ, STL, PLY, glTF or DAE mesh."""
     name: Maybe[str] = None
     """Its name; scenes say imported/NAME. By default that of the source."""

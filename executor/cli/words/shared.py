@@ -8,11 +8,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 import tyro
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Read:
+    """Marks an option, or what follows the command, that names something to read; the parser does not look at it.
+
+    Attributes:
+        what: What it is, as its reader's messages call it; empty where these begin with the path.
+        named: Whether it may be a name as well: then it is a path if it ends in `.json` or has a folder in it.
+    """
+
+    what: str = ""
+    named: bool = False
+
 
 # A flag's default, and a value that is not there, say nothing that the sentence does not say better.
 _UNSAID = tyro.conf.arg(help_behavior_hint="")
@@ -38,7 +52,12 @@ def unless(does: str) -> object:
 Json = Annotated[Flag, helped("Print one JSON object on standard output.")]
 Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
 ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
-ReplaceResults = Annotated[Flag, helped("Replace results that the folder already has.")]
+ReplaceResults = Annotated[
+    Flag, helped("Replace results that the folder already has; what a model answered is kept under another name.")
+]
+GoOn = Annotated[
+    Flag, helped("Go on from a run that ended early: what its model answered is not asked again, and what failed is.")
+]
 KeepSizes = Annotated[Flag, helped("Scale nothing to the gripper; what it cannot take at its own size is refused.")]
 FullSize = Annotated[
     Flag, helped("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")
@@ -52,14 +71,41 @@ EpisodesFolder = Annotated[Maybe[Path], helped("Folder for results: one folder a
 FirstSeed = Annotated[int, helped("Seed of the first episode; the following ones count up.")]
 Episodes = Annotated[int, helped("How many episodes to run.")]
 Limit = Annotated[int, helped("How many revisions a subtask may have.")]
-SceneName = Annotated[str, helped("Name of a scene that comes with the package, or a scene's JSON file.")]
+READ_SCENE = Read("scene", named=True)
+SceneName = Annotated[str, helped("Name of a scene that comes with the package, or a scene's JSON file."), READ_SCENE]
 SceneBeside = Annotated[
     Maybe[str],
     helped("Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."),
+    READ_SCENE,
 ]
-TaskFile = tyro.conf.Positional[Annotated[Path, helped("The task's JSON file.")]]
+TaskFile = tyro.conf.Positional[Annotated[Path, helped("The task's JSON file."), Read("task")]]
 TaskToRun = tyro.conf.Positional[
-    Annotated[Path, helped("The task's JSON file; numbers in its flows are run as they are written.")]
+    Annotated[Path, helped("The task's JSON file; numbers in its flows are run as they are written."), Read("task")]
+]
+
+
+def _sentence(words: list[str]) -> str:
+    if not words:
+        raise ValueError('a sentence is missing, such as "put the glass into the refrigerator"')
+    return " ".join(words)
+
+
+Sentence = tyro.conf.Positional[
+    Annotated[
+        str,
+        tyro.conf.arg(
+            help='What the robot is to do, such as "put the glass into the refrigerator".',
+            help_behavior_hint="(required)",
+        ),
+        # Without quotes a shell passes the words one by one.
+        tyro.constructors.PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="QUERY",
+            instance_from_str=_sentence,
+            is_instance=lambda value: isinstance(value, str),
+            str_from_instance=lambda value: [value],
+        ),
+    ]
 ]
 MaxTokens = Annotated[Maybe[int], helped("Most tokens that the model may use.")]
 MaxCost = Annotated[Maybe[float], helped("Most US dollars that the model may cost, where its price is known.")]
@@ -87,8 +133,13 @@ Profile = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions:
-    """What every command takes."""
+    """What every command takes.
 
+    Attributes:
+        begins: What a command does first, where that takes seconds and nothing is printed before it.
+    """
+
+    begins: ClassVar[str] = ""
     json: Json = False
     debug: Debug = False
 
@@ -119,3 +170,5 @@ class PhotoInputs:
     """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
     camera_height_m: Maybe[float] = None
     """Without depth: how high above the floor the camera was."""
+    find_more: Flag = False
+    """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""

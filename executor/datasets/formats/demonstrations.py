@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -11,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.datasets.formats.observations import ENVIRONMENT
 from executor.datasets.formats.stream import (
-    CHANNELS,
     CLOUD,
+    CLOUD_SHAPE,
     DEMONSTRATION,
     FoldedEpisode,
     Survey,
@@ -27,10 +30,17 @@ from executor.machine.files import plain
 from executor.pictures.frames import Frames
 from executor.records.rollout import Trajectory
 from executor.results.episode import Episode, SubtaskSpan
-from executor.results.robomimic import ABOUT, write_robomimic
+from executor.results.robomimic import ABOUT, LAST, write_robomimic
+from executor.robot.actions import HAND_NUMBERS, TARGETS
 from oag import Scene, Task
 
 FILE = "demonstrations.hdf5"
+_COMMANDED = {"actions_hand": HAND_NUMBERS, "actions_absolute": TARGETS}
+_STATE = {"robot_qpos": TARGETS, "eef_pos": 3, "eef_quat": 4, "gripper_opening": 1}
+_SHUFFLE, _DEFLATE = 2, 1  # As HDF5 numbers its filters.
+_FILTERS = ((), (_DEFLATE,), (_SHUFFLE, _DEFLATE))
+_MOST_CHUNK_BYTES = 4_000_000  # A picture of the largest size takes 3 MB.
+_ITEM_BYTES = 8
 
 
 def write_demonstrations(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -> None:
@@ -114,6 +124,9 @@ def _demonstration(episode: FoldedEpisode, found: Survey) -> Episode:
         commanded={"actions_hand": columns["action"][:-1]},
         rewards=columns["next.reward"][1:],
         about=about_text(about),
+        query=episode.task,
+        paraphrases=tuple(about.get("paraphrases") or ()),
+        cameras={view: (about["pictures"] or {})["views"][view] for view in found.views},
     )
 
 
@@ -166,52 +179,118 @@ def _episodes(path: Path, found: Survey) -> Iterator[FoldedEpisode]:
 
 def _episode(demo: Any, index: int, found: Survey) -> FoldedEpisode:
     about = json.loads(demo["about"].asstr()[()])
+    count = found.check_length(len(demo["actions_hand"]) + 1)
 
-    def rows(name: str) -> NDArray[Any]:
-        """Returns what is seen before each transition, and after the last one."""
-        return np.concatenate([_own(demo, f"obs/{name}")[:], _own(demo, f"next_obs/{name}")[-1:]])
+    def rows(name: str, *sides: int) -> NDArray[Any]:
+        """Return what there is to see before each transition, and after the last one."""
+        before, after = _Numbers(demo, f"obs/{name}", sides), _Numbers(demo, f"{_after(demo, name)}/{name}", sides)
+        return np.concatenate([before.rows(0, count - 1), after.rows(len(after) - 1, len(after))])
 
-    actions, targets = _own(demo, "actions_hand")[:], _own(demo, "actions_absolute")[:]
+    actions, targets = (_Numbers(demo, name, (n,)).rows(0, count - 1) for name, n in _COMMANDED.items())
     # After the last transition nothing is commanded, and the drives stay where they are.
     still = np.zeros_like(actions[-1:])
     still[:, 6] = actions[-1, 6]
-    state = [rows("robot_qpos"), rows("eef_pos"), rows("eef_quat"), rows("gripper_opening")]
+    state = [rows(name, sides) for name, sides in _STATE.items()]
     columns = {
         "observation.state": np.concatenate(state, axis=1),
-        "observation.velocity": rows("robot_qvel"),
-        "observation.environment_state": rows("environment_state"),
-        **({"observation.object_poses": rows("object")} if found.objects else {}),
-        **({"observation.joint_positions": rows("joints")} if found.joints else {}),
-        **{camera_column(view): rows(f"{view}_camera_pose") for view in found.views},
+        "observation.velocity": rows("robot_qvel", TARGETS),
+        "observation.environment_state": rows("environment_state", ENVIRONMENT),
+        **({"observation.object_poses": rows("object", 7 * found.objects)} if found.objects else {}),
+        **({"observation.joint_positions": rows("joints", found.joints)} if found.joints else {}),
+        **{camera_column(view): rows(f"{view}_camera_pose", 7) for view in found.views},
         "action": np.concatenate([actions, still]),
         "action.joint_target": np.concatenate([targets, targets[-1:]]),
-        **({CLOUD: rows("point_cloud")} if found.point_cloud else {}),
-        **told_rows(about),
+        **({CLOUD: rows("point_cloud", *CLOUD_SHAPE)} if found.point_cloud else {}),
+        **told_rows(about, count),
     }
-    clips: dict[tuple[str, str], Clip] = {
-        (view, kind): ReadClip(f"{demo.file.filename}, {name}", partial(_pictures, demo, name))
-        for view, kind in found.clips
-        for name in (f"{view}_{kind or 'image'}",)
-    }
+    clips: dict[tuple[str, str], Clip] = {}
+    for view, kind in found.clips:
+        name, sides = f"{view}_{kind or 'image'}", (*found.views[view][::-1], 1 if kind else 3)
+        pictures = partial(_pictures, demo, name, sides, count)
+        clips[view, kind] = ReadClip(f"{demo.file.filename}, {name}", pictures)
     return FoldedEpisode(index, columns, clips, about)
 
 
-def _own(demo: Any, name: str) -> Any:
-    """Returns an array whose numbers are in the file itself.
+def _after(demo: Any, name: str) -> str:
+    """Return the group of what there was to see after the transitions; files of before had pictures in next_obs too."""
+    return LAST if f"{LAST}/{name}" in demo else "next_obs"
+
+
+def _pictures(demo: Any, name: str, sides: tuple[int, ...], count: int) -> Iterator[NDArray[Any]]:
+    before, after = _Numbers(demo, f"obs/{name}", sides), _Numbers(demo, f"{_after(demo, name)}/{name}", sides)
+    for place in range(count):
+        picture = before.rows(place, place + 1)[0] if place + 1 < count else after.rows(len(after) - 1, len(after))[0]
+        yield picture[..., 0] if sides[-1] == 1 else picture
+
+
+class _Numbers:
+    """An array of a demonstration, of which no more is unpacked than its shape says.
+
+    Args:
+        demo: The group that it is in.
+        name: Its name there.
+        sides: What the shape of a row has to be.
 
     Raises:
         KeyError: There is none.
-        ValueError: They are somewhere else on the disk.
+        ValueError: Its numbers are somewhere else on the disk, are of another shape, or are packed in another way.
     """
-    found = demo[name]
-    if found.is_virtual or found.external or found.file.filename != demo.file.filename:
-        raise ValueError(f"{demo.name}/{name} is kept in another file")
-    return found
 
+    def __init__(self, demo: Any, name: str, sides: tuple[int, ...]) -> None:
+        self._data, self._name = demo[name], f"{demo.name}/{name}"
+        if self._data.is_virtual or self._data.external or self._data.file.filename != demo.file.filename:
+            raise ValueError(f"{self._name} is kept in another file")
+        if (
+            self._data.shape[1:] != sides
+            or self._data.dtype.kind not in "fiu"
+            or self._data.dtype.itemsize > _ITEM_BYTES
+        ):
+            raise ValueError(
+                f"{self._name} has the shape {self._data.shape} of {self._data.dtype}: expected rows of {sides}"
+            )
+        properties = self._data.id.get_create_plist()
+        self._filters = tuple(properties.get_filter(k)[0] for k in range(properties.get_nfilters()))
+        self._chunk_bytes = math.prod(self._data.chunks or ()) * self._data.dtype.itemsize
+        whole = self._data.chunks is None or self._data.chunks[1:] == sides
+        if self._filters not in _FILTERS or not whole or self._chunk_bytes > _MOST_CHUNK_BYTES:
+            raise ValueError(f"{self._name} is not packed as this program does it")
 
-def _pictures(demo: Any, name: str) -> Iterator[NDArray[Any]]:
-    before, after = _own(demo, f"obs/{name}"), _own(demo, f"next_obs/{name}")
-    numbers = name.endswith(tuple(f"_{kind}" for kind in CHANNELS))
-    for place in range(len(before) + 1):
-        picture = before[place] if place < len(before) else after[-1]
-        yield picture[..., 0] if numbers else picture
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def rows(self, first: int, end: int) -> NDArray[Any]:
+        """Return the rows from `first` up to, but not including, `end`.
+
+        Raises:
+            ValueError: There are not so many, or a chunk is torn.
+        """
+        if not 0 <= first <= end <= len(self._data):
+            raise ValueError(f"{self._name} has {len(self._data)} rows, and not {first} to {end}")
+        if self._data.chunks is None:
+            return np.asarray(self._data[first:end])
+        each = self._data.chunks[0]
+        found = np.empty((end - first, *self._data.shape[1:]), self._data.dtype)
+        for start in range(first - first % each, end, each):
+            begin, until = max(start, first), min(start + each, end)
+            found[begin - first : until - first] = self._chunk(start)[begin - start : until - start]
+        return found
+
+    def _chunk(self, start: int) -> NDArray[Any]:
+        """Return the rows of a chunk that begins at a row. HDF5's own filter unpacks whatever a chunk holds."""
+        where = (start, *(0 for _ in self._data.shape[1:]))
+        if self._data.id.get_chunk_info_by_coord(where).size > 2 * _MOST_CHUNK_BYTES:
+            raise ValueError(f"a chunk of {self._name} is too large")
+        left_out, content = self._data.id.read_direct_chunk(where)
+        for place, kind in reversed(list(enumerate(self._filters))):
+            if left_out >> place & 1:
+                continue
+            if kind == _DEFLATE:
+                try:
+                    content = zlib.decompressobj().decompress(content, self._chunk_bytes + 1)
+                except zlib.error as problem:
+                    raise ValueError(f"a chunk of {self._name} is torn: {problem}") from None
+            elif len(content) == self._chunk_bytes:
+                content = np.frombuffer(content, np.uint8).reshape(self._data.dtype.itemsize, -1).T.tobytes()
+        if len(content) != self._chunk_bytes:
+            raise ValueError(f"a chunk of {self._name} is torn")
+        return np.frombuffer(content, self._data.dtype).reshape(self._data.chunks)

@@ -19,6 +19,7 @@ from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.lerobot import write_lerobot
 from executor.datasets.formats.lerobot_features import ABOUT
 from executor.datasets.formats.lerobot_reading import read_lerobot
+from executor.datasets.formats.selection import EVERYTHING, Selection
 from executor.datasets.formats.statistics import Spool, thinned
 from executor.datasets.formats.stream import EpisodeStream, Extra, FoldedEpisode, Survey
 from executor.datasets.formats.zarr_v2 import read_zarr, write_zarr
@@ -35,7 +36,10 @@ STATISTICS = "statistics.json"
 Counted = Callable[[int, int], None]
 # What says that a folder has a data set of ours -> what reads it.
 _READERS = {ABOUT: read_lerobot, FILE: read_demonstrations, ".zattrs": read_zarr}
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError)
+_UNREADABLE = (
+    *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError),
+    *(RuntimeError, OverflowError, MemoryError),  # What readers of HDF5 and parquet raise beside these.
+)
 
 
 class ExportExists(FileExistsError):
@@ -95,12 +99,13 @@ def write_set(
     return found
 
 
-def open_set(path: Path, include: Collection[Extra] = ()) -> EpisodeStream:
+def open_set(path: Path, include: Collection[Extra] = (), only: Selection = EVERYTHING) -> EpisodeStream:
     """Returns a data set, whatever it is kept in: a store, or a format that was written of one.
 
     Args:
         path: Its folder.
         include: Of a store, what the data set is to have beside what it always has; a format has what it has.
+        only: Of a store, which of its motions.
 
     Raises:
         NotADataset: It is none that this program made.
@@ -108,7 +113,7 @@ def open_set(path: Path, include: Collection[Extra] = ()) -> EpisodeStream:
         MissingExtra: A library that the format needs is not installed.
     """
     if (path / INDEX).exists():
-        return stream_of(EpisodeStore.open(path), include)
+        return stream_of(EpisodeStore.open(path), include, only)
     read = next((reader for name, reader in _READERS.items() if (path / name).is_file()), None)
     if read is None:
         names = ", ".join((INDEX, *_READERS))

@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.visible import counted
 from executor.assets.library import asset_for
 from executor.datasets.footage import POSES, footage_path
 from executor.datasets.formats.clouds import CloudReader
 from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
+from executor.datasets.formats.selection import EVERYTHING, SUCCEEDED, Selection, Traits
 from executor.datasets.formats.stream import (
     CHANNELS,
     CLOUD,
     CLOUD_SHAPE,
     CORRECTION,
     DEMONSTRATION,
+    FAILURE,
     EpisodeStream,
     Extra,
     FoldedEpisode,
+    Repeats,
     Survey,
     camera_column,
     told_rows,
 )
 from executor.datasets.formats.videos import Clip, VideoClip
-from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
+from executor.datasets.units import DemoUnit
 from executor.datasets.upkeep.card import page
 from executor.geometry import quaternions_last
 from executor.machine.files import plain
@@ -41,12 +46,9 @@ from executor.world.world import World
 _VALIDATION_OF = 10
 """One episode in so many is for validation."""
 
+_PARTS = ("train", "valid", "corrections")
 _OF_THE_STORE = ("samples", "pictures", "steps", "corrected_by")
 _DRIVE = ("stiffness", "damping", "force_limit")
-
-
-class NothingToExport(ValueError):
-    """A store has no demonstrations that make one data set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,111 +74,145 @@ class _Motion:
         return PurePath(PurePath(self.file).stem) if self.failed else PurePath()
 
 
-@dataclass
-class _Seen:
-    """What has been found of a store's motions so far, from their `unit.json` and headers alone."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A motion, as its `unit.json` and the head of its file have it.
 
-    parts: dict[str, list[_Motion]] = field(default_factory=lambda: {"train": [], "valid": [], "corrections": []})
-    rates: set[float] = field(default_factory=set)
-    scales: set[float] = field(default_factory=set)
-    sizes: Counter[tuple[str, int, int]] = field(default_factory=Counter)
-    kinds: Counter[tuple[str, str]] = field(default_factory=Counter)
-    robot: Mapping[str, Any] = field(default_factory=dict)
-    objects: int = 0
-    joints: int = 0
+    Attributes:
+        part: What it would be for: "train", "valid" or "corrections".
+        motion: Which one it is.
+        traits: What it can be chosen by.
+        objects, joints: Rows for objects, and numbers for joints of articulated objects.
+        key: Equal for motions of one content: states, sentence and pictures.
+    """
 
-    def add(self, part: str, episode: StoredEpisode, motion: _Motion, drawn: Mapping[str, Any] | None) -> None:
-        """Counts a motion, with what is said of its pictures."""
-        self.parts[part].append(motion)
-        self.rates.add(_rate_hz(float(episode.meta["record_hz"])))
-        self.scales.add(float(episode.meta["robot"]["scale"]))
-        for view, told in ((drawn or {}).get("views") or {}).items():
-            folder = episode.path / motion.footage
-            there = [kind for kind in ("", *CHANNELS) if footage_path(folder, view, kind).is_file()]
-            self.kinds.update((view, kind) for kind in there)
-            if "" in there:
-                self.sizes[view, int(told["size"][0]), int(told["size"][1])] += 1
-        shapes = episode.shapes(motion.file)
-        self.objects = max(self.objects, shapes["object_poses"][1])
-        self.joints = max(self.joints, shapes["joint_positions"][1])
-        self.robot = episode.meta["robot"]
+    part: str
+    motion: _Motion
+    traits: Traits
+    objects: int
+    joints: int
+    key: str
 
-    @property
-    def motions(self) -> tuple[_Motion, ...]:
-        """All of them in the order of the data set."""
-        return tuple(motion for motions in self.parts.values() for motion in motions)
-
-    def survey(self, include: Collection[Extra]) -> Survey:
-        """Returns what the motions have in common, which are of one rate."""
-        count = len(self.motions)
-        views = {view: (width, height) for (view, width, height), seen in sorted(self.sizes.items()) if seen == count}
-        joints = zip(JOINT_NAMES, self.robot["drives"], strict=True)
-        return Survey(
-            train=len(self.parts["train"]),
-            validation=len(self.parts["valid"]),
-            corrections=len(self.parts["corrections"]),
-            rate_hz=next(iter(self.rates)),
+    @classmethod
+    def of(
+        cls, part: str, episode: StoredEpisode, motion: _Motion, drawn: Mapping[str, Any] | None, key: str
+    ) -> _Found:
+        """Return a motion of a unit, with what is said of its pictures."""
+        meta, folder = episode.meta, episode.path / motion.footage
+        views, channels = {}, {}
+        for view, known in ((drawn or {}).get("views") or {}).items():
+            if footage_path(folder, view).is_file():
+                views[view] = (int(known["size"][0]), int(known["size"][1]))
+                channels[view] = [kind for kind in CHANNELS if footage_path(folder, view, kind).is_file()]
+        traits = Traits(
+            origin=DemoUnit.from_json(meta["unit"]).origin.label,
+            ended=str(meta["ended"]),
+            rate_hz=_rate_hz(float(meta["record_hz"])),
+            scale=float(meta["robot"]["scale"]),
             views=views,
-            channels=tuple(
-                kind
-                for kind in CHANNELS
-                if kind in include and views and all(self.kinds[view, kind] == count for view in views)
-            ),
-            objects=self.objects,
-            joints=self.joints,
-            point_cloud="point_cloud" in include,
-            robot=plain(
-                {
-                    "scale": self.robot["scale"],
-                    "drives": [{"joint": name, **dict(zip(_DRIVE, drive, strict=True))} for name, drive in joints],
-                }
-            ),
+            channels=channels,
         )
+        shapes = episode.shapes(motion.file)
+        return cls(part, motion, traits, shapes["object_poses"][1], shapes["joint_positions"][1], key)
 
 
-def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeStream:
-    """Returns the data set that a store's demonstrations make.
+def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Selection = EVERYTHING) -> EpisodeStream:
+    """Return the data set that a store's demonstrations make, or those of them that are chosen.
 
     Args:
         store: The episodes.
-        include: What it is to have beside what it always has; pictures only where all episodes have them.
+        include: What it is to have beside what it always has.
+        only: Which motions of the store; without a word of `ended`, the successes.
 
     Raises:
-        NothingToExport: There are no demonstrations, or they are of different rates or of robots of both sizes.
+        NothingToExport: There are none, or they do not go together: it says how to choose.
         NotADataset: An episode cannot be read.
     """
-    seen = _Seen()
+    found: list[_Found] = []
+    # The first episode of each motion says which part all of that motion are in: equal ones are never in both.
+    leaders: dict[str, str] = {}
+    not_kept = 0
     for episode in store.episodes():
-        if episode.succeeded and episode.has_samples:
-            part = "valid" if is_for_validation(str(episode.meta["id"])) else "train"
-            seen.add(part, episode, _Motion(episode.name), episode.meta.get("pictures"))
+        if not episode.has_samples:
+            not_kept += 1
+        else:
+            leader = leaders.setdefault(episode.motion_key, str(episode.meta["id"]))
+            part = "valid" if is_for_validation(leader) else "train"
+            key, motion = episode.demonstration_key, _Motion(episode.name)
+            found.append(_Found.of(part, episode, motion, episode.meta.get("pictures"), key))
         for pair in episode.corrections if "corrections" in include else ():
-            seen.add("corrections", episode, _Motion(episode.name, pair["samples"]), pair.get("pictures"))
-    if not seen.motions:
-        raise NothingToExport(f"{store.path} has no success with samples, and only these are exported")
-    if len(seen.rates) > 1:
-        found = ", ".join(f"{rate:g}" for rate in sorted(seen.rates))
-        raise NothingToExport(
-            f"{store.path} has episodes of {found} samples a second, and a data set has one rate; generate them into a "
-            "store each"
-        )
-    if len(seen.scales) > 1:
-        raise NothingToExport(
-            f"{store.path} has demonstrations of robots of both sizes, and a data set has one; generate them into a "
-            "store each"
-        )
-    survey, motions = seen.survey(include), seen.motions
-    places = {motion: index for index, motion in enumerate(motions)}
+            motion = _Motion(episode.name, pair["samples"])
+            key = f"{episode.name} {pair['samples']}"
+            found.append(_Found.of("corrections", episode, motion, pair.get("pictures"), key))
+    only.check([one.traits for one in found], store.path)
+    # Episodes that failed are exported only where `ended` says so; corrections of these are there all the same.
+    chosen = [
+        one
+        for one in sorted(found, key=lambda one: _PARTS.index(one.part))
+        if only.takes(one.traits)
+        and (one.traits.ended == SUCCEEDED or one.part == "corrections" or "ended" in only.chosen)
+    ]
+    chosen, repeats = _without_repeats(chosen)
+    if not chosen:
+        raise only.nothing([one.traits for one in found], not_kept, store.path)
+    survey = _survey(store, chosen, include, only, repeats)
+    places = {one.motion: index for index, one in enumerate(chosen)}
 
     def episodes() -> Iterator[FoldedEpisode]:
         for motion, index in places.items():
             yield _fold(store.episode(motion.unit), motion, index, survey, places)
 
-    return EpisodeStream(survey, episodes, page(store))
+    chosen_of = f"\nChosen of these: `{only.text}`, {counted(len(chosen), 'episode')}.\n" if only.chosen else ""
+    return EpisodeStream(survey, episodes, page(store) + chosen_of)
+
+
+def _without_repeats(chosen: Sequence[_Found]) -> tuple[list[_Found], Repeats]:
+    """Return the first of those that have one content, and the names of the others, each with that of its first."""
+    firsts: dict[str, _Found] = {}
+    repeats = []
+    for one in chosen:
+        first = firsts.setdefault(one.key, one)
+        if first is not one:
+            repeats.append((one.motion.unit, first.motion.unit))
+    return list(firsts.values()), tuple(repeats)
+
+
+def _survey(
+    store: EpisodeStore, chosen: Sequence[_Found], include: Collection[Extra], only: Selection, repeats: Repeats
+) -> Survey:
+    """Return what chosen motions have in common.
+
+    Raises:
+        NothingToExport: They do not make one data set.
+        NotADataset: An episode cannot be read.
+    """
+    kinds = [kind for kind in CHANNELS if kind in include]
+    views = only.common([one.traits for one in chosen], kinds, store.path)
+    parts = Counter(one.part for one in chosen)
+    robot = store.episode(chosen[-1].motion.unit).meta["robot"]
+    drives = zip(JOINT_NAMES, robot["drives"], strict=True)
+    return Survey(
+        train=parts["train"],
+        validation=parts["valid"],
+        corrections=parts["corrections"],
+        rate_hz=chosen[0].traits.rate_hz,
+        views=views,
+        channels=tuple(kinds),
+        objects=max(one.objects for one in chosen),
+        joints=max(one.joints for one in chosen),
+        point_cloud="point_cloud" in include,
+        repeats=repeats,
+        robot=plain(
+            {
+                "scale": robot["scale"],
+                "drives": [{"joint": name, **dict(zip(_DRIVE, drive, strict=True))} for name, drive in drives],
+            }
+        ),
+    )
 
 
 def is_for_validation(episode_id: str) -> bool:
-    """Decides which part of a data set an episode is in: it follows from its id, whatever else there is."""
+    """Decides which part of a data set an episode is in: it follows from its id, or that of the first of its motion."""
     return int(episode_id[:8], 16) % _VALIDATION_OF == 0
 
 
@@ -205,7 +241,10 @@ def _fold(
     """
     arrays = episode.motion(motion.file)
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
-    count = len(qpos)
+    try:
+        count = found.check_length(len(qpos))
+    except ValueError as problem:
+        raise NotADataset(f"{episode.path / motion.file}: {problem}; generate it with fewer samples a second") from None
     after = np.concatenate([targets[1:], targets[-1:]])
     actions = hand_actions(float(episode.meta["robot"]["scale"]), targets, after).astype(np.float32)
     # Nothing is commanded after the last row: no rounding shall say otherwise.
@@ -213,7 +252,7 @@ def _fold(
     around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)
     poses = quaternions_last(arrays["object_poses"]).reshape(count, -1)
     opening = qpos[:, 10:12].sum(axis=1, keepdims=True)
-    about = _about(episode, motion, places)
+    about = _about(episode, motion, places, validation=index in found.splits["validation"])
     told = {
         "episode_index": index,
         "length": count,
@@ -242,7 +281,7 @@ def _fold(
     clips: dict[tuple[str, str], Clip] = {
         (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, 0, count) for view, kind in found.clips
     }
-    return FoldedEpisode(index, {**columns, **told_rows(about)}, clips, about)
+    return FoldedEpisode(index, {**columns, **told_rows(about, count)}, clips, about)
 
 
 def _widened(rows: NDArray[Any], width: int) -> NDArray[np.float32]:
@@ -277,17 +316,21 @@ def _surroundings(
     return columns, {"things": reader.things, "handles": reader.handles}
 
 
-def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int]) -> dict[str, Any]:
+def _about(
+    episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int], *, validation: bool
+) -> dict[str, Any]:
     """Returns what is said of a motion beside its rows."""
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
-    told = {name: meta.get(name) for name in same}
+    told = {name: meta.get(name) for name in same} | {"detours": meta.get("detours", [])}
     if "takeover" in meta:
         told["takeover"] = meta["takeover"]
     if not motion.failed:
+        failed = meta["ended"] != SUCCEEDED
         return {
-            "kind": DEMONSTRATION,
-            "validation": is_for_validation(str(meta["id"])),
+            "kind": FAILURE if failed else DEMONSTRATION,
+            **({"failure": meta.get("failure")} if failed else {}),
+            "validation": validation,
             **told,
             "state_hash": meta["state_hash"],
             "pictures": meta.get("pictures"),

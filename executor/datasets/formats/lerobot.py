@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -81,6 +82,7 @@ class _Writer:
         self._spool, self._aside = Spool(aside), aside
         self._tones: dict[str, Tones] = {}
         self._tasks: dict[str, int] = {}
+        self._episodes_of: Counter[str] = Counter()
         self._subtasks: dict[str, int] = {}
         self._open_files = open_files
         self._data: Any = None
@@ -130,7 +132,8 @@ class _Writer:
     def _one_by_one(self, episodes: Iterable[FoldedEpisode], about: Any) -> Iterator[dict[str, Any]]:
         """Writes each episode's rows and videos, and yields what the list of episodes says of it."""
         for episode in episodes:
-            rows = self._rows_of(episode)
+            sentence = self._sentence(episode)
+            rows = self._rows_of(episode, sentence)
             stats = {name: self._shaped(name, statistics(thinned(values))) for name, values in rows.items()}
             encoded: dict[str, list[bytes]] = {}
             for view, kind in self._found.clips:
@@ -141,7 +144,7 @@ class _Writer:
                     stats[key] = tones.statistics()
             told = {
                 "episode_index": episode.index,
-                "tasks": [episode.task],
+                "tasks": [sentence],
                 "length": episode.length,
                 **self._write_rows({**rows, **encoded}, episode.index),
                 "dataset_from_index": self._rows,
@@ -160,10 +163,17 @@ class _Writer:
             self._count += 1
             yield told | {"stats": stats}
 
-    def _rows_of(self, episode: FoldedEpisode) -> dict[str, Any]:
+    def _sentence(self, episode: FoldedEpisode) -> str:
+        """Return what an episode's task is called: of those of one query, the query, then each paraphrase in turn."""
+        sentences = (episode.task, *(episode.about["paraphrases"] or ()))
+        place = self._episodes_of[episode.task]
+        self._episodes_of[episode.task] += 1
+        return sentences[place % len(sentences)]
+
+    def _rows_of(self, episode: FoldedEpisode, sentence: str) -> dict[str, Any]:
         count = episode.length
         frames = np.arange(count, dtype=np.int64)
-        task = self._tasks.setdefault(episode.task, len(self._tasks))
+        task = self._tasks.setdefault(sentence, len(self._tasks))
         texts = np.array([self._subtasks.setdefault(text, len(self._subtasks)) for text in episode.subtasks])
         columns = dict(episode.columns)
         columns["subtask_index"] = texts[columns["subtask_index"]].astype(np.int64)

@@ -28,6 +28,7 @@ Quaternions are x y z w, as robosuite, robomimic and LeRobot have them; inside t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.files import opened
+from bddl.visible import counted
 from executor.datasets.footage import DEPTH, SEGMENTATION
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.observations import HANDLES, THINGS
@@ -46,11 +49,15 @@ SCHEMA = "scene2demo-export/2"
 Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
 """What a data set has only where it was asked for."""
 
+Repeats = tuple[tuple[str, str], ...]
+"""Names of episodes that say again what others say, each with the one that counts."""
+
+_MOST_NAMED = 3
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures beside colours, (H, W) uint16; the kind of colours is ""."""
 
-DEMONSTRATION, CORRECTION = "demonstration", "correction"
-"""Kinds of episodes: what reached its goal, and what failed and was put right."""
+DEMONSTRATION, CORRECTION, FAILURE = "demonstration", "correction", "failure"
+"""Kinds of episodes: what reached its goal, what failed and was put right, and what failed in the end."""
 
 HAND_ACTION_NAMES = (
     *("hand_x", "hand_y", "hand_z", "hand_turn_x", "hand_turn_y", "hand_turn_z"),
@@ -70,6 +77,12 @@ ENVIRONMENT_NAMES = (
 STATE_NAMES = (*JOINT_NAMES, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening")
 CLOUD = "observation.point_cloud"
 CLOUD_SHAPE = (POINTS, 4)
+MOST_EPISODE_BYTES = 128_000_000
+"""Of the numbers of an episode that is read back: more than an hour at 10 rows a second, without clouds."""
+MOST_SIDE_PX = 1024
+"""Of pictures, as `executor.datasets.units.Recording` has them."""
+_LONGEST_LINE_BYTES = 8_000_000
+_MOST_THINGS, _MOST_VIEWS = 1000, 32  # Of an episode.
 SCALARS = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
 """Columns of one number -> its kind."""
 
@@ -86,6 +99,7 @@ class Survey:
         objects, joints: Rows for objects and numbers for joints of articulated objects.
         point_cloud: Whether there are point clouds.
         robot: The robot's scale, and stiffness, damping and force limit of each joint's drive.
+        repeats: Of a store, episodes that are left out, each with the one whose states, sentence and pictures it has.
     """
 
     train: int
@@ -98,6 +112,7 @@ class Survey:
     joints: int
     point_cloud: bool
     robot: Mapping[str, Any]
+    repeats: Repeats = ()
 
     @property
     def count(self) -> int:
@@ -129,6 +144,17 @@ class Survey:
             "action.joint_target": JOINT_NAMES,
         }
         return {name: numbers for name, numbers in found.items() if numbers}
+
+    def check_length(self, count: int) -> int:
+        """Return how many rows an episode has, where that many can be read.
+
+        Raises:
+            ValueError: They would take too much memory.
+        """
+        numbers = sum(map(len, self.vectors.values())) + (math.prod(CLOUD_SHAPE) if self.point_cloud else 0)
+        if not 0 < count <= (most := MOST_EPISODE_BYTES // (4 * numbers)):
+            raise ValueError(f"an episode has {count} rows: expected 1 to {most}")
+        return count
 
     @property
     def clips(self) -> tuple[tuple[str, str], ...]:
@@ -163,6 +189,12 @@ class Survey:
         if value["schema"] != SCHEMA:
             raise ValueError(f"it is of {value['schema']!r}, this program reads {SCHEMA!r}")
         episodes = value["episodes"]
+        for name, number in {"objects": value["objects"], "joints": value["joints"]}.items():
+            if not 0 <= int(number) <= _MOST_THINGS:
+                raise ValueError(f"its episodes have {number} {name}: expected at most {_MOST_THINGS}")
+        sides = [int(side) for size in value["views"].values() for side in size]
+        if len(value["views"]) > _MOST_VIEWS or not all(0 < side <= MOST_SIDE_PX for side in sides):
+            raise ValueError(f"it has pictures of more than {_MOST_VIEWS} views, or of more than {MOST_SIDE_PX} pixels")
         return cls(
             train=int(episodes["train"]),
             validation=int(episodes["validation"]),
@@ -225,18 +257,31 @@ class EpisodeStream:
     page: str
 
 
+def repeats_text(repeats: Repeats) -> str:
+    """Return in words which episodes are left out since they repeat others."""
+    named = "; ".join(f"{again} repeats {first}" for again, first in repeats[:_MOST_NAMED])
+    more = len(repeats) - _MOST_NAMED
+    return f"{counted(len(repeats), 'demonstration')} left out: {named}{f'; and {more} more' if more > 0 else ''}"
+
+
 def camera_column(view: str) -> str:
     """Returns the name of the column that says where a camera was."""
     return f"observation.camera_pose_{view}"
 
 
-def told_rows(about: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Returns the columns that follow from what is said of an episode: what was going on, reward, and the end.
+def told_rows(about: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
+    """Return the columns that follow from what is said of an episode: what was going on, reward, and the end.
 
     Args:
         about: Its `length`, `kind` and `subtasks` with their spans.
+        count: How many rows it has.
+
+    Raises:
+        ValueError: It is said to have another length.
     """
-    count, subtasks = int(about["length"]), about["subtasks"]
+    if about["length"] != count:
+        raise ValueError(f"an episode is said to have {about['length']} rows, and has {count}")
+    subtasks = about["subtasks"]
     found = {name: np.zeros(count, dtype) for name, dtype in SCALARS.items()}
     for number, entry in enumerate(subtasks):
         if entry["span"] is None:
@@ -264,10 +309,16 @@ def about_lines(path: Path) -> Iterator[dict[str, Any]]:
 
     Raises:
         OSError: It cannot be read.
-        ValueError: A line is no JSON.
+        ValueError: A line is no JSON, or too long.
     """
-    with path.open(encoding="utf-8") as lines:
-        yield from map(json.loads, lines)
+    with opened(path) as lines:
+        while line := lines.readline(_LONGEST_LINE_BYTES + 1):
+            if len(line) > _LONGEST_LINE_BYTES:
+                raise ValueError(f"a line of {path.name} is longer than {_LONGEST_LINE_BYTES // 1_000_000} MB")
+            try:
+                yield json.loads(line)
+            except RecursionError:
+                raise ValueError(f"a line of {path.name} is nested too deeply") from None
 
 
 def _file_name(name: str) -> str:

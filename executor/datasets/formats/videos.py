@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.datasets.footage import encoded, pixels_of
+from executor.datasets.footage import encoded, opened_video, pixels_of
 from executor.datasets.formats.statistics import Tones
 from executor.machine.extras import require
 from executor.pictures.video import VideoFailed
@@ -76,7 +76,7 @@ class VideoClip:
             VideoFailed: The file cannot be read, or has too few.
         """
         found = 0
-        with _opened(self.path) as (source, stream):
+        with opened_video(self.path) as (source, stream):
             self._seek(source, stream)
             for frame in source.decode(stream):
                 if self._place(frame) < self.first:
@@ -94,7 +94,7 @@ class VideoClip:
             VideoFailed: The file cannot be read, or has too few.
         """
         found = 0
-        with _opened(self.path) as (source, stream):
+        with opened_video(self.path) as (source, stream):
             self._seek(source, stream)
             for packet in source.demux(stream):
                 if packet.size and self._place(packet) >= self.first and found < self.count:
@@ -110,7 +110,7 @@ class VideoClip:
             VideoFailed: The file cannot be read.
         """
         tones, due = Tones(), self.first
-        with _opened(self.path) as (source, stream):
+        with opened_video(self.path) as (source, stream):
             self._seek(source, stream)
             stream.codec_context.skip_frame = "NONKEY"
             for frame in source.decode(stream):
@@ -230,25 +230,8 @@ def count_of(video: Path) -> int:
     Raises:
         VideoFailed: It cannot be read.
     """
-    with _opened(video) as (source, stream):
+    with opened_video(video) as (source, stream):
         return sum(1 for packet in source.demux(stream) if packet.size)
-
-
-@contextmanager
-def _opened(video: Path) -> Iterator[tuple[Any, Any]]:
-    """Gives a video file and its one stream.
-
-    Raises:
-        VideoFailed: It cannot be read.
-    """
-    av: Any = require("av", "data")
-    try:
-        with av.open(str(video)) as source:
-            if not source.streams.video:
-                raise VideoFailed(f"{video} has no pictures")
-            yield source, source.streams.video[0]
-    except av.FFmpegError as problem:
-        raise VideoFailed(f"{video} cannot be read: {problem}") from problem
 
 
 @contextmanager

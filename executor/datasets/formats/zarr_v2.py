@@ -15,6 +15,7 @@ Source: the specification of zarr's storage format 2; `diffusion_policy/common/r
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -24,8 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.files import read_bounded
 from executor.datasets.formats.stream import (
     CLOUD,
+    CLOUD_SHAPE,
     SCALARS,
     FoldedEpisode,
     Survey,
@@ -38,8 +41,7 @@ from executor.machine.files import read_json, write_json
 _CHUNK_BYTES = 1_000_000  # Uncompressed; a trainer that reads windows of rows opens one or two files.
 _LEVEL = 4
 _ENDS, _LINES, _ATTRIBUTES = "meta/episode_ends", "episodes.jsonl", ".zattrs"
-_MOST_CHUNK_BYTES = 64 * _CHUNK_BYTES
-_KINDS = frozenset({"<f4", "<i8", "|u1", "<u2", "|b1"})
+_MOST_CHUNK_BYTES = 4 * _CHUNK_BYTES  # One of each array is in memory; a picture of the largest size takes 3 MB.
 
 
 def write_zarr(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -> None:
@@ -95,13 +97,19 @@ def read_zarr(folder: Path) -> tuple[Survey, Callable[[], Iterator[FoldedEpisode
 
 
 def _episodes(folder: Path, found: Survey) -> Iterator[FoldedEpisode]:
-    names = (*found.vectors, *((CLOUD,) if found.point_cloud else ()), *SCALARS)
-    columns = {name: _OldArray(folder / _place(name)) for name in names}
-    pictures = {clip: _OldArray(folder / _picture_place(*clip)) for clip in found.clips}
-    ends = _OldArray(folder / _ENDS)
+    rows_of: dict[str, tuple[str, tuple[int, ...]]] = {name: ("<f4", (len(of),)) for name, of in found.vectors.items()}
+    rows_of |= {CLOUD: ("<f4", CLOUD_SHAPE)} if found.point_cloud else {}
+    rows_of |= {name: (np.dtype(kind).str, ()) for name, kind in SCALARS.items()}
+    columns = {name: _OldArray(folder / _place(name), *row) for name, row in rows_of.items()}
+    pictures = {}
+    for view, kind in found.clips:
+        sides = found.views[view][::-1]
+        row = ("<u2", sides) if kind else ("|u1", (*sides, 3))
+        pictures[view, kind] = _OldArray(folder / _picture_place(view, kind), *row)
+    ends = _OldArray(folder / _ENDS, "<i8", ())
     first = 0
-    for index, (about, end) in enumerate(zip(about_lines(folder / _LINES), ends.rows(0, found.count), strict=True)):
-        last = int(end)
+    for index, (about, end) in enumerate(zip(about_lines(folder / _LINES), ends.each(0, found.count), strict=True)):
+        last = first + found.check_length(int(end) - first)
         rows = {name: array.rows(first, last) for name, array in columns.items()}
         clips: dict[tuple[str, str], Clip] = {
             clip: ReadClip(array.place, partial(array.each, first, last)) for clip, array in pictures.items()
@@ -168,18 +176,26 @@ class _NewArray:
 class _OldArray:
     """An array that was written so, of which the chunk that was read last is in memory.
 
+    Args:
+        folder: Where it is.
+        kind, shape: What its numbers and its rows have to be.
+
     Raises:
         OSError, ValueError, KeyError, TypeError: It is none.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, kind: str, shape: tuple[int, ...]) -> None:
         told = read_json(folder / ".zarray")
         self._folder, self.place = folder, str(folder)
-        if told["zarr_format"] != 2 or told["compressor"]["id"] != "zlib" or told["dtype"] not in _KINDS:
+        if told["zarr_format"] != 2 or told["compressor"]["id"] != "zlib":
             raise ValueError(f"{folder.name} is no array of format 2 as this program writes them")
         self._count, *self._shape = (int(side) for side in told["shape"])
+        if told["dtype"] != kind or self._shape != list(shape):
+            raise ValueError(
+                f"{folder.name} has rows {self._shape} of {told['dtype']}: expected {list(shape)} of {kind}"
+            )
         self._chunk, self._dtype = int(told["chunks"][0]), np.dtype(told["dtype"])
-        self._chunk_bytes = self._chunk * self._dtype.itemsize * int(np.prod(self._shape, dtype=np.int64))
+        self._chunk_bytes = self._chunk * self._dtype.itemsize * math.prod(self._shape)
         if [self._chunk, *self._shape] != told["chunks"] or not 0 < self._chunk_bytes <= _MOST_CHUNK_BYTES:
             raise ValueError(f"{folder.name} has chunks of {told['chunks']}")
         self._read: tuple[int, NDArray[Any]] = (-1, np.zeros(0))
@@ -203,9 +219,9 @@ class _OldArray:
 
     def _chunk_of(self, number: int) -> NDArray[Any]:
         if self._read[0] != number:
-            content = (self._folder / _chunk_name(number, len(self._shape))).read_bytes()
+            content = read_bounded(self._folder / _chunk_name(number, len(self._shape)), 2 * _MOST_CHUNK_BYTES)
             try:
-                raw = zlib.decompressobj().decompress(content, self._chunk_bytes)
+                raw = zlib.decompressobj().decompress(content, self._chunk_bytes + 1)
             except zlib.error as problem:
                 raise ValueError(f"chunk {number} of {self._folder.name} is torn: {problem}") from None
             rows = np.frombuffer(raw, self._dtype).reshape(self._chunk, *self._shape)

@@ -84,6 +84,7 @@ def page(store: EpisodeStore) -> str:
         _summary(found),
         _yields(found),
         _provenance(found),
+        _variety(found),
         _sizes(found),
         "## Fields\n\n" + _table(("field", "shape", "unit", "what"), _FIELDS),
     )
@@ -93,13 +94,15 @@ def page(store: EpisodeStore) -> str:
 def _summary(found: Contents) -> str:
     simulated_s = sum(part.simulated_s for part in found.parts.values())
     rates = ", ".join(f"{rate:g}" for rate in sorted(found.rates_hz)) or "-"
+    scales = " or ".join(f"{scale:g}" for scale in sorted(found.scales)) or "-"
+    more = f"{found.repeats} more repeat one of these, state by state, and are left out. " if found.repeats else ""
     words = f"{found.kept} demonstrations, {simulated_s / 60:.1f} minutes of simulated time, {found.samples} samples"
     return (
         "# Demonstrations by Scene2Demo\n\n"
-        f"{words} at {rates} Hz. Views: {shares(found.views, found.kept)}. "
-        "A mobile Panda at 0.7 of its size, in the SAPIEN simulator. Every plan was proved before anything moved, and "
-        "every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its id, is for "
-        "validation; they come last.\n\nLicence: Apache-2.0."
+        f"{words} at {rates} Hz. {more}Views: {shares(found.views, found.kept)}. "
+        f"A mobile Panda at {scales} of its size, in the SAPIEN simulator. Every plan was proved before anything "
+        "moved, and every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its "
+        "id, is for validation; they come last, and none has the states of one for training.\n\nLicence: Apache-2.0."
     )
 
 
@@ -117,13 +120,27 @@ def _yields(found: Contents) -> str:
 
 def _provenance(found: Contents) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions)) or "-"
-    axes = "layout, assets, places, the robot's start" + (f"; {shares(found.axes, found.kept)}" if found.axes else "")
     return (
         "## How it was made\n\n"
         f"Program: {', '.join(sorted(found.programs)) or '-'} (hash of what decides how an episode goes). "
-        f"Libraries: {versions}. Varied: {axes}. Everything follows from the seeds: the same command makes the same "
-        "episodes."
+        f"Libraries: {versions}. Everything follows from the seeds: the same command makes the same episodes."
     )
+
+
+def _variety(found: Contents) -> str:
+    """Returns what differs from one demonstration to the next, as they themselves say what was drawn for them."""
+    rows, notes = [], []
+    for label, variety in sorted(found.varieties.items()):
+        of = variety.count
+        rows += [(label, name, f"{len(one.values)} in {of}", one.words) for name, one in variety.varied.items()]
+        same = f"the same in all {of}: {', '.join(variety.same) or 'nothing'}" if of > 1 else "one demonstration only"
+        notes.append(f"{label}: {same}.")
+    table = (
+        _table(("origin", "what differs", "different values", "numbers that differ most"), rows) + "\n\n"
+        if rows
+        else ""
+    )
+    return f"## What varies\n\n{table}{' '.join(notes) or 'There is no demonstration.'}"
 
 
 def _sizes(found: Contents) -> str:

@@ -7,12 +7,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from executor.datasets import samples
 from executor.datasets.footage import DEPTH, SEGMENTATION, footage_path
 from executor.datasets.formats.fold import joint_names
 from executor.datasets.formats.videos import count_of
-from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
+from executor.datasets.store import META, SAMPLES, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit, Recording
+from executor.machine.files import content_key, json_text
 from executor.pictures.video import VideoFailed
 from oag.model.errors import InputError
 
@@ -49,30 +52,43 @@ def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done
     store.requests()
     folder = store.path / UNITS
     names = sorted(name for name in os.listdir(folder) if not name.startswith(".")) if folder.is_dir() else []
+    known: dict[str, str] = {}
     for place, name in enumerate(names):
         counted(place, len(names))
         try:
             episode = store.episode(name)
             yield from (StoreFlaw(name, what) for what in _flaws_of(episode))
+            if episode.has_samples and (first := known.setdefault(_content(episode), name)) != name:
+                yield StoreFlaw(name, f"it repeats {first}, whose states, actions, sentence and pictures it has")
         except (NotADataset, VideoFailed, InputError) as problem:
             yield StoreFlaw(name, str(problem))
         except (KeyError, TypeError, ValueError, IndexError) as problem:
             yield StoreFlaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
 
 
+def _content(episode: StoredEpisode) -> str:
+    """Return what is equal where two episodes show the same, by what was recorded."""
+    # Views, not copies: what is recorded may be as large as a file of samples may be.
+    recorded = (
+        part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).data.cast("B"))
+    )
+    return content_key(json_text([episode.meta.get("query"), episode.meta.get("pictures")]), *recorded)
+
+
 def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     meta = episode.meta
     unit, version = DemoUnit.from_json(meta["unit"]), str(meta["version"])
-    if meta["id"] != unit.id(version):
+    if meta["id"] not in unit.ids(version):
         yield f"its id is {meta['id']}, that of its unit is {unit.id(version)}"
-    elif episode.name != unit.folder(version):
-        yield f"its folder should be named {unit.folder(version)}"
+    elif episode.name != unit.folder_of(meta["id"]):
+        yield f"its folder should be named {unit.folder_of(meta['id'])}"
     for pair in episode.corrections:
-        motion = episode.motion(pair["samples"])
-        if missing := sorted(set(_PER_SAMPLE) - set(motion)):
+        # One motion at a time is in memory.
+        counts = {name: len(rows) for name, rows in episode.motion(pair["samples"]).items()}
+        if missing := sorted(set(_PER_SAMPLE) - set(counts)):
             yield f"{pair['samples']} lacks {', '.join(missing)}"
         aside = Path(pair["samples"]).stem
-        yield from _flaws_of_pictures(episode.path, aside, unit.recording, len(motion[_PER_SAMPLE[0]]))
+        yield from _flaws_of_pictures(episode.path, aside, unit.recording, counts[_PER_SAMPLE[0]])
     if not episode.has_samples:
         if episode.succeeded:
             yield "it succeeded, and its samples are missing"
@@ -95,7 +111,10 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     for entry in meta["subtasks"]:
         if entry["span"] is not None and not 0 <= entry["span"][0] < entry["span"][1] <= count:
             yield f"{entry['name']} is said to span samples {entry['span']} of {count}"
-    samples.commands(arrays)
+    try:
+        samples.commands(arrays)
+    except samples.BadSamples as problem:
+        yield f"{SAMPLES}: {problem}"
     if episode.task.name == "":
         yield "its task has no name"
     yield from _flaws_of_pictures(episode.path, "", unit.recording, count)

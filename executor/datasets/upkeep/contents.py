@@ -8,6 +8,7 @@ from typing import Any
 
 from executor.datasets.store import EpisodeStore, StoredEpisode
 from executor.datasets.units import DemoUnit
+from executor.datasets.upkeep.variety import Variety
 from oag import clopper_pearson
 
 
@@ -29,14 +30,14 @@ class Part:
     seeds: tuple[int, int] | None = None
     simulated_s: float = 0.0
 
-    def add(self, episode: StoredEpisode, unit: DemoUnit) -> None:
+    def add(self, episode: StoredEpisode, unit: DemoUnit, *, kept: bool) -> None:
         """Counts an episode."""
         first, last = self.seeds or (unit.seed, unit.seed)
         self.seeds = (min(first, unit.seed), max(last, unit.seed))
         self.query = self.query or str(episode.meta.get("query") or unit.origin.query)
         self.made += 1
         self.succeeded += episode.succeeded
-        if episode.succeeded and episode.has_samples:
+        if kept:
             self.kept += 1
             self.simulated_s += float(episode.meta["simulated_s"])
 
@@ -50,11 +51,14 @@ class Contents:
         failures: How many failed, by kind.
         store_bytes: What the folders of all units take.
         samples: Of what is kept.
-        rates_hz, versions, programs: What occurs: rates, versions of libraries, hashes of the program.
-        views, axes: In how many of what is kept: cameras, and what was varied beside layout, assets, places and the
-            robot's start.
+        rates_hz, scales, versions, programs: What occurs: rates, scales of the robot, versions of libraries, hashes of
+            the program.
+        views: In how many of what is kept: cameras.
+        varieties: Label of an origin -> what differs between its demonstrations.
         scaled: Category of things whose size was drawn or fitted to the gripper -> the least factor and the largest.
         asked: How many episodes were asked for.
+        repeats: How many demonstrations are not counted as such, since they have another one's states, sentence and
+            pictures.
     """
 
     parts: dict[str, Part] = field(default_factory=dict)
@@ -62,12 +66,14 @@ class Contents:
     store_bytes: int = 0
     samples: int = 0
     rates_hz: set[float] = field(default_factory=set)
+    scales: set[float] = field(default_factory=set)
     views: Counter[str] = field(default_factory=Counter)
     versions: set[tuple[str, str]] = field(default_factory=set)
     programs: set[str] = field(default_factory=set)
-    axes: Counter[str] = field(default_factory=Counter)
+    varieties: dict[str, Variety] = field(default_factory=dict)
     scaled: dict[str, tuple[float, float]] = field(default_factory=dict)
     asked: int = 0
+    repeats: int = 0
 
     @property
     def made(self) -> int:
@@ -91,6 +97,7 @@ class Contents:
             "made": self.made,
             "succeeded": self.succeeded,
             "kept": self.kept,
+            "repeats": self.repeats,
             "yield_interval": list(clopper_pearson(self.succeeded, self.made)) if self.made else None,
             "failures": dict(sorted(self.failures.items())),
             "simulated_s": round(sum(part.simulated_s for part in self.parts.values()), 3),
@@ -98,7 +105,7 @@ class Contents:
             "bytes": self.store_bytes,
             "rates_hz": sorted(self.rates_hz),
             "views": dict(sorted(self.views.items())),
-            "axes": dict(sorted(self.axes.items())),
+            "variety": {label: variety.to_json() for label, variety in sorted(self.varieties.items())},
             "programs": sorted(self.programs),
             "versions": [list(pair) for pair in sorted(self.versions)],
             "scaled": {name: list(span) for name, span in sorted(self.scaled.items())},
@@ -123,27 +130,32 @@ def contents_of(store: EpisodeStore) -> Contents:
         NotADataset: It is none, or an episode cannot be read.
     """
     found = Contents(asked=sum(int(request["episodes"]) for request in store.requests()))
+    known: set[str] = set()
     for episode in store.episodes():
-        _count(found, episode)
+        kept = episode.succeeded and episode.has_samples
+        if kept and episode.demonstration_key in known:
+            found.repeats, kept = found.repeats + 1, False
+        elif kept:
+            known.add(episode.demonstration_key)
+        _count(found, episode, kept=kept)
     return found
 
 
-def _count(found: Contents, episode: StoredEpisode) -> None:
+def _count(found: Contents, episode: StoredEpisode, *, kept: bool) -> None:
     meta, unit = episode.meta, DemoUnit.from_json(episode.meta["unit"])
-    found.parts.setdefault(unit.origin.label, Part()).add(episode, unit)
+    found.parts.setdefault(unit.origin.label, Part()).add(episode, unit, kept=kept)
     found.store_bytes += sum(file.stat().st_size for file in episode.path.rglob("*") if file.is_file())
     found.programs.add(str(meta["version"]))
     if not episode.succeeded:
         found.failures[str((meta.get("failure") or {}).get("kind") or meta["ended"])] += 1
-    if not (episode.succeeded and episode.has_samples):
+    if not kept:
         return
     found.samples += int(meta["samples"])
     found.rates_hz.add(float(meta["record_hz"]))
+    found.scales.add(float(meta["robot"]["scale"]))
     found.views.update(unit.recording.views)
     found.versions.update((str(name), str(version)) for name, version in meta["versions"].items())
-    varied = unit.variation
-    axes = ("target", "surfaces", "lights", "cameras", "physics", "distractors", "noise_m")
-    found.axes.update(axis for axis in axes if getattr(varied, axis))
+    found.varieties.setdefault(unit.origin.label, Variety()).add(meta)
     objects = meta["scene"]["objects"]
     for change in meta["scaled"]:
         category = objects[change["object_id"]]["category"]

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from executor.machine.workers.process import WorkerDied, WorkerProcess
+from executor.machine.workers.process import HandoverRefused, WorkerDied, WorkerProcess
 
 START_LIMIT_S = 300.0
 """Wall time that a worker may take until it is ready; imports on a slow disk take a minute."""
@@ -18,7 +18,7 @@ Ending = Literal["finished", "error", "crashed", "timed-out"]
 
 
 class WorkersUnusable(RuntimeError):
-    """Worker processes end or hang before they can take a request, so none can be worked on."""
+    """Worker processes end or hang before they take a request, or refuse what is handed over; none is worked on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,8 @@ class WorkerPool:
         by Ctrl-C, all workers end at once.
 
         Raises:
-            WorkersUnusable: A worker died, or hung, before it took a request.
+            WorkersUnusable: A worker died, or hung, before it took a request, or refuses one that is for another
+                version of the program or other inputs than it has.
             OSError: A worker's disk is full.
         """
         self._stopping.clear()
@@ -159,6 +160,9 @@ class WorkerPool:
         if "no_room" in answer:
             # It is the disk's fault and nobody's of this request: the next ones would fare the same.
             raise OSError(*answer["no_room"])
+        if answer.get("kind") == HandoverRefused.__name__:
+            # The next ones would fare the same.
+            raise WorkersUnusable(answer["error"])
         if "error" in answer:
             return "error", answer, f"{answer['kind']}: {answer['error']}" if answer["error"] else str(answer["kind"])
         return "finished", answer["finished"], ""

@@ -11,13 +11,35 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TextIO
 
-from bddl.files import NO_ROOM
+from bddl.files import no_room
 
 _STDERR_LINES = 5
 
 
 class WorkerDied(Exception):
     """A worker process ended in the middle of its work; the message has its status and its last words."""
+
+
+class HandoverRefused(RuntimeError):
+    """A process runs another version of the program, or has other inputs, than the request is for that it was given."""
+
+
+def check_version(wanted: str, own: str) -> None:
+    """Refuse work whose record would name a version of the program that did not do it.
+
+    Args:
+        wanted: The version that the request names.
+        own: The version that this process runs.
+
+    Raises:
+        HandoverRefused: They differ.
+    """
+    if wanted != own:
+        raise HandoverRefused(
+            f"this process runs version {own} of the program, and the request is for version {wanted!r}: the program "
+            "was changed meanwhile, or this machine has another copy of it; start the same command again, with one "
+            "copy of the program everywhere"
+        )
 
 
 class WorkerProcess:
@@ -160,6 +182,6 @@ def serve(handle: Handler) -> None:
         except Exception as error:
             trace = traceback.format_exc().splitlines()[-_TRACEBACK_LINES:]
             room = {}
-            if isinstance(error, OSError) and error.errno in NO_ROOM:
+            if isinstance(error, OSError) and no_room(error):
                 room["no_room"] = [error.errno, error.strerror, error.filename]
             answer(answers, error=str(error), kind=type(error).__name__, traceback=trace, **room)

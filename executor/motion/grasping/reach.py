@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bddl import Atom
 from executor.assets.model import Asset
 from executor.geometry import Array, inverse
 from executor.motion.grasping.grasps import item_goals, rim_goals, room_below_m, top_goals
@@ -19,7 +21,7 @@ from executor.motion.planning.paths import base_move, polyline, segment
 from executor.motion.planning.planner import Planner
 from executor.motion.planning.stance import Stance, Validate, search
 from executor.records.rollout import Failure, FailureKind
-from executor.world.detectors import touching_bodies
+from executor.world.detectors import box_around, read, touching_bodies
 from executor.world.world import World
 from oag import Action
 from oag.revision.measurements import TooWide, Unplanned
@@ -29,10 +31,16 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
+OUT_M = 0.01
+"""How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
+
 LIFT_CLEARANCE_M = 0.001  # Little: the item stands on its support as it is lifted.
 FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
 LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
+
+LOW_LIFTS_M = (*LIFTS_M, 0.02, 0.01)
+"""The same where the hand backs out with the thing: off what it stood on is enough."""
 
 HIGH_LIFTS_M = (0.15, 0.13, 0.105)
 """The same where a plan ends with the thing in the hand: as high as counts as picked up, and the arm's error more."""
@@ -65,7 +73,7 @@ class Pick:
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (3,) where the base stands.
-        lifts_m: What an unfilled lift may be, the preferred one first.
+        lifts_m: What an unfilled lift may be, the preferred one first; out of a bowl it is as high as that asks.
     """
 
     planner: Planner
@@ -130,11 +138,12 @@ class Pick:
         width_m = asset.graspable_width_m or min(asset.extent_m[:2])
         opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
         resting = held_may_touch(touching_bodies(self.world, self.item))
+        lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)
         options = [
             tuple(
                 replace(a, parameter=v) if a.parameter is None else a for a, v in zip(self.moves, values, strict=True)
             )
-            for values in itertools.product(*(self.lifts_m if a.parameter is None else (None,) for a in self.moves))
+            for values in itertools.product(*(lifts_m if a.parameter is None else (None,) for a in self.moves))
         ]
 
         def lift(q: Array) -> tuple[Lift, float] | None:
@@ -145,16 +154,49 @@ class Pick:
                 oracle.carried = None
 
         def first_lift(q: Array) -> tuple[Lift, float] | None:
+            along: tuple[Lift, float] | None = None
             for rank, filled in enumerate(options):
                 path = run_moves(self.planner, q, list(filled))
                 if path is None:
                     continue
                 way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
-                if not oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
-                    return Lift(filled, at_rim), 0.02 * rank
-            return None
+                if oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
+                    continue
+                end = way[-1] if len(way) else q
+                clear = not oracle.hits(end, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M)
+                if (clear or along is None) and not presses(q, way):
+                    found = Lift(filled, at_rim), 0.02 * rank
+                    if clear:
+                        return found
+                    along = found  # It stands against something, and may be lifted along that.
+            return along
+
+        def presses(q: Array, way: Array) -> bool:
+            """Decides whether the item gets into what it touches, such as the board above it."""
+            with oracle.leaving(q, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
+                return oracle.first_hit(way, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is not None
 
         return lift
+
+
+def lifts_out_m(lifts_m: tuple[float, ...], world: World, item: str) -> tuple[float, ...]:
+    """Returns those of some lifts that take an item out of what is open at the top, else one that does.
+
+    Args:
+        lifts_m: The preferred one first.
+        world: Where things are.
+        item: The item's id; what is in no bowl or box is out already.
+    """
+    centre_m = float(box_around(world, item)[0][2])
+    least_m = 0.0
+    for vessel in world.dynamic_ids:
+        found = read(Atom("inside", (item, vessel)), world) if vessel != item else None
+        if found is not None and found.value:
+            region = next(one for one in world.assets[vessel].regions if one.name == found.measurements.region)
+            top_m = world.T_world_link(vessel, region.link) @ (*region.center_m, 1.0)
+            least_m = max(least_m, float(top_m[2]) + region.half_extents_m[2] - centre_m + OUT_M)
+    enough = tuple(lift_m for lift_m in lifts_m if lift_m >= least_m)
+    return enough or (math.ceil(100.0 * least_m) / 100.0,)
 
 
 def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Array) -> Failure:

@@ -11,8 +11,9 @@ import itertools
 import numpy as np
 
 from executor.assets.model import Region
+from executor.assets.transforms import rolls_freely
 from executor.geometry import Array, inverse, pitch_of
-from executor.motion.placing.place import GAPS_M, hands_over, rolls_freely
+from executor.motion.placing.place import GAPS_M, hands_over
 from executor.motion.placing.search import CLEARANCE_M, MOST_CANDIDATES, TURNS_RAD, UPWARD
 from executor.motion.planning.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.motion.planning.oracle import Carried

@@ -9,6 +9,7 @@ import numpy as np
 
 from executor.assets.footprint import Footprint
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import rolls_freely
 from executor.geometry import Array, hand_rotation, inverse, rotation_z, transform
 from executor.motion.grasping.grasps import heading_of_hand, is_held_at_rim
 from executor.motion.placing.spots import FLOOR, Spot, drawing, spots
@@ -29,11 +30,6 @@ HOLLOW = "hollow"
 FALLING_COSINE, FALLS_COST = 0.5, 0.3
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 GAP_COST = 0.15  # For each higher fall: a plan with good joints may outweigh it.
-
-
-def rolls_freely(asset: Asset) -> bool:
-    """Decides whether a thing has no upright: all that collides is a sphere."""
-    return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
 
 
 def upright_pitch(carried: Carried, *, flip: bool) -> float:

@@ -140,6 +140,7 @@ class CollisionOracle:
         self,
         q: Array,
         *,
+        opening_m: float | None = None,
         margin_m: float = 0.0,
         allowed: Allowed = NOTHING,
         joints: Mapping[JointTarget, float] | None = None,
@@ -147,7 +148,7 @@ class CollisionOracle:
         """Lets a motion that starts nearer to things than the margin leave them: it may come no nearer to those."""
         before = self._near_at_start
         self._near_at_start = {}
-        found = self.hits(q, margin_m=margin_m, allowed=allowed, joints=joints)
+        found = self.hits(q, opening_m=opening_m, margin_m=margin_m, allowed=allowed, joints=joints)
         self._near_at_start = {(hit.mover, hit.other): hit.separation_m - _NEARER_M for hit in found}
         try:
             yield

@@ -202,6 +202,22 @@ def retouched(around: Around, box_px: tuple[float, float, float, float], found: 
     return _described(fine, best, others) or found
 
 
+def judged(around: Around, box_px: tuple[float, float, float, float], found: Fit, in_box: float) -> Fit:
+    """Return a fit with what it explains among all that is known now.
+
+    Args:
+        around: What else is known.
+        box_px: The thing's box.
+        found: The fit.
+        in_box: IoU of that box with what is visible of the fit.
+    """
+    patch, body = _likelihoods(around, box_px)[2].patch, body_of(found.guess)
+    if body is None or not len(patch.z_m):
+        return replace(found, explained=0.0, in_box=in_box)
+    explained, residual_m = patch.explained(found.guess, body), patch.residual_m(found.guess, body)
+    return replace(found, explained=explained, residual_m=residual_m, in_box=in_box)
+
+
 def sharpened(around: Around, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Returns a fit searched on by nearly every pixel: what stands on a top is moved far by a little of its height."""
     _, _, fine = _likelihoods(around, box_px)

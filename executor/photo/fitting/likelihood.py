@@ -23,6 +23,7 @@ _LOOSEST = 1e-3  # Of the sharpest direction: what is looser is not known at all
 _MOST_M = 1.0
 _HIGHEST = 1e6  # Stands for what cannot be, of which differences are taken.
 _FARTHEST_M = 10.0  # In a room.
+_PLACED_M = 0.1  # A thing whose place is known within it is where a plan looks for it.
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ class Fit:
         spread_m: How exactly its place on the floor is known; None with depth, where the residual tells.
         assumed: Where nothing of its sides is seen, what it is taken for, for people.
         beside_box: What its outline costs for not filling its box, as `Patch.box_cost` has it.
+        in_box: IoU of its box with the box around what is visible of it in the picture; 1 until that is looked at.
     """
 
     guess: Guess
@@ -123,13 +125,28 @@ class Fit:
     spread_m: float | None = None
     assumed: str = ""
     beside_box: float = 0.0
+    in_box: float = 1.0
 
     @property
-    def confidence(self) -> float:
+    def likelier(self) -> float:
         """0 to 1: how much more likely it is than the best guess of any other model."""
         if not self.alternatives:
             return 1.0
         return 1.0 / (1.0 + math.exp(-min(50.0, self.alternatives[0].cost - self.cost)))
+
+    @property
+    def placed(self) -> float:
+        """0 to 1: the probability that its place on the floor is off by less than 10 cm, by its spread.
+
+        With depth, by how far off its depths are, which is more than its place is.
+        """
+        off_m = self.residual_m if self.spread_m is None else self.spread_m
+        return 1.0 - math.exp(-0.5 * (_PLACED_M / max(off_m, 1e-6)) ** 2)
+
+    @property
+    def confidence(self) -> float:
+        """0 to 1: likelier than another model, its pixels explained, in its box and well placed, all of it at once."""
+        return self.likelier * self.explained * self.in_box * self.placed
 
 
 def best_of_fits(fits: Iterable[Fit]) -> Fit | None:

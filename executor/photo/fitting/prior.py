@@ -11,7 +11,7 @@ from typing import TypeAlias
 from executor.assets.parameters import ModelEntry
 from executor.photo.fitting.body import Guess, Size, is_round, largest_m
 from executor.photo.space.walls import Wall
-from executor.scenes.furnishing.usual import ABSURD
+from executor.scenes.cousins.likeness import ABSURD
 from oag import Kind, kind_of
 
 _BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.

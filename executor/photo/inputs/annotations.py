@@ -3,7 +3,8 @@
 Files are COCO, LabelMe, YOLO, or of a form of our own.
 
 Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
-with boxes in pixels from the upper left corner of the picture.
+with boxes in pixels from the upper left corner of the picture. A "size_px": [width, height] next to "things" is the
+size of what they were drawn on, where that is not the picture as it is: [1000, 1000] of thousandths of it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from bddl.files import read_bounded_text
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
+from executor.photo.inputs.agreement import box_doubts
 from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, written_category
@@ -34,6 +36,10 @@ LEAST_PX = 3.0
 
 _OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
 _PLAIN = re.compile("[a-z][a-z0-9_]*")  # Labels that can be categories, and begin names of things.
+Provenance: TypeAlias = Literal["person", "detector", "search"]
+"""Whose a box and its label are: a person's, whose label is kept; a detector's (a network or a model), whose label is
+evidence and gives way to what fits clearly better; or the search's for what nobody has boxed, which has no label."""
+
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
 
@@ -51,6 +57,7 @@ class Sighting:
         doors, drawers: How many it was told to have; None where nobody says.
         on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
             nobody says.
+        provenance: Whose the box and its label are, which decides whether the fit may take another name.
     """
 
     label: str
@@ -62,12 +69,17 @@ class Sighting:
     doors: int | None = None
     drawers: int | None = None
     on: int | None = None
+    provenance: Provenance = "person"
 
     @property
     def area_px(self) -> float:
         """Of its box."""
         x0, y0, x1, y1 = self.box_px
         return (x1 - x0) * (y1 - y0)
+
+    def may_be(self, entry: ModelEntry) -> bool:
+        """Decide whether the thing may be taken for a model: of a person's label only for one of that category."""
+        return self.provenance != "person" or self.category in (None, entry.category)
 
     def name_as(self, entry: ModelEntry) -> str:
         """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model.
@@ -108,6 +120,7 @@ class Sighting:
             "doors": self.doors,
             "drawers": self.drawers,
             "on": self.on,
+            "provenance": self.provenance,
         }
 
 
@@ -131,10 +144,12 @@ class Detections:
     Attributes:
         things: What a scene can be made of.
         left_out: What else was found.
+        doubts: What speaks against their boxes, in sentences.
     """
 
     things: tuple[Sighting, ...]
     left_out: tuple[LeftOut, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 Detector: TypeAlias = Callable[[Photograph], Detections]
@@ -142,6 +157,8 @@ Detector: TypeAlias = Callable[[Photograph], Detections]
 
 
 _Found = tuple[str, tuple[float, float, float, float], float]
+_Size = tuple[float, float]
+_SAME_SHAPE = 0.02
 _UNNAMED = ("", "thing", "object", "unknown", "?")
 
 
@@ -152,7 +169,20 @@ def boxes_in(path: Path, picture_name: str) -> Detector:
         path: The file, see `read_boxes`.
         picture_name: Name of the picture's file.
     """
-    return lambda picture: Detections(read_boxes(path, picture.size_px, picture_name))
+
+    def detect(picture: Photograph) -> Detections:
+        """Raises PhotoRefused where the file cannot be used, or its boxes end at no edges but larger ones do."""
+        things, drawn_on = _read(path, picture.size_px, picture_name)
+        if drawn_on is None:
+            doubts = box_doubts(path, [one.box_px for one in things], picture) if things else ()
+        elif drawn_on != picture.size_px:
+            sizes = [f"{width:g} x {height:g}" for width, height in (drawn_on, picture.size_px)]
+            doubts = (f"{path.name}: its boxes were drawn on {sizes[0]} pixels, and are scaled to {sizes[1]}",)
+        else:
+            doubts = ()
+        return Detections(things, doubts=doubts)
+
+    return detect
 
 
 def category_named(label: str) -> str | None:
@@ -199,17 +229,27 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
             listed, with the nearest labels.
         OSError: The file cannot be read.
     """
+    return _read(path, size_px, picture_name)[0]
+
+
+def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tuple[Sighting, ...], _Size | None]:
+    """The things of a file, and the size of what their boxes were drawn on, where it has that."""
     try:
         text = read_bounded_text(path)
     except UnicodeDecodeError as error:
         raise PhotoRefused("boxes", path, "is no text in UTF-8", _FORMS) from error
     if path.suffix.lower() == ".txt":
+        drawn_on: _Size | None = size_px
         found, source = list(_yolo(path, text, size_px)), "YOLO annotation"
     else:
-        found, source = _of_json(path, text, picture_name)
+        found, source, drawn_on = _of_json(path, text, size_px, picture_name)
     if not found:
         raise PhotoRefused("nothing", path, "has no box", "a scene needs at least one thing")
-    return _checked(path, found, source, size_px)
+    across, down = (side / own for side, own in zip(size_px, drawn_on or size_px, strict=True))
+    scaled = [
+        (label, (x0 * across, y0 * down, x1 * across, y1 * down), score) for label, (x0, y0, x1, y1), score in found
+    ]
+    return _checked(path, scaled, source, size_px), drawn_on
 
 
 def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Sighting, ...]:
@@ -241,7 +281,10 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
     return tuple(kept)
 
 
-def _of_json(path: Path, text: str, picture_name: str) -> tuple[list[_Found], str]:
+def _of_json(
+    path: Path, text: str, size_px: tuple[int, int], picture_name: str
+) -> tuple[list[_Found], str, _Size | None]:
+    """The boxes of a JSON file, their source, and the size of what they were drawn on, where it has that."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -254,10 +297,53 @@ def _of_json(path: Path, text: str, picture_name: str) -> tuple[list[_Found], st
         raise PhotoRefused("boxes", path, f"an entry of {key} is no object", _FORMS)
     try:
         found = list(forms[key](data, picture_name))
+        sides = {"things": _own_size, "annotations": _coco_size, "shapes": _labelme_size}[key](data, picture_name)
+        drawn_on = _size(sides)
     except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
         raise PhotoRefused("boxes", path, f"an entry of {key} is malformed ({error!r})", _FORMS) from error
     named = {"things": str(data.get("source", "own annotation")), "annotations": "COCO", "shapes": "LabelMe"}
-    return found, named[key]
+    # In our own form thousandths are a size, too; the others have the size of a picture.
+    if key != "things" and drawn_on is not None and not _is_shaped_alike(drawn_on, size_px):
+        sizes = [f"{width:g} x {height:g}" for width, height in (drawn_on, size_px)]
+        problem = f"its boxes are of a picture of {sizes[0]} pixels, and this one has {sizes[1]}"
+        raise PhotoRefused(
+            "boxes", path, problem, "give those of this picture, turned upright by its EXIF, and not cut"
+        )
+    return found, named[key], drawn_on
+
+
+def _size(sides: Sequence[object] | None) -> _Size | None:
+    """A width and a height, None where they are not both there.
+
+    Raises:
+        ValueError: They are no sizes.
+    """
+    if sides is None or None in sides:
+        return None
+    width, height = (_finite(value) for value in sides)
+    if min(width, height) <= 0.0:
+        raise ValueError(f"{list(sides)!r} is no width and height")
+    return width, height
+
+
+def _is_shaped_alike(size: _Size, size_px: tuple[int, int]) -> bool:
+    return abs(size[0] * size_px[1] - size[1] * size_px[0]) <= _SAME_SHAPE * size[1] * size_px[0]
+
+
+def _own_size(data: Mapping[str, Any], picture_name: str) -> Sequence[object] | None:
+    sides = data.get("size_px")
+    return None if sides is None else list(sides)
+
+
+def _coco_size(data: Mapping[str, Any], picture_name: str) -> Sequence[object] | None:
+    images = data.get("images", [])
+    image = next((one for one in images if Path(str(one.get("file_name", ""))).name == picture_name), None)
+    image = images[0] if image is None and len(images) == 1 else image
+    return None if image is None else (image.get("width") or None, image.get("height") or None)
+
+
+def _labelme_size(data: Mapping[str, Any], picture_name: str) -> Sequence[object] | None:
+    return data.get("imageWidth") or None, data.get("imageHeight") or None
 
 
 def _own(data: Mapping[str, Any], picture_name: str) -> Iterator[_Found]:

@@ -24,7 +24,7 @@ from PIL import Image
 from bddl.files import read_bounded_text
 from executor.machine.extras import require
 from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.depth import Depth, checked_depth, read_depth, read_exr
+from executor.photo.inputs.depth import MOST_DECODED_BYTES, Depth, checked_depth, read_depth, read_exr
 from executor.photo.inputs.picture import MOST_BYTES, Photograph, read_picture
 from executor.photo.refusal import PhotoRefused
 
@@ -128,7 +128,7 @@ def _beneath(folder: Path, name: str) -> Path:
 def _exported(folder: Path, frame: int | None) -> Capture:
     try:
         said = _metadata(folder, json.loads(read_bounded_text(folder / "metadata.json")))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise PhotoRefused("picture", folder / "metadata.json", f"is no JSON ({error})", _EXPECTED) from error
     numbers = sorted(int(one.stem) for one in (folder / "depth").glob("*.exr") if one.stem.isdecimal())
     number = numbers[_chosen(folder, len(numbers), frame)]
@@ -152,7 +152,7 @@ def _packed(path: Path, frame: int | None) -> Capture:
             depth = _member(path, archive, f"rgbd/{number}.depth")
             sure = f"rgbd/{number}.conf"
             trust = _member(path, archive, sure) if sure in archive.namelist() else None
-    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+    except (zipfile.BadZipFile, ValueError, RecursionError, EOFError) as error:
         raise PhotoRefused("picture", path, f"cannot be read as an .r3d file ({error})", _EXPECTED) from error
     picture = read_picture(path, jpeg)
     values = _unpacked(path, depth, np.float32)
@@ -179,6 +179,10 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
     lzfse = require("lzfse", "captures")
+    # Each of its blocks begins with how much it unpacks to.
+    size = sum(int.from_bytes(one, "little") for one in re.findall(rb"bvx[-12n](.{4})", content, re.DOTALL))
+    if size > MOST_DECODED_BYTES:
+        raise PhotoRefused("depth", path, f"its depth would take {size / 1e6:.0f} MB when it is unpacked")
     try:
         return np.frombuffer(lzfse.decompress(content), dtype=kind)
     except (lzfse.error, ValueError) as error:

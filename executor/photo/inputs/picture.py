@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -18,6 +21,11 @@ MOST_SIDE_PX = 4096
 
 LEAST_SIDE_PX = 64
 MOST_BYTES = 64_000_000
+
+_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000")
+"""Of the library's many, those that cameras write; there is one for which it would start a program."""
+
+_SCALE_IT = "scale it and its depth down, 640 to 1600 pixels are plenty, or cut out what matters"
 
 
 @dataclass(frozen=True)
@@ -67,33 +75,76 @@ def read_picture(path: Path, content: bytes | None = None) -> Photograph:
         PhotoRefused: It is no picture, ends in the middle, or is too large or too small.
         OSError: The file cannot be read.
     """
-    content = read_bounded(path, MOST_BYTES) if content is None else content
+    content = read_file(path) if content is None else content
+    with opened_picture(path, content) as image:
+        width, height = image.size
+        if min(width, height) < LEAST_SIDE_PX:
+            problem = f"the picture has {width} x {height} pixels; at least {LEAST_SIDE_PX} on a side are needed"
+            raise PhotoRefused("picture", path, problem)
+        image.load()
+        exif = _exif(image)
+        rgb = np.asarray(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
+    return Photograph(path, rgb, exif)
+
+
+def read_file(path: Path, kind: str = "picture") -> bytes:
+    """Return the content of a file.
+
+    Args:
+        path: The file.
+        kind: What it is, for programs.
+
+    Raises:
+        PhotoRefused: It is too large.
+        OSError: It cannot be read.
+    """
+    if path.is_file() and path.stat().st_size > MOST_BYTES:
+        problem = f"is larger than {MOST_BYTES / 1e6:g} MB"
+        raise PhotoRefused(kind, path, problem, "expected one moment of a room, at most 4096 pixels on a side")
+    return read_bounded(path, MOST_BYTES)
+
+
+@contextmanager
+def opened_picture(
+    path: Path, content: bytes, kind: str = "picture", expected: str = "a PNG, JPEG or another usual picture, all of it"
+) -> Iterator[Image.Image]:
+    """Give a picture whose header has been read and is not too large; it is decoded inside the block.
+
+    Args:
+        path: Its file, for messages.
+        content: What is in it.
+        kind: What it is, for programs.
+        expected: What it should be.
+
+    Raises:
+        PhotoRefused: It is too large, or cannot be read; so is what goes wrong with it inside the block.
+    """
     try:
-        with Image.open(BytesIO(content)) as image:
-            width, height = image.size
-            if max(width, height) > MOST_SIDE_PX:
-                raise PhotoRefused(
-                    "picture",
-                    path,
-                    f"the picture has {width} x {height} pixels; at most {MOST_SIDE_PX} on a side are used",
-                    "scale it and its depth down, 640 to 1600 pixels are plenty, or cut out what matters",
-                )
-            if min(width, height) < LEAST_SIDE_PX:
-                problem = f"the picture has {width} x {height} pixels; at least {LEAST_SIDE_PX} on a side are needed"
-                raise PhotoRefused("picture", path, problem)
-            image.load()
-            exif = _exif(image)
-            rgb = np.asarray(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
+        with warnings.catch_warnings():
+            # Of tags that it cannot read, it would warn one by one.
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(BytesIO(content), formats=_FORMATS) as image:
+                if max(image.size) > MOST_SIDE_PX:
+                    problem = f"has {image.size[0]} x {image.size[1]} pixels; at most {MOST_SIDE_PX} on a side are used"
+                    raise PhotoRefused(kind, path, f"the {kind} {problem}", _SCALE_IT)
+                yield image
     except PhotoRefused:
         raise
     except UnidentifiedImageError as error:
         # Its own words have an address in memory.
-        problem = "cannot be read as a picture (no known format)"
-        raise PhotoRefused("picture", path, problem, "expected a PNG, JPEG or another usual picture") from error
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        hint = "expected a PNG, JPEG or another usual picture, all of it"
-        raise PhotoRefused("picture", path, f"cannot be read as a picture ({error})", hint) from error
-    return Photograph(path, rgb, exif)
+        raise _unreadable(path, kind, "no known format", expected) from error
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+        problem = f"the {kind} has over 80 megapixels; at most {MOST_SIDE_PX} pixels on a side are used"
+        raise PhotoRefused(kind, path, problem, _SCALE_IT) from error
+    except Exception as error:
+        # Of what can be wrong with a picture, the library raises some ten kinds.
+        raise _unreadable(path, kind, str(error) or type(error).__name__, expected) from error
+
+
+def _unreadable(path: Path, kind: str, why: str, expected: str) -> PhotoRefused:
+    what = "a picture" if kind == "picture" else kind
+    return PhotoRefused(kind, path, f"cannot be read as {what} ({why})", f"expected {expected}")
 
 
 def _exif(image: Image.Image) -> Exif:

@@ -66,7 +66,16 @@ def sorted_out(candidates: Sequence[FoundBox], size_px: tuple[int, int], source:
             left_out.append(LeftOut(one.label, box, reason))
         elif all(overlap(box, other.box_px) < SAME for other in kept.values()):
             category = category_named(one.label)
-            kept[index] = Sighting(one.label, category, box, one.score, source, doors=one.doors, drawers=one.drawers)
+            kept[index] = Sighting(
+                one.label,
+                category,
+                box,
+                one.score,
+                source,
+                doors=one.doors,
+                drawers=one.drawers,
+                provenance="detector",
+            )
     places = {index: place for place, index in enumerate(sorted(kept))}
     places[FLOOR] = FLOOR
     things = []

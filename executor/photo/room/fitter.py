@@ -19,6 +19,7 @@ from executor.photo.fitting.fit import (
     cost_among,
     fit_anything,
     fit_thing,
+    judged,
     renamed,
     retouched,
     shaken,
@@ -39,6 +40,7 @@ from llm.sight.forms import overlap
 _NOTHING = "nothing in its box stands out from what is around it"
 _UNFIT = "no model fits its box, wherever it may stand"
 _ON_NOTHING = "nothing was found that it stands on"
+_TOO_LITTLE = "no model explains more than {:.0f} % of its pixels"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
@@ -105,7 +107,7 @@ class RoomFitter:
             if not bottoms_m:
                 self.on_nothing.add(index)
         elif room.seen.has_depth and found.explained < _LEAST_EXPLAINED:
-            room.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
+            room.reasons[index] = _TOO_LITTLE.format(100 * found.explained)
             found = None
         elif room.seen.has_depth and room.is_doubtful_in_air(found):
             room.reasons[index] = _ON_NOTHING
@@ -124,7 +126,7 @@ class RoomFitter:
         return room.keep(index, found)
 
     def rename(self, index: int) -> str:
-        """Takes a thing for what fits clearly better than what it is called, if anything does."""
+        """Takes a thing for what fits clearly better than a detector's label, if anything does; a person's is kept."""
         room = self.room
         detection, found = room.detections[index], room.take(index)
         around = room.around(index)
@@ -133,7 +135,11 @@ class RoomFitter:
             return room.keep(index, found)
         taken, large = (detection.category, *CARRIED), is_large(found.guess.entry)
         likely = large_enough(points, [found.guess.bottom_m])
-        others = [entry for entry in likely if entry.category not in taken and is_large(entry) is large]
+        others = [
+            entry
+            for entry in likely
+            if detection.may_be(entry) and entry.category not in taken and is_large(entry) is large
+        ]
         other = renamed(around, found, detection.box_px, named_models(detection), others, points)
         is_named = other.guess.entry.category == detection.category
         return room.keep(index, other if is_named or room.is_there(index, other, around) else found)
@@ -203,10 +209,28 @@ class RoomFitter:
             self._shaken[index] = frozenset((found.guess, *around.near.pieces))
         return room.keep(index, found)
 
+    def judge(self, index: int, in_box: float) -> str:
+        """Look once more at how much a fit explains, among all that is known in the end; too little is no success.
+
+        Args:
+            index: Which detection.
+            in_box: IoU of its box with what is visible of the fit.
+        """
+        room = self.room
+        found = room.take(index)
+        if found is not None:
+            found = judged(room.around(index), room.detections[index].box_px, found, in_box)
+            if room.seen.is_exact and index < room.boxed and found.explained < _LEAST_EXPLAINED:
+                room.reasons[index] = _TOO_LITTLE.format(100 * found.explained)
+                found = None
+        return room.keep(index, found)
+
     def fit_anything(
         self, index: int, foreign: NDArray[np.bool_] | None = None, entries: Sequence[ModelEntry] = ()
     ) -> str:
         """Fits one thing by every model, and keeps that where it costs clearly less than what the box is called.
+
+        What a person has named is fitted by the models of that name alone, whatever else would cost less.
 
         Args:
             index: Which detection.
@@ -233,6 +257,7 @@ class RoomFitter:
         if not entries:
             box_px = detection.box_px
             entries = high_enough(room.seen, box_px, places) if points is None else large_enough(points, places)
+        entries = [entry for entry in entries if detection.may_be(entry)]
         found = fit_anything(around, detection.box_px, entries, places, points) if entries else None
         if found is not None and not room.seen.has_depth and not room.hangs_in_air(found.guess):
             # What hangs before it looks like it once what hides it is taken for something else.
@@ -246,7 +271,7 @@ class RoomFitter:
             found = None
         if found is None:
             found = before
-        elif before is not None and detection.category is None:
+        elif before is not None and (detection.category is None or detection.provenance == "person"):
             found = cheaper(around, detection.box_px, before, found)
         elif before is not None and not (room.seen.has_depth and room.claim(before.guess, around).seen_through):
             by = MISNAMED if room.seen.has_depth else max(MISNAMED, _MISNAMED_BY_SIGHT - 2.0 * before.beside_box)
@@ -286,16 +311,24 @@ class RoomFitter:
         return not room.seen.has_depth and before is None and far_fetched
 
     def adopt(self, index: int) -> bool:
-        """Gives a box that has no thing what was found alone and fills it; returns whether there is any."""
+        """Gives a box that has no thing what was found alone and fills it; returns whether there is any.
+
+        What a person has named takes only what may be of that name.
+        """
         room = self.room
         box_px = room.detections[index].box_px
         for alone in [one for one in room.fits if one >= room.boxed]:
             if overlap(room.detections[alone].box_px, box_px) < _ADOPTED:
                 continue
-            found = room.take(alone)
+            before = room.take(alone)
+            if before is None:
+                continue
+            found = called(room.around(index), box_px, before, named_models(room.detections[index]))
+            if not room.detections[index].may_be(found.guess.entry):
+                room.keep(alone, before)
+                continue
             room.reasons[alone] = "it is what a box was drawn around"
-            if found is not None:
-                room.keep(index, called(room.around(index), box_px, found, named_models(room.detections[index])))
+            room.keep(index, found)
             return True
         return False
 
@@ -314,7 +347,7 @@ class RoomFitter:
                 parted = False
                 continue
             tried.append(piece)
-            room.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
+            room.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT, provenance="search"))
             others = [one for one in pieces if one is not piece]
             told(self.fit_anything(len(room.detections) - 1, np.any(others, axis=0) if others else None))
         alone = [index for index in room.fits if index >= room.boxed]

@@ -36,7 +36,9 @@ from executor.photo.space.claim import Claim
 from executor.photo.space.layers import Layers
 from executor.photo.space.observation import Observation
 from executor.photo.space.rescale import straightened
+from executor.photo.space.standing_out import box_of
 from executor.photo.space.walls import Wall
+from llm.sight.forms import overlap
 from oag import Kind, kind_of
 
 UNLIKELY, IMPOSSIBLE = 10.0, 30.0
@@ -48,6 +50,9 @@ _DOUBTFUL, _DOUBTFUL_BENT = 0.75, 0.4  # Right names explain nine tenths and mor
 _LEAST_SEEN_PX = 40  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 BESIDE_BOX, _UNLIKE = 15.0, 50.0
 """Without depth, most that outline and fit of what is called rightly cost."""
+
+LEAST_IN_BOX = 0.3
+"""IoU of a box with the box around what is visible of its fit: with less the fit is of something else, or elsewhere."""
 
 _BESIDE_SMALL_BOX = 5.0  # Where a box is of few pixels, half of it costs no more than 10.
 
@@ -123,6 +128,34 @@ class KnownRoom:
             if is_left or any(is_same_place(guess, other) for other in others):
                 self.take(index)
                 self.reasons[index] = "what is left of other things, in which it would stand"
+
+    def in_boxes(self) -> dict[int, float]:
+        """Return the IoU of each thing's box with the box around what is visible of its fit, 0 to 1.
+
+        Visible is what is in the picture and hidden by no other fit, nor by anything nearer that was measured.
+        """
+        shown = {}
+        for index, visible in self._layers.visible().items():
+            box_px = self.detections[index].box_px
+            shown[index] = overlap(box_of(visible), box_px) if visible.any() else 0.0
+        return shown
+
+    def leave_out_what_is_outside_its_box(self) -> None:
+        """Leave out fits of which too little is visible in the boxes that somebody has drawn, the worst one first.
+
+        What it hid is visible then.
+        """
+        while shown := {index: share for index, share in self.in_boxes().items() if index < self.boxed}:
+            worst = min(shown, key=lambda index: shown[index])
+            share = shown[worst]
+            if share >= LEAST_IN_BOX:
+                return
+            model = self.fits[worst].guess.entry.model
+            self.take(worst)
+            problem = (
+                f"the best fit ({model}) is not in its box: what is visible of it has an IoU of {share:.2f} with it"
+            )
+            self.reasons[worst] = f"{problem}, and {LEAST_IN_BOX:g} is the least"
 
     def _carries_what_is_boxed(self, index: int) -> bool:
         """Whether something that has a box stands on it: then it is there, however odd."""

@@ -75,7 +75,7 @@ def reconstruct(
     told: Callable[[str], None] = lambda words: None,
     scale_share: float = 0.0,
     *,
-    alone: bool = True,
+    find_more: bool = False,
 ) -> FittedRoom:
     """Returns the things of a picture, fitted by models of the library.
 
@@ -85,7 +85,9 @@ def reconstruct(
         walls: The walls.
         told: Is told of each thing when it is fitted for good.
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
-        alone: Whether with depth things are looked for that nobody has put a box around.
+        find_more: Whether things are looked for that nobody has put a box around: with depth those that stand out of
+            it, and without what carries those with boxes. In depths that are bent more stands out than is there, so
+            that these are searched where there is no box at all.
     """
     room = KnownRoom(seen, walls, detections, scale_share)
     fitter = RoomFitter(room)
@@ -98,12 +100,13 @@ def reconstruct(
     _fit_furniture(fitter, standing, carried, told)
     for index in carried:
         told(fitter.fit(index, None, hidden_by=carried))
-    if not seen.is_exact:
+    if find_more and not seen.is_exact:
         find_carriers(fitter, told)
     _doubt_names(fitter, told)
-    if seen.has_depth and alone:
+    if find_more and seen.has_depth and (seen.is_exact or not detections):
         _fit_unboxed(fitter, carried, told)
     _look_again(fitter, standing, told)
+    _judge(fitter, told)
     return _result(room)
 
 
@@ -174,6 +177,14 @@ def _look_again(fitter: RoomFitter, standing: Sequence[int], told: Callable[[str
         told(fitter.sharpen(index))
     room.leave_out_what_is_inside()
     _put_down(fitter, told)
+
+
+def _judge(fitter: RoomFitter, told: Callable[[str], None]) -> None:
+    """Leave out what is no success after all: outside its box, or of hardly any of its pixels."""
+    room = fitter.room
+    room.leave_out_what_is_outside_its_box()
+    for index, in_box in room.in_boxes().items():
+        told(fitter.judge(index, in_box))
 
 
 def _put_down(fitter: RoomFitter, told: Callable[[str], None]) -> None:

@@ -66,7 +66,7 @@ def find_carriers(fitter: RoomFitter, told: Callable[[str], None]) -> None:
         if piece is None or any(are_alike(piece, other) for other in tried):
             continue
         tried.append(piece)
-        room.detections.append(Sighting("", None, box_of(piece), 0.0, OF_ONE_HUE))
+        room.detections.append(Sighting("", None, box_of(piece), 0.0, OF_ONE_HUE, provenance="search"))
         carrier = len(room.detections) - 1
         told(fitter.fit_anything(carrier, entries=carriers))
         if carrier not in room.fits:

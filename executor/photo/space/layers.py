@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from executor.geometry import Array
 from executor.photo.inputs.annotations import Sighting
-from executor.photo.space.observation import Observation
+from executor.photo.space.observation import Observation, is_hidden
 from executor.photo.space.walls import Wall, depth_of_empty, seen_anew
 
 _AS_FITTED_M = 0.05  # Off what was fitted roughly, pixels are of it.
@@ -46,6 +46,15 @@ class Layers:
         fitted = (face > len(self.walls)) & (np.abs(self.seen.z_m - depth_m) < _AS_FITTED_M + 3 * self.seen.bent_m)
         self.walls = seen_anew(self.walls, self.seen, left, fitted)
         self._empty = depth_of_empty(self.seen, self.walls)
+
+    def visible(self) -> dict[int, NDArray[np.bool_]]:
+        """Return by thing (H, W) where it is visible: nearest of all, and nothing nearer was measured there."""
+        nearest, owner = self._empty[0].copy(), np.full(self.seen.z_m.shape, -1)
+        for index, (own_m, _) in self.looks.items():
+            nearer = own_m < nearest
+            nearest[nearer], owner[nearer] = own_m[nearer], index
+        owner[is_hidden(self.seen, nearest)] = -1
+        return {index: owner == index for index in self.looks}
 
     def together(self, besides: int | None = None) -> Look:
         """Returns the depth of all besides one, and of which face it is: 0 the floor, then walls, then things."""

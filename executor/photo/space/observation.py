@@ -33,6 +33,8 @@ class Noise:
 TYPICAL = Noise(0.002, 0.0018)
 """Of structured-light and stereo cameras for rooms; what is assumed until the floor has been measured."""
 
+_NEARER_M = 0.08
+
 
 @dataclass(frozen=True)
 class Observation:
@@ -151,6 +153,11 @@ class Observation:
         across = np.abs(np.diff(z_m, axis=1, append=z_m[:, -1:])) > jump
         down = np.abs(np.diff(z_m, axis=0, append=z_m[-1:])) > jump
         return np.asarray(across | down)
+
+
+def is_hidden(seen: Observation, depth_m: Array) -> NDArray[np.bool_]:
+    """Return (H, W) where something clearly nearer than a depth picture (H, W) was measured."""
+    return np.asarray(seen.measured & (seen.z_m < depth_m - _NEARER_M - 4.0 * seen.bent_m))
 
 
 def edge_strength(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:

@@ -16,10 +16,10 @@ import numpy as np
 
 from bddl import Atom
 from executor.envs.episodes import DrawnEpisode
+from executor.envs.progress import hand_off_m
 from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
-from executor.robot.description import TCP_LINK
+from executor.rollouts.handling import tilt_deg
 from executor.world.detectors import GRIPPER, fingers_touching, read
-from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag.model.primitives import Primitive
 from oag.table.library import OPEN_FRACTION
@@ -27,7 +27,7 @@ from oag.table.library import OPEN_FRACTION
 LEAST_OPEN, LEAST_LIFT_M = 0.45, 0.05
 HOLDS_S, AFTER_S = 1.0, 3.0
 NEAR_M = 0.05
-"""A hand that was never as near to what it is to take did not get there."""
+"""A hand that was never as near to what it can take, a handle's bar or the thing, did not get there."""
 
 Deed = Literal["open", "pick", "other"]
 FAILURES = (
@@ -96,7 +96,7 @@ class OutcomeWatch:
         self._began_s = self._seen_s = world.time_s
         self._held_s = 0.0
         self._holds = False
-        self._nearest_m, self._most, self._gripped = np.inf, 0.0, False
+        self._nearest_m, self._most, self._gripped = hand_off_m(world, self._target), 0.0, False
         self.succeeded_s: float | None = None
 
     @property
@@ -121,7 +121,7 @@ class OutcomeWatch:
             info: What the environment said beside the observation.
         """
         since_s, self._seen_s = self._world.time_s - self._seen_s, self._world.time_s
-        self._nearest_m = min(self._nearest_m, self._distance_m())
+        self._nearest_m = min(self._nearest_m, hand_off_m(self._world, self._target))
         self._gripped = self._gripped or fingers_touching(self._world, self._target) == 2
         if self._deed == "other":
             self._most, self._holds = max(self._most, float(info["progress"])), bool(info["success"])
@@ -145,13 +145,8 @@ class OutcomeWatch:
     def _failure(self) -> str:
         if self._deed == "other":
             return "incomplete"
-        if self._deed == "pick" and not self._in_hand():
-            T = self._pose()
-            # The axis that pointed up says how far it leans.
-            up = np.argmax(np.abs(self._start[2, :3]))
-            lean = np.clip(T[2, up] * np.sign(self._start[2, up]) / max(abs(self._start[2, up]), 1e-6), -1.0, 1.0)
-            if np.degrees(np.arccos(lean)) > TIPPED_DEG:
-                return "tipped"
+        if self._deed == "pick" and not self._in_hand() and tilt_deg(self._world, self._target) > TIPPED_DEG:
+            return "tipped"
         if self._most > OPEN_FRACTION if self._deed == "open" else self._gripped:
             held = self._gripped and fingers_touching(self._world, self._target) == 2
             return "not-far-enough" if held else "lost"
@@ -174,17 +169,6 @@ class OutcomeWatch:
     def _open(self) -> float:
         joints = self._world.assets[self._target].joints
         return max(joint.fraction(self._world.joint_position(self._target, joint.name)) for joint in joints)
-
-    def _distance_m(self) -> float:
-        """How far the point between the fingertips is from where a hand takes the target."""
-        asset, hand_m = self._world.assets[self._target], self._world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
-        sites: list[tuple[str | None, Any]] = [(handle.link, handle.position_m) for handle in asset.handles]
-        sites = sites or [(None, asset.grasp_point_m)]
-        found = []
-        for link, point_m in sites:
-            T = self._world.T_world_link(self._target, link)
-            found.append(float(np.linalg.norm(T[:3, :3] @ np.asarray(point_m) + T[:3, 3] - hand_m)))
-        return min(found)
 
 
 def deed_of(episode: DrawnEpisode) -> Deed:

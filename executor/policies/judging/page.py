@@ -123,7 +123,7 @@ def loss_curve(name: str, lines: Iterable[str]) -> Curve | None:
         try:
             told: Any = json.loads(line)
             points.append((float(told["step"]), float(told["loss"])))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             continue
     return Curve(name, tuple(sorted(points))) if points else None
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from executor.datasets.formats.fold import NothingToExport
-from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION, EpisodeStream, FoldedEpisode
+from executor.datasets.formats.selection import NothingToExport
+from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION, FAILURE, EpisodeStream, FoldedEpisode
 from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
@@ -42,8 +42,8 @@ def demonstrations(path: Path, stream: EpisodeStream) -> Iterator[tuple[Told, Fo
     for episode in stream.episodes():
         about = episode.about
         try:
-            if (kind := about["kind"]) not in (DEMONSTRATION, CORRECTION):
-                raise ValueError(f"kind is {kind!r}, expected {DEMONSTRATION!r} or {CORRECTION!r}")
+            if (kind := about["kind"]) not in (DEMONSTRATION, CORRECTION, FAILURE):
+                raise ValueError(f"kind is {kind!r}, expected {DEMONSTRATION!r}, {CORRECTION!r} or {FAILURE!r}")
             takeover = about.get("takeover")
             if takeover:
                 int(takeover["subtask"])

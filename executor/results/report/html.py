@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -100,7 +101,9 @@ def measurements(values: Mapping[str, object]) -> str:
 
 
 def value_text(value: object) -> str:
-    """Returns a measured value for people: numbers with four digits, lists in brackets."""
+    """Returns a measured value for people: numbers with four digits, lists in brackets, "none" where none is finite."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, Mapping):

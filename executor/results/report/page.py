@@ -7,6 +7,7 @@ from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
+from bddl.visible import counted
 from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import peaks_words, readable
@@ -16,8 +17,8 @@ from executor.results.report.graph_picture import graph_picture
 from executor.results.report.html import badge, bullets, card, document, facts, fold, soft, style, table, text, video
 from executor.results.report.plan import plan_section, verdict_badge
 from executor.results.report.steps import failure_section, steps_section
-from executor.results.run_record import RunRecord, filled_task
-from oag import compose
+from executor.results.run_record import RunRecord
+from llm.answers.spending import Spending
 
 _OUTCOMES = {
     "succeeded": ("succeeded in simulation", "good"),
@@ -53,24 +54,35 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
         body.append(soft(f"Overview, head and wrist cameras, {SPEED:g} times real time."))
     elif record.pictures and rollout is not None:
         body.append(f"<h2>Video</h2>{card(f'<p>No pictures: {text(record.pictures)}</p>')}")
-    graph = record.graph if rollout is None else compose(filled_task(rollout), scene=record.graph.scene)
-    body.append(f"<h2>The object-action graph</h2>{card(graph_picture(graph, rollout), kind='graph')}")
-    body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
+    body.append(f"<h2>The object-action graph</h2>{card(graph_picture(record.graph, rollout), kind='graph')}")
+    of_what = "What was proved before anything moved" if rollout is None else "What is proved of the plan that ran"
+    body.append(f"<h2>{of_what}</h2>{_detours(rollout)}{plan_section(record.report)}")
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
         body.append(f"<h2>The most that was asked of the robot</h2>{_asked(rollout)}")
+    if record.spending is not None:
+        body.append(f"<h2>What the model took</h2>{_spent(record.spending)}")
     body.append(f"<h2>Repeat it</h2>{_reproduce(record)}")
     return document(heading, body, style("page", "graph"), _SEEK)
 
 
 def _header(record: RunRecord, heading: str) -> str:
     words, tone = _OUTCOMES[record.outcome]
-    notes = dict.fromkeys((*record.notes, *map(str, record.sizes)))
+    detours = () if record.rollout is None else record.rollout.detour_notes
+    notes = dict.fromkeys((*record.notes, *map(str, record.sizes), *detours))
     return (
         f"<header><h1>{text(heading)}</h1><p class='lead'>{text(record.graph.task.detail)}</p>"
         f"<div class='row'>{verdict_badge(record.report)}{badge(words, tone)}</div>"
         f"{bullets(notes) if notes else ''}{_figures(record)}</header>"
     )
+
+
+def _detours(rollout: Rollout | None) -> str:
+    if rollout is None or not rollout.detours:
+        return ""
+    asked = counted(len(rollout.asked_for.subtasks), "subtask")
+    words = f"The plan that was asked for has {asked}, and was proved before anything moved."
+    return f"{soft(words)}{bullets(rollout.detour_notes)}"
 
 
 def _figures(record: RunRecord) -> str:
@@ -95,6 +107,13 @@ def _figures(record: RunRecord) -> str:
 def _asked(rollout: Rollout) -> str:
     rows = [(part, text(words)) for part, words in peaks_words(asdict(rollout.peaks))]
     return card(facts(rows), soft("Of the arm's torques, that of joints 1 to 4 and that of joints 5 to 7."))
+
+
+def _spent(spending: Spending) -> str:
+    """Returns the rounds in which a model was asked, with seconds, tokens and cost, and the whole."""
+    rows = ((text(value) for value in row) for row in spending.rows())
+    head = ("asked by", "round", "time", "tokens in + out", "cost")
+    return card(table(rows, head), soft(text(spending.total())))
 
 
 def versions() -> str:

@@ -26,9 +26,10 @@ def steps_section(rollout: Rollout, frames: Frames | None) -> str:
             state = badge("reached", "good") if record.succeeded else badge("failed", "bad")
             steps = (_step(rollout, step, len(record.flow), frames) for step in record.steps)
             happened = f"{readings_list(record.readings)}{''.join(steps)}"
+        added = badge("inserted on the way", "quiet") if index in rollout.inserted else ""
         parts.append(
             card(
-                f'<div class="row"><h3>{index + 1}. {text(readable(subtask.name))}</h3>{state}</div>',
+                f'<div class="row"><h3>{index + 1}. {text(readable(subtask.name))}</h3>{state}{added}</div>',
                 soft(text(subtask.detail)),
                 f"<p><span class='soft'>from</span> <code>{text(told['init'])}</code> ",
                 f"<span class='soft'>to</span> <code>{text(told['goal'])}</code></p>",

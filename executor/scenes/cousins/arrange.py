@@ -8,25 +8,66 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from executor.assets.footprint import Footprint, deepest_m, region_frame, solid_parts
 from executor.assets.library import asset_for
-from executor.geometry import rotation_z
+from executor.geometry import Array, rotation_z
 from executor.scenes.cousins.likeness import Upright
 from executor.scenes.rooms.furniture import robot_has_room
 from executor.scenes.rooms.room import NoRoom
 from executor.scenes.rooms.tops import EDGE_M
-from oag import RobotPose, SceneObject
+from oag import Kind, RobotPose, SceneObject
 
 MOST_MOVED_M = 0.30
-"""How far a thing gives way before it is refused."""
+"""How far a thing gives way, comes down or is lifted before it is refused."""
+
+STANDS_M = 0.10
+"""By position, what is no farther than this from a top stands on it."""
+
+NOTED_M = 0.03
+"""Reconstructed heights are off by centimetres; a note names what is moved up or down by more."""
 
 _RING_M, _DIRECTIONS = 0.02, 16
 _TOUCH_M = 5e-4
 _ROBOT_RING_M, _ROBOT_RINGS = 0.10, 60  # Up to 6 m from the camera.
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Something to stand on.
+
+    Attributes:
+        support: Id of what has it; None for the floor.
+        height_m: Of the ground there.
+        ground: Its outline, within which things are put.
+        around: The outline of the whole support, or of the hollow of a small thing: what is over it stands on it.
+        is_hollow: Whether things there are inside the support.
+    """
+
+    support: str | None
+    height_m: float
+    ground: Footprint
+    around: Footprint
+    is_hollow: bool = False
+
+    @property
+    def name(self) -> str:
+        """What it is called in sentences."""
+        return self.support or "the floor"
+
+
+_EVERYWHERE = Footprint(0.0, 0.0, 0.0, math.inf, math.inf)
+FLOOR_SPOT = Spot(None, 0.0, _EVERYWHERE, _EVERYWHERE)
+
+
+def _reach(obj: SceneObject, turn_rad: float) -> Array:
+    """Half the sides (2,) of the box around an object along the axes of what it stands on."""
+    half = np.asarray(obj.extent_m[:2]) / 2
+    around: Array = np.abs(rotation_z(turn_rad)[:2, :2]) @ half
+    return around
 
 
 class Arrangement:
@@ -76,35 +117,105 @@ class Arrangement:
             blocker = blocker or found
         raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
 
-    def place(self, obj: SceneObject, at: Upright, support: str) -> None:
-        """Puts a thing on or in another one: on the top or board that is nearest to its height, within its edges.
+    def place(self, obj: SceneObject, at: Upright, spot: Spot) -> None:
+        """Puts a thing on or in another one, or on the floor, within the edges of that.
 
         Raises:
             NoRoom: There is no such place, or something is in its way; `put` does so too.
         """
-        carrier = self.objects[support]
-        bottom_m = at.centre_m[2] - at.size_m[2] / 2
-        places = [
-            (region, *region_frame(carrier, region))
-            for region in asset_for(carrier).regions
-            if region.joint is None and (region.name == "top" or region.height_m >= obj.extent_m[2])
-        ]
-        if not places:
+        raised_m = spot.height_m - at.bottom_m
+        if abs(raised_m) > MOST_MOVED_M:
+            side = "above" if raised_m < 0.0 else "below"
+            raise NoRoom(obj.id, f"is {abs(raised_m):.2f} m {side} {spot.name}, the nearest that it could stand on")
+        if spot.support is None:
+            self.put(obj, at, spot.height_m)
+        else:
+            half = np.asarray((spot.ground.half_x_m, spot.ground.half_y_m))
+            R = rotation_z(spot.ground.yaw_rad)[:2, :2]
+            middle = np.asarray((spot.ground.x_m, spot.ground.y_m))
+            reach = _reach(obj, at.yaw_rad - spot.ground.yaw_rad)
+            free = np.maximum(half - reach - EDGE_M, 0.0)
+            local = R.T @ (np.asarray(at.centre_m[:2]) - middle)
+            inside = np.clip(local, -free, free)
+            x, y = R @ inside + middle
+            shifted_m = float(np.linalg.norm(inside - local))
+            if shifted_m > MOST_MOVED_M:
+                raise NoRoom(obj.id, f"stands on {spot.support}, but {shifted_m:.2f} m from where it could")
+            self.put(
+                obj, replace(at, centre_m=(float(x), float(y), at.centre_m[2])), spot.height_m, held_by=spot.support
+            )
+            self.relations.append(("inside" if spot.is_hollow else "ontop", obj.id, spot.support))
+            if shifted_m > _RING_M:
+                self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {spot.support}")
+        if abs(raised_m) > NOTED_M:
+            how = "lifted" if raised_m > 0.0 else "let down"
+            self.notes.append(f"{obj.id} was {how} by {100 * abs(raised_m):.0f} cm onto {spot.name}")
+
+    def spot_on(self, obj: SceneObject, at: Upright, support: str) -> Spot:
+        """Returns the top or board of another thing that is nearest to a thing's height.
+
+        Raises:
+            NoRoom: There is none that it fits on.
+        """
+        spots = list(self._spots(obj, at, support))
+        if not spots:
             raise NoRoom(obj.id, f"stands on {support}, which has no open place for it")
-        region, T, half = min(places, key=lambda place: abs(float(place[1][2, 3]) - bottom_m))
-        turn = rotation_z(at.yaw_rad)[:2, :2].T @ T[:2, :2]
-        reach = np.abs(turn.T) @ [obj.extent_m[0] / 2, obj.extent_m[1] / 2]
-        free = np.maximum(half - reach - EDGE_M, 0.0)
-        local = T[:2, :2].T @ (np.asarray(at.centre_m[:2]) - T[:2, 3])
-        inside = np.clip(local, -free, free)
-        x, y = T[:2, :2] @ inside + T[:2, 3]
-        shifted_m = float(np.linalg.norm(inside - local))
-        if shifted_m > MOST_MOVED_M:
-            raise NoRoom(obj.id, f"stands on {support}, but {shifted_m:.2f} m from where it could")
-        self.relations.append(("inside" if region.kind == "interior" else "ontop", obj.id, support))
-        self.put(obj, replace(at, centre_m=(float(x), float(y), bottom_m)), float(T[2, 3]), held_by=support)
-        if shifted_m > _RING_M:
-            self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {support}")
+        return min(spots, key=lambda spot: abs(spot.height_m - at.bottom_m))
+
+    def spot_below(self, obj: SceneObject, at: Upright) -> Spot:
+        """Returns what a thing stands on by its position: the nearest top, board, hollow or floor under its extent.
+
+        What has the thing's middle over it comes before what merely touches its extent, and small things, such as a
+        plate, before the furniture that they stand on.
+
+        Raises:
+            NoRoom: It is in another thing's box, and on no board of that.
+        """
+        mine = Footprint(*at.centre_m[:2], at.yaw_rad, at.size_m[0] / 2, at.size_m[1] / 2)
+        middle = Footprint(*at.centre_m[:2], 0.0, 0.0, 0.0)
+        under = [FLOOR_SPOT]
+        for other in self.objects.values():
+            if obj.kind is Kind.ITEM or other.kind is not Kind.ITEM:
+                under += [spot for spot in self._spots(obj, at, other.id) if mine.gap_m(spot.around) < 0.0]
+
+        def distance_m(spot: Spot) -> float:
+            return abs(spot.height_m - at.bottom_m)
+
+        def rank(spot: Spot) -> tuple[bool, bool, float]:
+            over = spot.support is not None and middle.gap_m(spot.around) <= 0.0
+            on_item = over and self.objects[spot.support or ""].kind is Kind.ITEM
+            return not over, not on_item, distance_m(spot)
+
+        near = [spot for spot in under if distance_m(spot) < STANDS_M]
+        if near:
+            return min(near, key=rank)
+        # What floats comes down, what is sunk in a top comes up; what is wholly below a top is not on it.
+        top_m = at.bottom_m + at.size_m[2]
+        found = min((spot for spot in under if spot.height_m < top_m), key=distance_m, default=FLOOR_SPOT)
+        for other in self.objects.values():
+            box = Footprint.of(other)
+            within = middle.gap_m(box) <= 0.0 and box.low_m < at.centre_m[2] < box.high_m
+            if within and found.support != other.id and other.kind is not Kind.ITEM:
+                where = f"{distance_m(found):.2f} m from {found.name}"
+                raise NoRoom(obj.id, f"is in the box of {other.id} and stands on nothing there; it is {where}")
+        return found
+
+    def _spots(self, obj: SceneObject, at: Upright, support: str) -> Iterator[Spot]:
+        """Yields the open places of another thing that a thing fits in."""
+        carrier = self.objects[support]
+        for region in asset_for(carrier).regions:
+            # What is in a bowl may stand out of it.
+            fits = region.name == "top" or carrier.kind is Kind.ITEM or region.height_m >= obj.extent_m[2]
+            if region.joint is not None or not fits:
+                continue
+            T, half = region_frame(carrier, region)
+            yaw_rad = math.atan2(T[1, 0], T[0, 0])
+            if carrier.kind is Kind.ITEM and (_reach(obj, at.yaw_rad - yaw_rad) > half).any():
+                continue
+            x, y, z = (float(value) for value in T[:3, 3])
+            ground = Footprint(x, y, yaw_rad, float(half[0]), float(half[1]))
+            around = ground if carrier.kind is Kind.ITEM else Footprint.of(carrier)
+            yield Spot(support, z, ground, around, is_hollow=region.kind == "interior")
 
     def robot(self, camera_m: tuple[float, float]) -> RobotPose:
         """Returns a pose of the robot on the free floor that is nearest to the camera, facing the things.

@@ -6,6 +6,7 @@ that are read (models, scales, resolution) is passed over: the bounding box has 
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +19,7 @@ from executor.scenes.library import is_collection
 from oag import SceneError
 from oag.model.forms import OpenForm, numbers, unfit
 from oag.model.jsonfile import load
-from oag.model.scenefile import LARGEST_M
+from oag.model.scenefile import FLOOR, LARGEST_M
 from oag.model.sceneform import Extent
 
 _POSE_DIGITS = 1e-3  # What rounding in a file may change.
@@ -34,7 +35,7 @@ class Cousin:
         extent_m: Sides of its box along its own axes, scale applied.
         T_world: (4, 4) pose in the world of its root frame, which is taken for the middle of its box.
         on_floor: Whether it stands on something; False for what hangs on a wall alone.
-        beneath: Id of what it stands on by the scene graph, "floor", or None where there is no graph.
+        beneath: Id of what it stands on by the scene graph, "floor", or None where no graph says it.
     """
 
     id: str
@@ -47,11 +48,25 @@ class Cousin:
 
 @dataclass(frozen=True, slots=True)
 class Reconstruction:
-    """A file's content: its name, where the camera was, and the objects."""
+    """A file's content.
+
+    Attributes:
+        name: Of the scene.
+        T_camera: (4, 4) pose of the camera in the world.
+        cousins: The objects.
+        notes: What of the scene graph cannot be meant, in sentences.
+    """
 
     name: str
-    camera_m: Array
+    T_camera: Array
     cousins: tuple[Cousin, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def camera_m(self) -> Array:
+        """(3,) where the camera was."""
+        position_m: Array = self.T_camera[:3, 3]
+        return position_m
 
 
 def read(path: Path) -> Reconstruction:
@@ -65,7 +80,8 @@ def read(path: Path) -> Reconstruction:
         hint = "name the file of one of them, such as scene_0/scene_0_info.json"
         raise document.fail((), f"holds the scenes {', '.join(document.data)}", hint)
     form = document.read(_Info)
-    T_camera, beneath = form.cam_pose, _beneath(path)
+    T_camera = form.cam_pose
+    beneath, notes = _known(_beneath(path), form.objects)
     cousins = tuple(
         Cousin(
             id=key,
@@ -77,7 +93,7 @@ def read(path: Path) -> Reconstruction:
         )
         for key, one in form.objects.items()
     )
-    return Reconstruction(path.stem.removesuffix("_info"), T_camera[:3, 3], cousins)
+    return Reconstruction(path.stem.removesuffix("_info"), T_camera, cousins, notes)
 
 
 def _beneath(path: Path) -> dict[str, str]:
@@ -90,6 +106,22 @@ def _beneath(path: Path) -> dict[str, str]:
         return {}
     entries = load(graph, SceneError).read(dict[str, _GraphEntry])
     return {key: entry.objBeneath for key, entry in entries.items() if entry.objBeneath is not None}
+
+
+def _known(beneath: Mapping[str, str], objects: Collection[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Returns what of a scene graph is about the file's objects, and notes on the rest."""
+    strangers = [key for key in beneath if key not in objects and key != FLOOR]
+    notes = [f"the scene graph places {key}, which is not in the file" for key in strangers]
+    known = {}
+    for key, below in beneath.items():
+        if key in strangers or key == FLOOR:
+            continue
+        if below == FLOOR or (below in objects and below != key):
+            known[key] = below
+            continue
+        why = "itself" if below == key else f"{below}, which is not in the file"
+        notes.append(f"the scene graph has {key} on {why}; its height tells what it stands on")
+    return known, tuple(notes)
 
 
 def _camera(value: object) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import resources
 
@@ -22,6 +23,11 @@ FLAT = frozenset(_CATEGORIES["flat"])
 """Categories that are left out."""
 
 MOST_TILTED_RAD = math.radians(20.0)
+
+ABSURD = 3.0
+"""Times larger than the largest of its kind, or smaller than the smallest, is no size that somebody means."""
+
+_UNITS_M = {"centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254}
 
 
 class Unlike(ValueError):
@@ -54,9 +60,7 @@ def category_of(theirs: str) -> str:
 
 def model_for(category: str, size_m: Size) -> ModelEntry:
     """Returns the model of a category whose ranges are nearest to a size; the first one among equals."""
-    return min(
-        (entry for entry in LIBRARY.values() if entry.category == category), key=lambda entry: _misfit(entry, size_m)
-    )
+    return min(models_of(category), key=lambda entry: _misfit(entry, size_m))
 
 
 def written_category(theirs: str, entry: ModelEntry) -> str:
@@ -90,6 +94,41 @@ def _misfit(entry: ModelEntry, size_m: Size) -> float:
     return total
 
 
+def unlike_size(size_m: Size, entries: Collection[ModelEntry]) -> str | None:
+    """Returns how a size is far larger or smaller than that of any of some models; None where it is not.
+
+    A slip of a decimal point or of a unit is meant; a unit that makes it a usual size is named.
+    """
+    low, high = _smallest_and_largest_m(entries)
+
+    def is_like(unit_m: float) -> bool:
+        sides = zip(size_m, low, high, strict=True)
+        return all(least / ABSURD <= value * unit_m <= ABSURD * most for value, least, most in sides)
+
+    if is_like(1.0):
+        return None
+    own, least, most = (" x ".join(f"{value:.3g}" for value in size) for size in (size_m, low, high))
+    unit = next((f"; {name}?" for name, unit_m in _UNITS_M.items() if is_like(unit_m)), "")
+    return f"is {own} m; its like are {least} to {most} m{unit}"
+
+
+def _smallest_and_largest_m(entries: Collection[ModelEntry]) -> tuple[list[float], list[float]]:
+    """Returns the least and the largest x, y and z that models are drawn with; x and y count alike, as sides do."""
+    low: list[list[float]] = []
+    high: list[list[float]] = []
+    for entry in entries:
+        spans = (entry.length, entry.width, entry.height)
+        low.append([span.low * (entry.width.low if span.of_width else 1.0) for span in spans])
+        high.append([span.high * (entry.width.high if span.of_width else 1.0) for span in spans])
+    least, most = [min(axis) for axis in zip(*low, strict=True)], [max(axis) for axis in zip(*high, strict=True)]
+    return [min(least[:2])] * 2 + least[2:], [max(most[:2])] * 2 + most[2:]
+
+
+def models_of(category: str) -> tuple[ModelEntry, ...]:
+    """Returns the library's models of one of its categories."""
+    return tuple(entry for entry in LIBRARY.values() if entry.category == category)
+
+
 @dataclass(frozen=True, slots=True)
 class Upright:
     """Where a thing is and which way it faces.
@@ -99,12 +138,24 @@ class Upright:
         yaw_rad: Heading of the own x axis of the library's model for it, whose front is at -x.
         size_m: Sides along the model's own x, y and z.
         turned: Whether its front is taken to be the side at its own -y.
+        lean: x and y of the unit vector that was its vertical, before it was set upright.
     """
 
     centre_m: tuple[float, float, float]
     yaw_rad: float
     size_m: tuple[float, float, float]
     turned: bool
+    lean: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def bottom_m(self) -> float:
+        """Height of its bottom."""
+        return self.centre_m[2] - self.size_m[2] / 2
+
+    @property
+    def lean_deg(self) -> float:
+        """How far it leaned."""
+        return math.degrees(math.asin(min(1.0, math.hypot(*self.lean))))
 
 
 def upright(cousin: Cousin, camera_m: Array, *, front: bool) -> Upright:
@@ -127,6 +178,8 @@ def upright(cousin: Cousin, camera_m: Array, *, front: bool) -> Upright:
     tilt = float(np.arccos(min(1.0, float(np.abs(stood[2]).max()))))
     if tilt > MOST_TILTED_RAD:
         raise Unlike(f"leans by {math.degrees(tilt):.0f} degrees")
+    vertical = int(np.argmax(np.abs(R[2])))
+    lean_x, lean_y = (float(value) for value in R[:2, vertical] * np.sign(R[2, vertical]))
     # Each own axis counts for the one of the upright frame that it is nearest to, so that a lean adds no length.
     nearest = np.abs(stood).argmax(axis=0)
     size = np.zeros(3)
@@ -139,8 +192,8 @@ def upright(cousin: Cousin, camera_m: Array, *, front: bool) -> Upright:
     ahead, right = rotation_z(yaw)[:2, 0], -rotation_z(yaw)[:2, 1]
     turned = front and bool(ahead @ towards < 0.0 < right @ towards)
     if turned:
-        return Upright((x, y, z), wrap_angle(yaw + math.pi / 2), (width, length, height), turned)
-    return Upright((x, y, z), wrap_angle(yaw + math.pi), (length, width, height), turned)
+        return Upright((x, y, z), wrap_angle(yaw + math.pi / 2), (width, length, height), turned, (lean_x, lean_y))
+    return Upright((x, y, z), wrap_angle(yaw + math.pi), (length, width, height), turned, (lean_x, lean_y))
 
 
 def _yaw(R: Array) -> float:

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
 from executor.scenes.rooms.furniture import robot_has_room
 from executor.scenes.rooms.room import CLOSED
 from executor.scenes.rooms.tops import EDGE_M
-from executor.scenes.standing import door_states, is_upright, relations, things_of
+from executor.scenes.standing import door_states, fallen_of, is_upright, relations, things_of
 from oag import InputError, Kind, RobotPose, Scene, SceneError, SceneObject
 from oag.model.jsonfile import Document, Source, load
 from oag.model.scene import object_of, robot_of
@@ -38,6 +39,7 @@ FLOOR_THICKNESS_M = 0.12
 _CLEARANCES = (Clearance(), Clearance(edge_m=0.01, other_m=0.01))
 _EDGES = ("-x", "-y", "+y", "+x")  # The front first, the back last.
 _INSETS_M = (0.08, 0.16)
+_ROUNDED = 0.02  # What two digits may change in the length of a quaternion.
 _SMALL_M = 0.12  # Half of a top or hollow that has one place, its middle.
 
 
@@ -49,11 +51,13 @@ class Furnished:
         scene: The scene; None where something in the file is wrong.
         problems: All that is wrong, with the place in the file.
         rest: Where something is wrong, the scene without the entries that are, as far as there is one.
+        warnings: What was read otherwise than it is written.
     """
 
     scene: Scene | None
     problems: tuple[str, ...] = ()
     rest: Scene | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def furnished(source: Source) -> Furnished:
@@ -83,7 +87,18 @@ def furnished(source: Source) -> Furnished:
         scene = furnishing.scene()
     except SceneError as problem:
         return Furnished(None, (*problems, _at_place(problem)), furnishing.without_statements())
-    return Furnished(None, tuple(problems), scene) if problems else Furnished(scene)
+    warnings = tuple(_stretched(document))
+    return Furnished(None, tuple(problems), scene, warnings) if problems else Furnished(scene, warnings=warnings)
+
+
+def _stretched(document: Document) -> Iterator[str]:
+    """Yields which quaternions of a well-formed file are not of length one, by more than rounding."""
+    data: Any = document.data
+    for key, entry in data["objects"].items():
+        length = math.sqrt(sum(part * part for part in entry.get("orientation") or ()))
+        if length and abs(length - 1.0) > _ROUNDED:
+            said = f"is a quaternion of length {length:.3g}, expected 1; it was divided by its length"
+            yield f"objects.{key}.orientation: {said}"
 
 
 def _at_place(problem: InputError) -> str:
@@ -324,7 +339,10 @@ class _Furnishing:
     def _derived(self, objects: Mapping[str, SceneObject], facts: tuple[bddl.Formula, ...]) -> tuple[bddl.Formula, ...]:
         """Returns what geometry says and no fact does."""
         stated = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
-        found: list[bddl.Formula] = [*relations(things_of(objects)), *door_states(objects.values())]
+        found: list[bddl.Formula] = [
+            *relations(things_of(objects), fallen_of(objects).values()),
+            *door_states(objects.values()),
+        ]
         return tuple(fact for fact in found if stated.isdisjoint(bddl.atoms(fact)))
 
     def _with_floor(self, objects: dict[str, SceneObject], robot: RobotPose) -> dict[str, SceneObject]:
@@ -336,8 +354,8 @@ class _Furnishing:
         named = named or any(FLOOR in _words(fact) for fact in self._form.facts or ())
         floor = floor_of(objects, robot)
         if self._form.closed is None and not (listed or named):
-            around = things_of({**objects, FLOOR: floor})
-            named = any(atom.args[1] == FLOOR for atom in relations(around))
+            around, fallen = things_of({**objects, FLOOR: floor}), fallen_of(objects).values()
+            named = any(atom.args[1] == FLOOR for atom in relations(around, fallen))
         return {**objects, FLOOR: floor} if listed or named else objects
 
 

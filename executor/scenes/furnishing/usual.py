@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import floor
 from types import MappingProxyType
 
@@ -10,7 +10,7 @@ from bddl import near_names
 from executor.assets.imports.stored import PREFIX, stored_asset
 from executor.assets.library import FAMILIES, LIBRARY
 from executor.assets.parameters import ModelEntry, Range
-from executor.scenes.cousins.likeness import Unlike, category_of, model_for
+from executor.scenes.cousins.likeness import Unlike, category_of, model_for, models_of, unlike_size
 from oag import Kind, SceneObject, kind_of
 from oag.model.categories import has_rim
 from oag.model.scenefile import FLOOR
@@ -31,9 +31,6 @@ MODELS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Categories that say more than that of the library, and the model that they mean."""
-
-ABSURD = 3.0
-"""Times larger than the largest of its kind, or smaller than the smallest, is no size that somebody means."""
 
 _DIGITS = 3  # Usual sizes are whole millimetres.
 
@@ -80,14 +77,7 @@ def unlike_its_kind(obj: SceneObject) -> str | None:
     entries = (LIBRARY[obj.model],) if obj.model in LIBRARY else _entries_like(obj.category)
     if not entries:
         return None
-    low, high = _smallest_and_largest_m(entries)
-    within = (
-        least / ABSURD <= value <= ABSURD * most for value, least, most in zip(obj.bbox_extent, low, high, strict=True)
-    )
-    if all(within):
-        return None
-    own, least, most = (" x ".join(f"{value:.3g}" for value in size) for size in (obj.bbox_extent, low, high))
-    return f"is {own} m; its like are {least} to {most} m"
+    return unlike_size(obj.bbox_extent, entries)
 
 
 def _entries_like(category: str) -> tuple[ModelEntry, ...]:
@@ -98,19 +88,7 @@ def _entries_like(category: str) -> tuple[ModelEntry, ...]:
         own = category_of(category)
     except Unlike:
         return ()
-    return tuple(entry for entry in LIBRARY.values() if entry.category == own)
-
-
-def _smallest_and_largest_m(entries: Collection[ModelEntry]) -> tuple[list[float], list[float]]:
-    """Returns the least and the largest x, y and z that models are drawn with; x and y count alike, as sides do."""
-    low: list[list[float]] = []
-    high: list[list[float]] = []
-    for entry in entries:
-        spans = (entry.length, entry.width, entry.height)
-        low.append([span.low * (entry.width.low if span.of_width else 1.0) for span in spans])
-        high.append([span.high * (entry.width.high if span.of_width else 1.0) for span in spans])
-    least, most = [min(axis) for axis in zip(*low, strict=True)], [max(axis) for axis in zip(*high, strict=True)]
-    return [min(least[:2])] * 2 + least[2:], [max(most[:2])] * 2 + most[2:]
+    return models_of(own)
 
 
 def _middle(span: Range) -> float:

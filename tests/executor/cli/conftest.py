@@ -94,7 +94,7 @@ def copies() -> ForkServerContext:
 def command(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, copies: ForkServerContext) -> Command:
     """Runs one command line in an empty folder."""
 
-    def run(*arguments: str | Path, timeout: float = 300.0) -> Answer:
+    def run(*arguments: str | Path, timeout: float = 600.0) -> Answer:
         said = tmp_path_factory.mktemp("said")
         words = [str(argument) for argument in arguments]
         process = copies.Process(target=_typed, args=(words, tmp_path, said, environment()))

@@ -16,7 +16,12 @@ MODEL = "openai-compatible:judge"
 
 
 def judging_server(revision: Mapping[str, Any], faulty: Callable[[str, int], bool]) -> ModelServer:
-    """Returns a server that finds fault with some steps, and always answers with one revision.
+    """Returns a server that answers as `judge` does."""
+    return ModelServer(decide=judge(revision, faulty), key=KEY)
+
+
+def judge(revision: Mapping[str, Any], faulty: Callable[[str, int], bool]) -> Callable[[Seen], Act]:
+    """Returns what finds fault with some steps, and always answers with one revision.
 
     Args:
         revision: The Supervisor's answer.
@@ -30,7 +35,7 @@ def judging_server(revision: Mapping[str, Any], faulty: Callable[[str, int], boo
         step = asked_step(text)
         return replies(json.dumps(critique_answer(step, state_reached="no" if faulty(text, step) else "unclear")))
 
-    return ModelServer(decide=decide, key=KEY)
+    return decide
 
 
 def point_to(server: ModelServer, monkeypatch: pytest.MonkeyPatch) -> None:

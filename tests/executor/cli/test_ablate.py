@@ -15,6 +15,7 @@ from executor.cli.judging import Judging
 from executor.cli.words.running import JudgeOptions
 from executor.machine import vulkan
 from llm import Metered
+from llm.answers.spending import Spending
 from llm.evolution import Situation
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
@@ -59,7 +60,8 @@ def test_a_model_that_cannot_be_connected_to_costs_nobody_an_earlier_recording(
 
 def test_what_was_said_before_a_resumption_is_kept(tmp_path: Path) -> None:
     for _ in range(2):
-        with Judging(JudgeOptions(model="a:b", views="none"), tmp_path, resume=True, model=Metered(Judge())) as judging:
+        options = JudgeOptions(model="a:b", views="none")
+        with Judging(options, tmp_path, resume=True, spending=Spending(Metered(Judge()))) as judging:
             judging.judges("put it away", scene("T1"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["conversations.json", "conversations_2.json"]
 

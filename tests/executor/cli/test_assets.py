@@ -59,7 +59,7 @@ def test_programs_get_all_of_it(command: Command, flask: Path) -> None:
 
 def test_bad_files_end_in_one_sentence(command: Command, flask: Path) -> None:
     answer = command("assets", "import", flask.with_suffix(".step"))
-    assert answer.code == 2 and "no such file or folder" in answer.err
+    assert answer.code == 2 and "No such file or directory" in answer.err
     flask.with_suffix(".step").write_text("ISO-10303")
     answer = command("assets", "import", flask.with_suffix(".step"), "--json")
     assert answer.code == 2 and "is of no known kind (.step)" in answer.data["error"]["message"]

@@ -132,3 +132,66 @@ def test_an_impossible_number_of_episodes_is_not_blamed_on_the_seed(command: Com
     assert answer.code == 2
     assert f"--episodes {episodes}: expected a whole number from 1 to 1000000" in answer.err
     assert "--seed" not in answer.err
+
+
+PROFILES = ("run", QUERY, "--scene", "kitchen_t1", "--out", "r", "--model", "lab:m")
+SETTINGS = ("train", "deep.toml", "--data", "d", "--out", "p")
+PLAN = ("generate", "deep.yaml", "--out", "g")
+
+
+@pytest.mark.parametrize("depth", [300, 100_000])
+@pytest.mark.parametrize(
+    ("head", "opening", "closing", "tail", "words"),
+    [
+        pytest.param("a = ", "[", "]", "", PROFILES, id="lists in profiles"),
+        pytest.param("a = ", "{b=", "}", "", PROFILES, id="tables in profiles"),
+        pytest.param("[lab]\nextra_body = {b=", "[", "]", "}", PROFILES, id="lists in a setting"),
+        pytest.param("a = ", "[", "]", "", SETTINGS, id="lists in settings"),
+        pytest.param("[network]\nhead = ", "{b=", "}", "", SETTINGS, id="tables in settings"),
+        pytest.param("sources: ", "[", "]", "", PLAN, id="lists in a plan"),
+        pytest.param("sources: ", "{a: ", "}", "", PLAN, id="maps in a plan"),
+    ],
+)
+def test_files_nested_without_end_end_in_one_message(
+    command: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    head: str,
+    opening: str,
+    closing: str,
+    tail: str,
+    words: tuple[str, ...],
+    depth: int,
+) -> None:
+    (tmp_path / "d").mkdir()  # What is missing is refused before a file is read.
+    name = "deep.yaml" if words is PLAN else "deep.toml"
+    # The inmost value; YAML's parser takes seconds for what it does not refuse.
+    depth = min(depth, 20_000) if words is PLAN else depth
+    (tmp_path / name).write_text(f"{head}{opening * depth}1{closing * depth}{tail}\n")
+    monkeypatch.setenv("SCENE2DEMO_PROFILES", str(tmp_path / name) if words is PROFILES else "")
+    answer = command(*words)
+    assert answer.code == 2 and answer.out == "", answer.err
+    assert "RecursionError" not in answer.err and "unexpected" not in answer.err
+    # What a setting may hold is no mistake before it is too deep; then it is the model that is not there.
+    assert len(answer.err.splitlines()) == 1 and (name in answer.err or "no profile for 'm'" in answer.err)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("verify", "large.json", "--scene", "kitchen_t1"),
+        ("verify", T1, "--scene", "large.json"),
+        ("recheck", "large.json"),
+        ("bddl", "check", "large.bddl"),
+        ("train", "large.toml", "--data", "d", "--out", "p"),
+        ("generate", "large.yaml", "--out", "g"),
+    ],
+    ids=str,
+)
+def test_an_input_that_is_too_large_is_no_full_disk(command: Command, tmp_path: Path, words: tuple[str, ...]) -> None:
+    (tmp_path / "d").mkdir()
+    for ending in ("json", "bddl", "toml", "yaml"):
+        (tmp_path / f"large.{ending}").write_text(" " * 8_000_001)
+    answer = command(*words)
+    assert answer.code == 2 and "larger than 8 MB" in answer.err and "room" not in answer.err
+    assert len(answer.err.splitlines()) == 1

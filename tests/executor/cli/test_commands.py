@@ -53,6 +53,23 @@ def test_the_names_of_executor_come_when_they_are_used() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("name", ["bddl", "oag", "llm"])
+def test_a_foreign_package_in_the_folder_is_told_in_one_message(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "__init__.py").write_text("")
+    told = f"executor needs this project's own `{name}` package, but Python finds another one: {tmp_path / name}; "
+    for words in (["-m", "executor", "scenes"], ["-c", "import executor; executor.load_scene('kitchen_t1')"]):
+        done = subprocess.run([sys.executable, *words], cwd=tmp_path, env=environment(), capture_output=True, text=True)
+        assert told in done.stderr and done.stdout == ""
+        if words[0] == "-m":
+            assert (
+                done.returncode == 2 and done.stderr.startswith(f"scene2demo: {told}") and done.stderr.count("\n") == 1
+            )
+    (tmp_path / name / "__init__.py").unlink()
+    done = subprocess.run([sys.executable, "-m", "executor", "scenes"], cwd=tmp_path, env=environment())
+    assert done.returncode == 0
+
+
 def test_verify_finds_the_scene_beside_the_task(command: Command) -> None:
     answer = command("verify", DATA / "T1.json", "--json")
     assert answer.code == 0

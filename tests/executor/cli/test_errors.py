@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import importlib
+import os
+from pathlib import Path
 
 import pytest
 
 from bddl import Atom
+from bddl.files import read_bounded
 from executor.cli.errors import (
     BAD_INPUT,
     BAD_INPUT_ERRORS,
@@ -59,6 +62,30 @@ def test_known_names_are_real(name: str) -> None:
 )
 def test_exit_codes(error: BaseException, code: int) -> None:
     assert explain(error).code == code
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.ENOSPC, "No space left on device; make room,"),
+        (errno.EDQUOT, "Disk quota exceeded; make room within your share"),
+        (errno.EFBIG, "File too large; the disk has room, but no file may grow"),
+    ],
+)
+def test_each_reason_why_nothing_can_be_written_has_its_own_advice(number: int, words: str) -> None:
+    ending = explain(OSError(number, os.strerror(number), "r/rollout.json"))
+    assert ending.code == DISK_FULL and f"r/rollout.json: {words}" in ending.message
+
+
+def test_an_input_that_is_too_large_fills_no_disk(tmp_path: Path) -> None:
+    file = tmp_path / "large"
+    file.write_bytes(bytes(101))
+    with pytest.raises(OSError) as read:
+        read_bounded(file, 100)
+    wrapped = TaskError("cannot be read", source=str(file))
+    wrapped.__cause__ = read.value
+    for error in (read.value, wrapped):
+        assert explain(error).code == BAD_INPUT and "room" not in explain(error).message
 
 
 def test_a_mistake_of_ours_says_how_to_see_more() -> None:

@@ -29,7 +29,7 @@ def test_it_tells_and_writes_the_attempts(door: Path, tmp_path: Path, capsys: py
     oag.History.from_json(story["subtasks"][0]["history"])
     scene = oag.Scene.from_json(folder / "scene.json")
     assert oag.compose(oag.Task.from_json(folder / "task.json", scene=scene)).verify()
-    assert oag.recheck(json.loads((folder / "certificate.json").read_text()))
+    assert oag.recheck(json.loads((folder / "certificate.json").read_text()), folder / "task.json", scene)
 
 
 @pytest.mark.physics

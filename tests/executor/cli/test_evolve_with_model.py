@@ -16,11 +16,11 @@ from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.scenes import library
 from tests.executor.cli.conftest import scene_of
-from tests.executor.cli.judge_server import MODEL, judging_server, point_to
+from tests.executor.cli.judge_server import MODEL, judge, judging_server, point_to
 from tests.executor.rollout.tasks import AJAR, T3_ROLES, graph
 from tests.llm.evolution.scripted_judges import revision_answer
 from tests.llm.live import KEY
-from tests.llm.model_server import ModelServer, fails, replies
+from tests.llm.model_server import Act, ModelServer, Seen, fails, replies
 
 CLOSED = revision_answer([1, 2, 3, {"19": [0.0, 0.6]}, 5], sub_task=1, root_cause_step=4)
 
@@ -126,6 +126,43 @@ def test_a_model_that_does_not_help_ends_with_the_whole_story(
     assert len(told["gave_up"]["refused"]) == (3 if "rounds" in said else 0)
     critique = told["history"]["iterations"][0]["attempt"]["critiques"][3]
     assert critique["state_reached"] is False and critique["origin"] == "measurements"
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("measurements", [(), ("--no-measurements",)], ids=["told", "untold"])
+def test_a_server_that_dies_is_said_and_the_evolution_goes_on_with_what_was_answered(
+    door: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    measurements: tuple[str, ...],
+) -> None:
+    views = "none" if not measurements else "global"
+    monkeypatch.setattr("executor.cli.judging.Judging._frames_for_model", lambda self: None)
+    asked: list[int] = []
+    alive = judge(CLOSED, lambda text, step: step == 4)
+
+    def dies_at_the_third(seen: Seen) -> Act:
+        asked.append(len(asked))
+        return fails(400, "out of memory") if asked[-1] == 2 else alive(seen)
+
+    out, words = tmp_path / "out", ("--model", MODEL, "--views", views, *measurements)
+    with ModelServer(decide=dies_at_the_third, key=KEY) as server:
+        point_to(server, monkeypatch)
+        # The second episode is not begun.
+        assert evolve(door, out, *words, "--episodes", "2") == 1
+        told = capsys.readouterr()
+        assert told.err.count("stopped answering") == 1 and "out of memory" in told.err and "--resume" in told.err
+        assert "3 requests, 1 failed" in told.out and len(asked) == 3
+        assert "out of memory" in story(out)["stopped"] and not (out / "seed_17002" / "evolution.json").exists()
+        assert evolve(door, out, *words, "--resume", "--json") == 0
+    told_again = json.loads(capsys.readouterr().out)
+    assert told_again["stopped"] == "" and told_again["usage"]["recorded"] == 2
+    assert len(asked) == 1 + len(AJAR) + 1 and story(out)["revisions"] == 1
+    again = tmp_path / "again"
+    replay = f"replay:{out / 'exchanges.jsonl'}"
+    assert evolve(door, again, "--model", replay, "--views", views, *measurements) == 0
+    assert story(out)["state_hash"] == story(again)["state_hash"]
 
 
 @pytest.mark.physics

@@ -106,3 +106,16 @@ def test_a_stated_fact_is_left_to_the_person(command: Command, tmp_path: Path) -
     answer = command("verify", DATA / "T1.json", "--scene", "scene.json", "--apply", str(number), "--out", "new.json")
     assert answer.code == 1 and "add it to the scene's file if it is so" in answer.err
     assert not (tmp_path / "new.json").exists()
+
+
+def test_a_sentence_with_another_goal_is_warned_of(command: Command, tmp_path: Path) -> None:
+    task = json.loads((DATA / "T1.json").read_text(encoding="utf-8"))
+    task["goal"] = "(not (open refrigerator_0))"
+    (tmp_path / "task.json").write_text(json.dumps(task), encoding="utf-8")
+    answer = command("verify", "task.json", "--scene", SCENE)
+    assert answer.code == 0 and answer.out.startswith("PROVED")
+    for code in ("answer/other-reading (warning)", "goal/holds-at-start (warning)", "goal/omits-effect (note)"):
+        assert code in answer.out
+    found = command("verify", "task.json", "--scene", SCENE, "--json").data["diagnostics"]
+    assert [entry["severity"] for entry in found] == sorted((e["severity"] for e in found), reverse=True)
+    assert "answer/other-reading" in {entry["code"] for entry in found}

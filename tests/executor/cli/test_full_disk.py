@@ -19,11 +19,12 @@ from bddl.files import temporary_beside
 from executor.cli import main
 from executor.cli.commands import rollout as rollout_command
 from executor.cli.commands import run as run_command
+from executor.cli.errors import explain
 from executor.machine.files import write_json
 from executor.records.rollout import Rollout
 from executor.results.episode import Episode
 from executor.results.robomimic import write_robomimic
-from executor.results.run_folder import RunFolder
+from executor.results.run_folder import ResultsExist, RunFolder
 from tests.executor.cli.conftest import ROOT
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
@@ -94,14 +95,21 @@ def test_finished_episodes_stay_and_the_half_one_goes(
     assert list((out / "seed_00001").iterdir()) == list((out / "seed_00002").iterdir()) == []
 
 
-def test_a_models_words_are_kept_aside(tmp_path: Path) -> None:
+def test_what_a_model_answered_stays_and_is_kept_aside_when_a_run_is_begun_anew(tmp_path: Path) -> None:
     folder = RunFolder.prepare(tmp_path)
-    for _ in range(2):
-        with pytest.raises(OSError), folder.filling():
+    for number in (2, 3):
+        with pytest.raises(OSError) as full, folder.filling():
             folder.exchanges.write_text("paid for")
             write_json(tmp_path / "rollout.json", {})
             raise OSError(28, "No space left on device")
-        folder = RunFolder.prepare(tmp_path)
+        assert f"{folder.exchanges}; --resume goes on from it" in explain(full.value).message
+        assert not (tmp_path / "rollout.json").exists()
+        with pytest.raises(ResultsExist, match="--resume"):
+            RunFolder.prepare(tmp_path)
+        RunFolder.prepare(tmp_path, resume=True).clear()
+        assert folder.exchanges.read_text() == "paid for"
+        folder = RunFolder.prepare(tmp_path, force=True)
+        assert folder.kept_aside == tmp_path / f"exchanges_{number}.jsonl"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["exchanges_2.jsonl", "exchanges_3.jsonl"]
 
 
@@ -128,6 +136,6 @@ def test_libraries_that_lose_the_number_do_not_hide_a_full_disk(tmp_path: Path) 
     with room_for(10_000), pytest.raises(ZeroDivisionError), temporary_beside(path) as temporary:
         temporary.write_bytes(bytes(1_000))
         raise ZeroDivisionError
-    with room_for(10_000), pytest.raises(OSError, match="No space left"), temporary_beside(path) as temporary:
+    with room_for(10_000), pytest.raises(OSError, match="File too large"), temporary_beside(path) as temporary:
         temporary.write_bytes(bytes(9_000))
         raise ZeroDivisionError

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from executor.machine.files import write_json
 from executor.scenes.library import load
 from executor.scenes.rooms import Room, against, place, stand
 from executor.world.world import World
+from tests.executor.cli.conftest import environment
 
 QUERY = "put the glass into the refrigerator"
 GOLDEN = Path(__file__).parents[2] / "golden" / "plan_T1.txt"
@@ -48,7 +51,11 @@ def high_shelf(tmp_path: Path) -> Path:
 
 def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = plan(capsys, QUERY, "--scene", "kitchen_t1")
-    assert code == 0 and err.startswith("note: glass_0 is scaled by 0.7")
+    assert code == 0
+    steps = ["loading the planner and the simulator", "reading the scene kitchen_t1", "planning, and proving the plan"]
+    steps += ["note: glass_0 is scaled by 0.7", "asking for the arm's reach, subtask by subtask"]
+    for line, step in zip(err.splitlines(), steps, strict=True):
+        assert line.strip().startswith(step)
     if os.environ.get("REWRITE_GOLDEN") == "1":
         GOLDEN.write_text(out, encoding="utf-8")
     assert out == GOLDEN.read_text(encoding="utf-8")
@@ -110,3 +117,16 @@ def test_bad_input_is_one_clear_message(
 ) -> None:
     code, out, err = plan(capsys, *words)
     assert code == 2 and not out and message in err and "Traceback" not in err
+
+
+def test_what_is_being_done_is_told_before_anything_is_loaded() -> None:
+    code = (
+        "import sys\nfrom executor.cli import output\n"
+        "def stop(what):\n    print(what, sorted({name.split('.')[0] for name in sys.modules} & HEAVY))\n"
+        "    raise SystemExit\n"
+        "HEAVY = {'numpy', 'scipy', 'oag', 'llm', 'sapien', 'torch'}\n"
+        "output.counting = stop\n"
+        f"from executor.cli.main import run\nrun(['plan', {QUERY!r}, '--scene', 'kitchen_t1'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout == "loading the planner and the simulator []\n", done.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.executor.cli.conftest import Command
-from tests.llm.live import KEY, KEY_VARIABLE
+from tests.llm.live import BAD_PICTURES, KEY, KEY_VARIABLE, PNG
 from tests.llm.model_server import Act, ModelServer, fails, replies
 from tests.llm.scripted_modules import QUERIES, as_reply, right_answers
 
@@ -90,17 +90,29 @@ def test_a_picture_of_the_scene_goes_along_with_the_query(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     picture = tmp_path / "scene.png"
-    picture.write_bytes(b"\x89PNG\r\n\x1a\nand what follows")
+    picture.write_bytes(PNG)
     words = ("run", "open the refrigerator", "--scene", "kitchen_t1", "--no-video", "--image", str(picture))
     with ModelServer(replies("no idea"), key=KEY) as server:
         point_to(server, monkeypatch)
         answer = command(*words, "--out", "r", "--model", MODEL)
     assert answer.code == 1
     assert server.seen[0].images == (picture.read_bytes(),)
-    picture.write_text("a letter")
-    with_a_letter, with_nobody = command(*words, "--out", "s", "--model", MODEL), command(*words, "--out", "s")
-    assert with_a_letter.code == with_nobody.code == 2 and not (tmp_path / "s").exists()
-    assert "PNG" in with_a_letter.err and "--model" in with_nobody.err
+    with_nobody = command(*words, "--out", "s")
+    assert with_nobody.code == 2 and "--model" in with_nobody.err and not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("name", BAD_PICTURES)
+def test_a_picture_that_nobody_can_look_at_is_refused_before_anything_is_sent(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    data, word = BAD_PICTURES[name]
+    (tmp_path / "scene.png").write_bytes(data)
+    words = ("run", "open the refrigerator", "--scene", "kitchen_t1", "--no-video", "--image", "scene.png")
+    with ModelServer(replies("no idea"), key=KEY) as server:
+        point_to(server, monkeypatch)
+        answer = command(*words, "--out", "s", "--model", MODEL)
+    assert answer.code == 2 and not server.seen and not (tmp_path / "s").exists()
+    assert "scene.png" in answer.err and word in answer.err
 
 
 def test_half_a_character_in_an_answer_is_asked_about_and_kept(

@@ -15,6 +15,8 @@ from rich.table import Table
 
 from executor.cli import output
 from executor.cli.main import run
+from executor.cli.progress import RolloutProgress
+from executor.records.rollout import Event
 from tests.executor.cli.conftest import ROOT, environment
 
 RED, CSI, TURNED = "\x1b[31m", "\x9b31m", "\u202e"
@@ -120,7 +122,7 @@ def run_into(stream: int | None, *words: str) -> tuple[int, str]:
         stdout=stream,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     return done.returncode, done.stderr
 
@@ -142,3 +144,10 @@ def test_standard_output_without_room_is_said(words: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         code, said = run_into(full.fileno(), *words)
     assert code == 3 and said.count("\n") == 1 and "No space left on device" in said and "Traceback" not in said
+
+
+def test_a_run_that_goes_back_says_to_what_time(here: Any) -> None:
+    with RolloutProgress() as progress:
+        progress(Event("subtask-end", 1, 2, -1, "put_glass", 32.1, "no place"))
+        progress(Event("revision", 3, 4, -1, "put_glass", 12.9, "glass_0 is taken again from table_0"))
+    assert here.readouterr().err == "  back to 12.9 s: glass_0 is taken again from table_0\n"

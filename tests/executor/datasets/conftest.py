@@ -37,6 +37,7 @@ def made_store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
     """Returns a store of four episodes: the two of physics under two seeds each, with videos that brighten.
 
+    Velocities and the hash of states tell the seeds apart, since what has the same states is the same demonstration.
     Depth and segmentation of row i are numbers that follow from i.
     """
     store = EpisodeStore(tmp_path_factory.mktemp("filmed") / "s")
@@ -47,8 +48,10 @@ def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFact
             other = replace(unit, seed=seed, recording=Recording(views=("head",), size=SIZE))
             meta = {name: value for name, value in episode.meta.items() if name not in ("id", "name", "schema")}
             with store.writing(other, "v") as folder:
-                poses = episode.arrays["eef_pose"][::-1]
-                (folder / SAMPLES).write_bytes(samples.packed({**episode.arrays, "camera_pose_head": poses}))
+                own = {"robot_qvel": episode.arrays["robot_qvel"] + np.float32(1e-4 * (seed - 62990))}
+                own["camera_pose_head"] = episode.arrays["eef_pose"][::-1]
+                (folder / SAMPLES).write_bytes(samples.packed({**episode.arrays, **own}))
+                meta["state_hash"] = f"{seed}{meta['state_hash'][5:]}"
                 meta["pictures"] = {"views": {"head": {"size": list(SIZE)}}}
                 film(folder / "head.mp4", int(meta["samples"]), seed % 7)
                 for kind in (DEPTH, SEGMENTATION):

@@ -81,6 +81,19 @@ def test_a_conversion_gives_what_the_store_gives(sets: Path, before: Format, aft
         assert files(tmp_path / "out") == files(sets / after)
 
 
+def test_a_file_that_has_pictures_in_next_obs_too_is_read_as_well(
+    sets: Path, stream: EpisodeStream, tmp_path: Path
+) -> None:
+    h5py = pytest.importorskip("h5py")
+    folder = Path(shutil.copytree(sets / "robomimic", tmp_path / "set"))
+    with h5py.File(folder / "demonstrations.hdf5", "r+") as file:
+        for demo in file["data"].values():
+            for name, last in demo["last_obs"].items():
+                demo[f"next_obs/{name}"] = np.concatenate([demo[f"obs/{name}"][1:], last[:]])
+            del demo["last_obs"]
+    assert_same(open_set(folder), stream)
+
+
 @pytest.mark.parametrize("kind", ["robomimic", "zarr"])
 def test_what_was_exported_succeeds_again_in_the_environment(
     sets: Path, kind: Format, capsys: pytest.CaptureFixture[str]

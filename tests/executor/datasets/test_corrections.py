@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from executor.datasets import samples
 from executor.datasets.corrections import corrected_by
 from executor.datasets.footage import POSES, Filmed
 from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.selection import Selection
 from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION
 from executor.datasets.plan import series_of
 from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
@@ -184,6 +186,17 @@ def test_a_revision_is_followed_to_the_motion_that_it_led_to() -> None:
         (1, 2): "attempt-1-2.xz",
         (1, 3): SAMPLES,
     }
+
+
+def test_corrections_of_what_failed_in_the_end_are_there_too(store: EpisodeStore, tmp_path: Path) -> None:
+    copied = EpisodeStore(Path(shutil.copytree(store.path, tmp_path / "s")))
+    episode = next(copied.demonstrations())
+    meta = {**episode.meta, "ended": "failed", "failure": {"kind": "slipped", "message": "it fell"}}
+    (episode.path / "unit.json").write_text(json.dumps(meta))
+    found = stream_of(copied, ("corrections",)).found
+    assert (found.train + found.validation, found.corrections) == (0, len(episode.corrections))
+    both = stream_of(copied, ("corrections",), Selection.parse("ended=failed")).found
+    assert (both.train + both.validation, both.corrections) == (1, len(episode.corrections))
 
 
 def test_the_command_has_them(

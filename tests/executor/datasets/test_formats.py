@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from executor.assets.model import Handle
 from executor.datasets.footage import DEPTH, SEGMENTATION, pictures
 from executor.datasets.formats.clouds import CloudReader
 from executor.datasets.formats.export import FORMATS, ExportExists, Format, open_set, write_set
-from executor.datasets.formats.fold import NothingToExport, is_for_validation, stream_of
+from executor.datasets.formats.fold import is_for_validation, stream_of
 from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
+from executor.datasets.formats.selection import NothingToExport
 from executor.datasets.formats.statistics import QUANTILES, Tones
 from executor.datasets.formats.stream import CLOUD, EpisodeStream, FoldedEpisode
 from executor.datasets.store import EpisodeStore, StoredEpisode
@@ -199,7 +201,7 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
     folder = exported / kind
     info = json.loads((folder / "meta/info.json").read_text())
     assert info["total_episodes"] == 4 and info["total_frames"] == sum(one.length for one in episodes)
-    at = 0
+    at, earlier = 0, Counter[str]()
     for episode in episodes:
         if kind == "lerobot":
             file = parquet.ParquetFile(folder / "data/chunk-000/file-000.parquet")
@@ -214,8 +216,16 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
         assert table["timestamp"].to_numpy() == pytest.approx(np.arange(episode.length) / 10)
         at += episode.length
         texts = {"lerobot": lambda: parquet.read_table(folder / "meta/tasks.parquet")["task"].to_pylist()}
+        # Of two episodes of a sentence the first has it, and the other one says the same in other words.
+        sentence = (episode.task, *episode.about["paraphrases"])[earlier[episode.task]]
+        earlier[episode.task] += 1
         if kind in texts:
-            assert texts[kind]()[table["task_index"][0].as_py()] == episode.task
+            assert texts[kind]()[table["task_index"][0].as_py()] == sentence
+            assert len(set(table["task_index"].to_pylist())) == 1
+        else:
+            lines = (folder / "meta/episodes.jsonl").read_text().splitlines()
+            assert json.loads(lines[episode.index])["tasks"] == [sentence]
+    assert set(earlier.values()) == {2} and info["total_tasks"] == 4
     assert set(table.column_names) | {PICTURE} == set(info["features"])
     assert len(set(info["features"]["observation.environment_state"]["names"])) == ENVIRONMENT
     assert info["features"]["observation.depth.head"]["info"] == {"is_depth_map": True, "depth_unit": "mm"}
@@ -309,7 +319,7 @@ def test_robomimic_has_the_samples_again(
             recorded = quaternions_last(stored.arrays["object_poses"][:, 0])
             assert np.array_equal(demo[f"object_poses/{first}"][:], recorded)
             assert demo["obs/head_image"].shape == (episode.length - 1, 48, 64, 3)
-            assert np.array_equal(demo["next_obs/head_depth"][-1, :, :, 0], numbers(episode.length - 1, DEPTH))
+            assert np.array_equal(demo["last_obs/head_depth"][0, :, :, 0], numbers(episode.length - 1, DEPTH))
             assert not demo["obs/head_image"].is_virtual
             assert demo.attrs["state_hash"] == stored.meta["state_hash"]
 
@@ -330,14 +340,17 @@ def test_zarr_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode]) 
     assert np.array_equal(root["data/head_segmentation"][: episodes[0].length], segments)
 
 
-def test_pictures_that_not_all_have_are_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
+def test_pictures_that_not_all_have_are_never_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
     store = EpisodeStore(tmp_path / "s")
     shutil.copytree(filmed_store.path, store.path)
     assert stream_of(store).found.clips == (("head", ""),)
     next((store.path / "units").glob("*/head.depth.mkv")).unlink()
-    assert stream_of(store, ("depth", "segmentation")).found.channels == (SEGMENTATION,)
+    with pytest.raises(NothingToExport, match="have no depth"):
+        stream_of(store, ("depth", "segmentation"))
+    assert stream_of(store, ("segmentation",)).found.channels == (SEGMENTATION,)
     next((store.path / "units").glob("*/head.mp4")).unlink()
-    assert stream_of(store, ("segmentation",)).found.clips == ()
+    with pytest.raises(NothingToExport, match=r"3 have head, 1 have none"):
+        stream_of(store, ("segmentation",))
 
 
 def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeStore, tmp_path: Path) -> None:

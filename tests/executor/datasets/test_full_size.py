@@ -11,7 +11,8 @@ import pytest
 
 from executor.bench.units import outcome_version
 from executor.cli.main import run
-from executor.datasets.formats.fold import NothingToExport, stream_of
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.selection import NothingToExport
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.worker import run_unit

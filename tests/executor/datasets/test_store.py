@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from executor.datasets.store import INDEX, META, EpisodeStore, NotADataset, pending
-from executor.datasets.units import DemoSeries, DemoUnit, Origin, Recording
+from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording
 from executor.datasets.variation import Variation
+from executor.datasets.work import Made, Prepared, meta_of
+from executor.machine.files import content_key, json_text
+from executor.records.rollout import Detour
+from executor.results.run_record import opened
+from oag import Task, compose
+from tests.executor.recordings import invented_rollout
 
 FIRST = DemoUnit(Origin("T1"), 7)
 SERIES = DemoSeries(FIRST, 3)
@@ -90,6 +99,50 @@ def test_only_what_is_missing_is_pending(folder: Path) -> None:
     assert list(pending(store, [SERIES], "another program")) == [first, second, third]
 
 
+def old_id(said: dict[str, Any], version: str) -> str:
+    """Returns the id that programs gave a unit which kept numbers, views and paths as they were typed."""
+    return content_key(SCHEMA, version, json_text(said))
+
+
+@pytest.mark.parametrize(
+    ("unit", "typed"),
+    [
+        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0}}),
+        (FIRST, {"recording": {"rate_hz": 10}, "variation": {"noise_m": 0.0}}),
+        (replace(FIRST, recording=Recording(views=("wrist", "head"))), {"recording": {"views": ["wrist", "head"]}}),
+        (DemoUnit(Origin(None, "open it", "a/s.json", "k"), 7), {"origin": {"scene": "a/s.json"}}),
+    ],
+)
+def test_what_has_an_id_of_before_is_not_made_again(
+    folder: Path, unit: DemoUnit, typed: dict[str, dict[str, Any]]
+) -> None:
+    said = unit.to_json()
+    for name, values in typed.items():
+        said[name] = {**said[name], **values}
+    store, known_as = EpisodeStore(folder), old_id(said, "v")
+    place = folder / "units" / unit.folder_of(known_as)
+    place.mkdir(parents=True)
+    meta = {"schema": SCHEMA, "id": known_as, "name": unit.name, "version": "v", "unit": said, "ended": "crashed"}
+    (place / META).write_text(json.dumps(meta))
+    assert known_as != unit.id("v")
+    assert list(pending(store, [DemoSeries(unit, 1)], "v")) == []
+    put(store, unit, "succeeded")  # What only broke off gives way, under whatever id it lies.
+    assert [episode.meta["ended"] for episode in store.episodes()] == ["succeeded"]
+
+
+def test_equal_units_have_equal_ids_and_texts_whatever_python_made_them_of() -> None:
+    recording = Recording(np.float64(10), ("wrist", "head"), (np.int64(128), 128))  # type: ignore[arg-type]
+    alike = (
+        DemoUnit(Origin("T1"), 7, recording=recording, variation=Variation(noise_m=-0.0)),
+        DemoUnit(Origin("T1"), np.int64(7), recording=Recording(10, ("head", "wrist"), [128, 128])),  # type: ignore[arg-type]
+        DemoUnit.from_json({"origin": {"family": "T1"}, "seed": 7, "recording": {"views": ["wrist", "head"]}}),
+    )
+    assert len({unit.id("v") for unit in alike}) == len({json.dumps(unit.to_json()) for unit in alike}) == 1
+    for other in ({"evolve": 1}, {"recording": {"rate_hz": True}}, {"seed": 7.0}, {"variation": {"noise_m": True}}):
+        with pytest.raises(ValueError):
+            DemoUnit.from_json({**FIRST.to_json(), **other})
+
+
 def test_another_recording_is_another_unit() -> None:
     other = DemoUnit(Origin("T1"), 7, recording=Recording(views=("head",)))
     assert other.name == FIRST.name and other.folder("v") != FIRST.folder("v")
@@ -149,3 +202,12 @@ def test_what_is_asked_for_again_is_there_once(folder: Path) -> None:
     store.add_requests([SERIES.to_json(), SERIES.to_json()])
     store.add_requests([SERIES.to_json(), *store.requests()])
     assert len(store.requests()) == 1
+
+
+def test_a_unit_certifies_the_plan_that_it_has_with_its_numbers_and_what_was_inserted() -> None:
+    done = replace(invented_rollout(), detours=(Detour(0, 1, "the door was shut"),))
+    asked = compose(opened(done.asked_for), scene=done.scene)
+    meta = meta_of(Made(Prepared("pick up the glass", asked), asked, done))
+    certificate = compose(Task.from_json(meta["task"], scene=done.scene)).verify().certificate
+    assert certificate is not None and meta["certificate"] == certificate.task_hash
+    assert meta["detours"] == [{"first": 0, "count": 1, "reason": "the door was shut"}]

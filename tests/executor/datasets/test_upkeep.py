@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from executor.cli.main import run
 from executor.datasets import samples
-from executor.datasets.store import EpisodeStore
+from executor.datasets.formats.fold import is_for_validation, stream_of
+from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.units import SCHEMA
 from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.upkeep.contents import contents_of
 from executor.datasets.upkeep.merge import merge
+from executor.machine.files import content_key, json_text
 
 pytest.importorskip("av")
 pytestmark = pytest.mark.physics
@@ -95,6 +100,69 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
     assert all(episode.succeeded for episode in EpisodeStore.open(tmp_path / "late").episodes())
 
 
+@pytest.fixture
+def twice(made_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
+    """Returns what a program left that gave a request one id by the command line and another one by YAML.
+
+    Of each pair one id is for training and the other one for validation.
+    """
+    store = EpisodeStore(tmp_path / "old")
+    store.add_requests(made_store.requests())
+
+    def typed(episode: StoredEpisode, version: str) -> dict[str, dict[str, Any]]:
+        unit = episode.meta["unit"]
+        forms = [{**unit, "recording": {**unit["recording"], "rate_hz": rate_hz}} for rate_hz in (10.0, 10)]
+        return {content_key(SCHEMA, version, json_text(form)): form for form in forms}
+
+    def is_split(version: str) -> bool:
+        ids = (typed(episode, version) for episode in made_store.episodes())
+        return all(len({is_for_validation(one) for one in pair}) == 2 for pair in ids)
+
+    version = next(filter(is_split, map(str, count())))
+    for episode in made_store.episodes():
+        for known_as, unit in typed(episode, version).items():
+            folder = store.path / "units" / f"{episode.meta['name']}-{known_as[:8]}"
+            shutil.copytree(episode.path, folder)
+            meta_changed(unit=unit, id=known_as, version=version)(folder)
+    return store
+
+
+def test_what_is_there_twice_is_named_and_counts_once(
+    twice: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [episode.name for episode in twice.episodes()]
+    assert len(names) == 4
+    assert run(["dataset", "check", str(twice.path), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)["flaws"]
+    assert [flaw["episode"] for flaw in told] == names[1::2]
+    assert all(f"it repeats {first}" in flaw["what"] for flaw, first in zip(told, names[::2], strict=True))
+    out = ["--out", str(tmp_path / "set"), "--format", "zarr"]
+    assert run(["dataset", "export", str(twice.path), *out, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert sum(told["episodes"].values()) == 2
+    assert told["repeats"] == [list(pair) for pair in zip(names[1::2], names[::2], strict=True)]
+    assert run(["dataset", "export", str(twice.path), *out, "--force"]) == 0
+    assert f"2 demonstrations left out: {names[1]} repeats {names[0]}" in " ".join(capsys.readouterr().err.split())
+    found = contents_of(twice)
+    assert (found.made, found.kept, found.repeats) == (4, 2, 2)
+    assert "2 more repeat one of these" in page(twice)
+    merged = merge([twice], tmp_path / "once")
+    assert (merged.copied, merged.same) == (2, 2)
+    assert list(flaws(EpisodeStore(tmp_path / "once"))) == []
+
+
+def test_one_motion_is_on_one_side_however_it_is_looked_at(twice: EpisodeStore) -> None:
+    for number, unit in enumerate(sorted((twice.path / "units").iterdir())):
+        meta_changed(pictures={"lights": number})(unit)
+    stream = stream_of(twice)
+    sides: dict[str, set[bool]] = {}
+    for episode in stream.episodes():
+        sides.setdefault(episode.about["state_hash"], set()).add(episode.about["validation"])
+    assert stream.found.repeats == () and stream.found.count == 4
+    assert [len(side) for side in sides.values()] == [1, 1]
+    assert list(flaws(twice)) == []
+
+
 def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
     found = contents_of(filmed_store)
     assert (found.made, found.succeeded, found.kept, found.asked) == (4, 4, 4, 2)
@@ -108,6 +176,73 @@ def test_the_card_says_how_many_have_pictures(filmed_store: EpisodeStore) -> Non
     found = contents_of(filmed_store)
     assert "Views: head. " in page(filmed_store)
     assert shares(found.views, 9) == "head (4 of 9)" and shares({}, 9) == "none"
+
+
+def with_starts(store: EpisodeStore, starts: Sequence[dict[str, Any]]) -> EpisodeStore:
+    """Returns the store's first episode once for each of some starts, which say what else its `unit.json` has."""
+    first, *_ = sorted((store.path / "units").iterdir())
+    for number, changes in enumerate(starts):
+        again = first.with_name(f"{first.name[:-8]}{number:08x}")
+        shutil.copytree(first, again)
+        meta = json.loads((again / "unit.json").read_text())
+        scene = meta["scene"]
+        thing = sorted(scene["objects"])[0]
+        scene["robot"] = {**scene["robot"], **changes.pop("robot", {})}
+        scene["objects"][thing] = {**scene["objects"][thing], **changes.pop("thing", {})}
+        meta_changed(scene=scene, state_hash=f"{number:064x}", **changes)(again)
+    for unit in (store.path / "units").iterdir():
+        if not unit.name.endswith(tuple(f"{number:08x}" for number in range(len(starts)))):
+            shutil.rmtree(unit)
+    return store
+
+
+def test_the_card_says_what_differs_and_nothing_else(copied: EpisodeStore) -> None:
+    """Whatever was asked for: the units ask for all axes, and only what was drawn counts."""
+    asked = {"target": True, "surfaces": True, "lights": True, "cameras": True, "physics": True}
+    first, *_ = copied.episodes()
+    unit = {**first.meta["unit"], "variation": {**first.meta["unit"]["variation"], **asked}}
+    pictures = {"views": {"head": {"size": [64, 48], "T_mount_camera": [1]}}, "lights": {"sun": 1.0}, "surfaces": None}
+    store = with_starts(copied, [{"unit": unit, "pictures": pictures} for _ in range(3)])
+    label = next(iter(contents_of(store).parts))
+    text = page(store)
+    assert f"| {label} | motion | 3 in 3 |" in text
+    same = (
+        "sentence, things in the room, models, sizes, places of things, headings of things, parameters, robot's start"
+    )
+    assert f"{label}: the same in all 3: {same}, lights, surfaces, cameras." in text
+    assert text.count(f"| {label} | ") == 2  # The yield, and the motion.
+
+
+def test_the_card_says_by_how_much_it_differs(copied: EpisodeStore) -> None:
+    views = {"head": {"size": [64, 48]}}
+    starts: list[dict[str, Any]] = [
+        {"robot": {"yaw": -0.1}, "thing": {"model": "a"}, "pictures": {"views": views, "lights": {"sun": 1.0}}},
+        {"robot": {"yaw": 0.25}, "thing": {"model": "b"}, "pictures": {"views": views, "lights": {"sun": 2.0}}},
+        {
+            "robot": {"yaw": 0.1},
+            "drawn": {"physics": {"item_mass": 1.5}},
+            "pictures": {"views": views, "lights": {"sun": 1.0}},
+        },
+        {
+            "robot": {"yaw": 0.1},
+            "drawn": {"physics": {"item_mass": 0.7}},
+            "pictures": {"views": views, "lights": {"sun": 1.0}},
+        },
+    ]
+    store = with_starts(copied, starts)
+    text = page(store)
+    assert "| robot's start | 3 in 4 | yaw_rad -0.1 to 0.25 |" in text
+    assert "| physics | 2 in 4 | item_mass 0.7 to 1.5 |" in text
+    assert "| models | 3 in 4 |  |" in text and "| lights | 2 in 4 | sun 1 to 2 |" in text
+    said = contents_of(store).to_json()["variety"]
+    (variety,) = said.values()
+    assert variety["varied"]["robot's start"] == {"values": 3, "ranges": {"yaw_rad": [-0.1, 0.25]}}
+    assert "places of things" in variety["same"]
+
+
+def test_one_demonstration_varies_in_nothing(copied: EpisodeStore) -> None:
+    text = page(with_starts(copied, [{}]))
+    assert "one demonstration only" in text and "what differs" not in text
 
 
 def test_failures_are_on_the_card_by_kind(copied: EpisodeStore) -> None:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
+import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -16,8 +21,10 @@ from gymnasium.utils.env_checker import check_env
 import executor.envs
 from executor.bench.units import pair_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
+from executor.datasets.variation import Variation
 from executor.envs.environment import SceneEnvironment
 from executor.robot.actions import joint_limits
+from executor.world.physics import Physics
 from oag.model.scenefile import PAPER_SCALE
 from tests.source_tree import ROOT
 
@@ -46,6 +53,44 @@ def test_importing_it_registers_and_loads_no_simulator() -> None:
     )
     run = {"cwd": ROOT, "capture_output": True, "text": True, "timeout": 120, "check": True}
     assert subprocess.run([sys.executable, "-c", code], **run).stdout.split() == ["False", "7"]  # type: ignore[call-overload]
+
+
+REGISTERED = (
+    "import gymnasium, sys\n"
+    "assert 'sapien' not in sys.modules and 'lark' not in sys.modules, 'too much for who wants other environments'\n"
+    "import executor.envs\n"
+    "env = gymnasium.make('scene2demo/T1-v0')\n"
+    "print(env.spec.id, sum(name.startswith('scene2demo/') for name in gymnasium.registry))"
+)
+
+
+def test_gymnasium_alone_makes_them_where_what_the_wheel_has_is_installed(tmp_path: Path) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    installed = tmp_path / "scene2demo-9.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: scene2demo\nVersion: 9\n")
+    points = project["project"]["entry-points"]
+    text = "".join(
+        f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in names.items()) for group, names in points.items()
+    )
+    (installed / "entry_points.txt").write_text(text)
+    for source, name in project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"].items():
+        shutil.copy(ROOT / source, tmp_path / name)
+    # Before the packages of whatever is installed here.
+    code = f"import site, sys; sys.path.insert(0, {str(tmp_path)!r}); site.addsitedir({str(tmp_path)!r})\n"
+    alone = code + REGISTERED.replace("import executor.envs\n", "")
+    for started in (alone, code + REGISTERED, f"import executor.envs\n{alone}"):
+        run = [sys.executable, "-W", "error", "-c", started]
+        found = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+        assert found.stdout.split() == ["scene2demo/T1-v0", "7"], found.stderr
+
+
+def test_gymnasium_alone_makes_them_after_the_set_up(tmp_path: Path) -> None:
+    """Whoever changed what the wheel has runs `make setup` again."""
+    code = REGISTERED.replace("import executor.envs\n", "")
+    run = [sys.executable, "-c", code]
+    found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert found.stdout.split() == ["scene2demo/T1-v0", "7"], found.stderr
 
 
 def test_making_one_loads_no_simulator(make: Make) -> None:
@@ -88,6 +133,60 @@ def test_equal_seeds_and_actions_give_equal_observations(make: Make) -> None:
     for _ in range(3):
         a, b = first.step(wanted), second.step(wanted)
         assert all(np.array_equal(a[0][name], b[0][name]) for name in a[0]) and a[1] == b[1]
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("action_mode", ["joint_target", "paper"])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_an_action_that_is_no_number_is_refused_and_moves_nothing(make: Make, action_mode: Any, wrong: float) -> None:
+    refused, spared = make(action_mode=action_mode), make(action_mode=action_mode)
+    still = np.zeros(refused.action_space.shape or (), np.float32)
+    for env in (refused, spared):
+        env.reset(seed=SEED, options={"index": INDEX})
+        env.step(still)
+    action = still.copy()
+    action[4] = wrong
+    with pytest.raises(ValueError, match="number 4"):
+        refused.step(action)
+    with pytest.raises(ValueError, match="shape"):
+        refused.step(still[:1])
+    after, as_before = refused.step(still), spared.step(still)
+    assert all(np.array_equal(after[0][name], as_before[0][name]) for name in after[0])
+    assert after[1:] == as_before[1:] and np.isfinite(after[0]["agent_pos"]).all()
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_is_made_of_the_same_arguments_and_draws_the_same_episodes(
+    copied: Callable[[SceneEnvironment], SceneEnvironment],
+) -> None:
+    arguments: dict[str, Any] = {"action_mode": "paper", "normalised": True, "rate_hz": 5.0, "size": (64, 48)}
+    env = gymnasium.make("executor.envs:scene2demo/T5-v0", **arguments)
+    env.reset(seed=SEED)
+    env.step(env.action_space.sample())
+    other = copied(env)
+    assert other.spec == env.spec and other.action_space == env.action_space
+    assert other.unwrapped.metadata == env.unwrapped.metadata and other.unwrapped.spec == env.unwrapped.spec
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        other.unwrapped.step(env.action_space.sample())
+    seen, known = env.reset()
+    found, told = other.reset()
+    assert told == known and all(np.array_equal(found[name], seen[name]) for name in seen)
+    other.close()
+    env.step(env.action_space.sample())
+    env.close()
+
+
+def test_an_environment_of_a_task_of_ones_own_can_be_copied() -> None:
+    pair = pair_of("T5", SEED, INDEX)
+    for arguments in (
+        {"scene": pair.scene, "task": pair.task, "query": pair.query, "physics": Physics(item_mass=1.2)},
+        {"scene": "kitchen_t1", "query": "open the refrigerator", "variation": Variation(physics=True)},
+    ):
+        env = SceneEnvironment(**arguments)  # type: ignore[arg-type]
+        other = pickle.loads(pickle.dumps(env))
+        assert other.task == env.task and other.task_description == env.task_description
+        assert copy.copy(env).task == env.task
 
 
 @pytest.mark.physics

@@ -10,16 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bddl
 import oag
 from executor.assets.library import sample
 from executor.geometry import heading_of, wrap_angle
-from executor.motion.grasping.reach import TURNS_RAD, Pick
+from executor.motion.grasping.reach import LIFTS_M, LOW_LIFTS_M, OUT_M, TURNS_RAD, Pick, lifts_out_m
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.planning.stance import Stance
 from executor.primitives.driving import ELSEWHERE_M, LOOKED_AT, elsewhere_first
+from executor.world.detectors import read
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
+from tests.executor.helpers import at, on_a_shelf, scene_of
 
 ASKEW_RAD = np.pi / 4
 
@@ -91,3 +94,54 @@ def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
     turned_rad = wrap_angle(float(stance.q[2]) - heading_of(hand[:3, 2]))
     assert abs(turned_rad) > max(TURNS_RAD)
     assert planner.oracle.is_way_free(stance.approach[:1]), "the way to the bear begins free"
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(("height_m", "most_m"), [(0.12, 0.088), (0.17, 0.038), (0.19, 0.018)])
+def test_under_a_board_a_thing_is_lifted_no_higher_than_there_is_room(
+    height_m: float, most_m: float, worlds: list[World]
+) -> None:
+    scene = on_a_shelf(height_m)
+    world, oracle = World(scene), World(scene, oracle=True)
+    worlds += [world, oracle]
+    world.step()
+    planner = Planner(CollisionOracle(oracle))
+    planner.start_subtask(world, 0, 0)
+    pick = Pick(planner, world, "can_0", (Action(Primitive.LIFT_EEF_UP),), np.zeros(3), LOW_LIFTS_M)
+    (action,) = next(pick.stances()).followup.moves
+    assert isinstance(action.parameter, float) and 0.0 < action.parameter < most_m
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(
+    ("model", "extent"),
+    [("porcelain_bowl", (0.18, 0.18, 0.055)), ("open_box", (0.3, 0.3, 0.1)), ("open_box", (0.3, 0.3, 0.25))],
+)
+def test_a_lift_out_of_a_bowl_or_a_box_ends_out_of_it(
+    model: str, extent: tuple[float, float, float], worlds: list[World]
+) -> None:
+    category = model.rpartition("_")[2]
+    thing = {"category": category, "model": model, "bbox_extent": extent, "position": [0.0, 0.0, extent[2] / 2]}
+    apple = {"category": "apple", "model": "apple", "bbox_extent": [0.05] * 3, "position": [0.0, 0.0, 0.04]}
+    upright = {"orientation": [1, 0, 0, 0]}
+    world = World(scene_of({f"{category}_0": thing | upright, "apple_0": apple | upright}))
+    worlds.append(world)
+    inside = bddl.Atom("inside", ("apple_0", f"{category}_0"))
+    region = world.assets[f"{category}_0"].regions[0]
+    start = at(0.0, 0.0, extent[2] / 2 + region.floor_m[2] + 0.024)
+    world.set_object_pose("apple_0", start)
+    world.step()
+    assert read(inside, world).value is True
+    world.set_object_pose("apple_0", start)
+    found = lifts_out_m(LIFTS_M, world, "apple_0")
+    assert found and set(found) <= {*LIFTS_M, max(found)}
+    for lift_m in {*found, *LIFTS_M}:
+        world.set_object_pose("apple_0", at(0.0, 0.0, start[2, 3] + lift_m))
+        depth_m = read(inside, world).measurements.centre_depth_m
+        assert depth_m is not None and (lift_m in found) is (depth_m < -OUT_M + 0.002), lift_m
+
+
+def test_what_is_in_nothing_may_be_lifted_as_before(worlds: list[World]) -> None:
+    world = World(on_a_shelf(0.1))
+    worlds.append(world)
+    assert lifts_out_m(LIFTS_M, world, "can_0") == LIFTS_M

@@ -24,7 +24,7 @@ from llm import Conversation, connect
 from llm.wire.profiles import BoxForm
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.llm.live import KEY, KEY_VARIABLE, hurry
-from tests.llm.model_server import Act, ModelServer, replies
+from tests.llm.model_server import Act, ModelServer, fails, replies
 from tests.llm.sight.spotter import Spotter, pattern_answer
 
 MODEL = "openai-compatible:seer"
@@ -153,6 +153,27 @@ def test_an_answer_that_cannot_be_used_ends_in_one_message(
     for _ in range(2):
         assert photo(picture, "--model", recording, "--force") == code
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_photograph_goes_on_with_what_was_answered_and_force_keeps_it(
+    picture: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strange = replies(json.dumps({"things": [{"number": 1, "label": "aquarium", "box": [9, 9, 90, 90]}]}))
+    pattern = replies(json.dumps(pattern_answer("pixels xyxy")))
+    out = picture.parent / "out"
+    with ModelServer(pattern, fails(400, "no"), strange, strange, pattern, strange, strange, key=KEY) as server:
+        point_to(server, monkeypatch)
+        assert photo(picture, "--model", MODEL) == 1
+        told = capsys.readouterr().err
+        assert "the spotter, round 1" in told and "price unknown" in told and "2 requests, 1 failed" in told
+        assert photo(picture, "--model", MODEL) == 2 and "--resume" in capsys.readouterr().err
+        assert photo(picture, "--model", MODEL, "--resume") == 2
+        assert len(server.seen) == 4 and "paid" in capsys.readouterr().err
+        before = (out / "exchanges.jsonl").read_bytes()
+        assert photo(picture, "--model", MODEL, "--force") == 2
+        assert len(server.seen) == 7
+    assert (out / "exchanges_2.jsonl").read_bytes() == before
+    assert f"kept in {out / 'exchanges_2.jsonl'}" in capsys.readouterr().err
 
 
 def test_nothing_is_asked_before_all_else_has_been_read(

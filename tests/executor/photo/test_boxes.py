@@ -73,7 +73,11 @@ def test_a_bowl_is_a_rival_where_its_points_lie_and_not_as_large_as_what_it_was_
 @pytest.mark.slow
 def test_a_bowl_that_was_called_a_book_is_a_bowl() -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
-    found = reconstruct(seen, [boxes[0], replace(boxes[1], label="book", category="book")], ()).things[1].fit
+    found = (
+        reconstruct(seen, [boxes[0], replace(boxes[1], label="book", category="book", provenance="detector")], ())
+        .things[1]
+        .fit
+    )
     assert found.guess.entry is BOWL.entry and found.guess.size_m == pytest.approx(BOWL.size_m, abs=0.01)
 
 
@@ -81,7 +85,9 @@ def test_a_dresser_that_was_called_a_countertop_is_one_with_its_drawers() -> Non
     bare = Guess(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
     dresser = bare.with_parameters(drawers=2, handle_length_m=0.3)
     seen, (box,) = seen_from_above(dresser)
-    room = KnownRoom(lit(seen, dresser), (), [replace(box, label="countertop", category="countertop")], 0.0)
+    room = KnownRoom(
+        lit(seen, dresser), (), [replace(box, label="countertop", category="countertop", provenance="detector")], 0.0
+    )
     fitter = RoomFitter(room)
     fitter.fit(0, [0.0], ())
     assert fitter.rename(0) == "countertop: cabinet_drawers"

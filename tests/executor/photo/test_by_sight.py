@@ -176,7 +176,7 @@ def test_without_walls_what_faces_one_way_stands_against_one() -> None:
 def test_what_has_legs_is_found_though_it_is_called_otherwise() -> None:
     chair = Guess(LIBRARY["chair_wooden"], 1.9, 0.0, 0.3, 0.0, (0.42, 0.41, 0.88))
     seen, (box,) = by_sight(chair)
-    room = KnownRoom(seen, (), [replace(box, label="can", category="can")], 0.0)
+    room = KnownRoom(seen, (), [replace(box, label="can", category="can", provenance="detector")], 0.0)
     fitter = RoomFitter(room)
     fitter.fit(0, None, ())
     assert fitter.fit_anything(0) == "can: chair_wooden"
@@ -210,7 +210,7 @@ def test_what_hardly_looks_so_on_the_floor_stands_on_nothing(beside_box: float, 
 def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> None:
     seen, boxes = seen_from_above(TABLE, finer=2)
     bent = replace(seen, z_m=1.02 * seen.z_m, bend_share=0.02, heading_rad=TABLE.yaw_rad)
-    (table,) = reconstruct(bent, boxes, (), alone=False).things
+    (table,) = reconstruct(bent, boxes, ()).things
     guess = table.fit.guess
     assert guess.entry.model == "table_four_legs"
     # By its depths it is 4.4 cm farther off.
@@ -222,9 +222,9 @@ MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 3.2, -0.3, 0.0, 0.76, (0.45, 
 
 
 def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> None:
-    nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.35, 0.0, 0.0, (0.9, 0.6, 0.66))
+    nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.36, 0.0, 0.0, (0.9, 0.6, 0.66))
     seen, (box, beside) = by_sight(COUNTER, nearer)
-    called = replace(box, label="refrigerator", category="refrigerator")
+    called = replace(box, label="refrigerator", category="refrigerator", provenance="detector")
     room = KnownRoom(lit(lit(seen, COUNTER), nearer), (), [called, beside], 0.0)
     room.keep(1, Fit(nearer, -100.0, (), 1.0, 0.0, 100, None))
     fitter = RoomFitter(room)
@@ -234,7 +234,7 @@ def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> N
 
 def test_what_was_put_on_nothing_does_not_hide_what_it_stands_on() -> None:
     seen, (box, above) = by_sight(COUNTER, MICROWAVE)
-    called = replace(box, label="refrigerator", category="refrigerator")
+    called = replace(box, label="refrigerator", category="refrigerator", provenance="detector")
     room = KnownRoom(lit(lit(seen, COUNTER), MICROWAVE), (), [called, above], 0.0)
     hanging = replace(MICROWAVE, x_m=2.3, y_m=-0.215, bottom_m=0.48)
     room.keep(1, Fit(hanging, -100.0, (), 1.0, 0.0, 100, None))

@@ -97,6 +97,39 @@ def test_depths_in_exr_are_metres(tmp_path: Path) -> None:
         read_depth(path, (40, 30))
 
 
+@pytest.mark.parametrize(
+    ("channels", "side", "said"), [(1, 10**6, "1000000 x 1000000"), (8, 4000, "512 MB"), (1, 4000, "cannot be read as")]
+)
+def test_an_exr_file_that_says_more_than_it_has_is_not_unpacked(
+    tmp_path: Path, channels: int, side: int, said: str
+) -> None:
+    openexr = pytest.importorskip("OpenEXR")
+    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    values = {f"{number}.Z" if number else "Z": np.full((8, 8), 2.0, np.float32) for number in range(channels)}
+    openexr.File(header, values).write(str(tmp_path / "depth.exr"))
+    content = bytearray((tmp_path / "depth.exr").read_bytes())
+    at = content.index(b"dataWindow\0box2i\0") + len(b"dataWindow\0box2i\0") + 4
+    content[at + 8 : at + 16] = (side - 1).to_bytes(4, "little") * 2
+    (tmp_path / "depth.exr").write_bytes(content)
+    with pytest.raises(PhotoRefused) as caught:
+        read_depth(tmp_path / "depth.exr", (8, 8))
+    assert caught.value.kind == "depth" and said in str(caught.value)
+
+
+def test_packed_depths_that_say_more_than_a_recording_has_are_not_unpacked(tmp_path: Path) -> None:
+    lzfse = pytest.importorskip("lzfse")
+    path = r3d(tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        kept = {name: archive.read(name) for name in archive.namelist()}
+    bomb = bytearray(lzfse.compress(bytes(4_000_000)))
+    bomb[4:8] = (400_000_000).to_bytes(4, "little")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in kept.items():
+            archive.writestr(name, bytes(bomb) if name.endswith(".depth") else content)
+    with pytest.raises(PhotoRefused, match="MB when it is unpacked"):
+        read_capture(path)
+
+
 def _apart(folder: Path) -> object:
     return read_capture(tum(folder, apart_s=0.4))
 

@@ -82,7 +82,7 @@ def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
     # As far off as a table's top is above the floor on which its legs are seen.
     bent = 1.0 + 0.04 * np.clip((170.0 - rows) / 100.0, 0.0, 1.0)
     seen = replace(seen, z_m=seen.z_m * bent, bend_share=0.02 if knows else 0.0)
-    table, bowl = (thing.fit.guess for thing in reconstruct(seen, boxes, (), alone=False).things)
+    table, bowl = (thing.fit.guess for thing in reconstruct(seen, boxes, ()).things)
     off_m = math.dist((table.x_m, table.y_m), (TABLE.x_m, TABLE.y_m))
     assert (off_m < 0.02) is knows
     if knows:
@@ -197,7 +197,7 @@ def test_a_thing_of_which_hardly_a_pixel_is_known_is_left_out(pixels: int) -> No
     few = np.zeros(seen.z_m.shape, dtype=bool)
     few[210, 20 : 20 + pixels] = True
     thing = Sighting("", None, (20.0, 210.0, 33.0, 211.0), 1.0, "drawn", few)
-    room = reconstruct(seen, [thing], (), alone=False)
+    room = reconstruct(seen, [thing], ())
     assert room.things == () and [one.detection for one in room.unfitted] == [thing]
 
 
@@ -208,7 +208,7 @@ def test_things_of_one_shape_are_told_apart_by_their_colour() -> None:
     unnamed = [boxes[0], replace(boxes[1], label="", category=None)]
     for colour, category in (((235, 120, 20), "orange"), ((170, 15, 20), "apple")):
         painted = np.where((seen.rgb == COLOURS[2]).all(axis=-1, keepdims=True), np.uint8(colour), seen.rgb)
-        room = reconstruct(replace(seen, rgb=painted), unnamed, (), alone=False)
+        room = reconstruct(replace(seen, rgb=painted), unnamed, ())
         assert [thing.fit.guess.entry.category for thing in room.things] == ["table", category]
 
 

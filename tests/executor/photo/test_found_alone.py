@@ -23,7 +23,7 @@ from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 def alone() -> FittedRoom:
     """The table with the bowl, without any box."""
     seen, _ = seen_from_above(TABLE, BOWL)
-    return reconstruct(seen, [], ())
+    return reconstruct(seen, [], (), find_more=True)
 
 
 def test_what_stands_out_is_found_in_pieces() -> None:

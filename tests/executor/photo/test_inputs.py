@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import struct
+import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +19,7 @@ from executor.cli.main import run
 from executor.photo.inputs.annotations import Sighting, category_named, read_boxes
 from executor.photo.inputs.camera import read_camera
 from executor.photo.inputs.depth import read_depth
-from executor.photo.inputs.picture import read_picture
+from executor.photo.inputs.picture import MOST_BYTES, read_picture
 from executor.photo.refusal import PhotoRefused
 
 SIZE = (160, 120)
@@ -147,6 +150,44 @@ def _huge(folder: Path) -> object:
     return read_picture(folder / "huge.png")
 
 
+def _bomb(folder: Path, side: int) -> Path:
+    """Write a PNG of so many black pixels a side, which packs to almost nothing."""
+    rows = zlib.compress(bytes(side // 8 + 1) * 200)
+    (folder / "bomb.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    with (folder / "bomb.png").open("ab") as file:
+        for name, data in ((b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)), (b"IDAT", rows)):
+            file.write(struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)))
+    return folder / "bomb.png"
+
+
+def _npy(folder: Path, shape: tuple[int, ...], kind: str = "<f4", content: bytes = bytes(64)) -> Path:
+    """Write an array with any header."""
+    with (folder / "lying.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": kind, "fortran_order": False, "shape": shape})
+        file.write(content)
+    return folder / "lying.npy"
+
+
+def _npz(folder: Path, *names: str, packed: int = zipfile.ZIP_DEFLATED) -> Path:
+    with zipfile.ZipFile(folder / "lying.npz", "w", packed) as archive:
+        for name in names:
+            archive.writestr(f"{name}.npy", _npy(folder, (60000, 60000), content=bytes(5_000_000)).read_bytes())
+    return folder / "lying.npz"
+
+
+def _many(folder: Path) -> Path:
+    with zipfile.ZipFile(folder / "many.npz", "w") as archive:
+        for number in range(2000):
+            archive.writestr(f"{number}.npy", b"")
+    return folder / "many.npz"
+
+
+def _too_large(folder: Path, name: str) -> Path:
+    with (folder / name).open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    return folder / name
+
+
 def _boxes(folder: Path, label: str, box: list[float]) -> object:
     (folder / "b.json").write_text(json.dumps({"things": [{"label": label, "box": box}]}))
     return read_boxes(folder / "b.json", SIZE)
@@ -174,6 +215,21 @@ def _pickled(folder: Path) -> object:
 REFUSED: dict[str, tuple[Refused, str, tuple[str, ...]]] = {
     "truncated": (_cut_off, "picture", ("cannot be read as a picture", "all of it")),
     "8000 pixels": (_huge, "picture", ("8000 x 70", "at most 4096", "scale it")),
+    "900 megapixels": (lambda f: read_picture(_bomb(f, 30000)), "picture", ("over 80 megapixels", "at most 4096")),
+    "100 megapixels": (lambda f: read_picture(_bomb(f, 10000)), "picture", ("over 80 megapixels", "at most 4096")),
+    "25 megapixels": (lambda f: read_picture(_bomb(f, 5000)), "picture", ("5000 x 5000", "at most 4096")),
+    "a large file": (lambda f: read_picture(_too_large(f, "p.png")), "picture", ("larger than 64 MB",)),
+    "depth of 900 megapixels": (lambda f: read_depth(_bomb(f, 30000), SIZE), "depth", ("over 80 megapixels",)),
+    "depth of another size": (lambda f: read_depth(_bomb(f, 4000), SIZE), "depth", ("4000 x 4000 pixels",)),
+    "a large depth": (lambda f: read_depth(_too_large(f, "d.npz"), SIZE), "depth", ("larger than 64 MB",)),
+    "endless array": (lambda f: read_depth(_npy(f, (10**9, 10**9)), SIZE), "depth", ("1000000000 x 1000000000",)),
+    "array of less": (lambda f: read_depth(_npy(f, SIZE[::-1]), SIZE), "depth", ("76800 bytes", "it has 64")),
+    "array of nothing": (lambda f: read_depth(_npy(f, (-1, 5)), SIZE), "depth", ("5 x -1",)),
+    "array of text": (lambda f: read_depth(_npy(f, SIZE[::-1], "<U9"), SIZE), "depth", ("(120, 160) of <U9",)),
+    "packed bomb": (lambda f: read_depth(_npz(f, "depth", "b"), SIZE), "depth", ("60000 x 60000",)),
+    "two arrays": (lambda f: read_depth(_npz(f, "a", "b"), SIZE), "depth", ("holds a, b",)),
+    "packed otherwise": (lambda f: read_depth(_npz(f, "a", packed=zipfile.ZIP_LZMA), SIZE), "depth", ("as NumPy",)),
+    "many arrays": (lambda f: read_depth(_many(f), SIZE), "depth", ("very many arrays",)),
     "no picture": (lambda f: read_picture(f / "own.json"), "picture", ("cannot be read as a picture",)),
     "other size": (lambda f: read_depth(f / "depth.png", (320, 240)), "depth", ("160 x 120", "picture 320 x 240")),
     "metres as mm": (lambda f: _depth(f, 3, "uint16"), "depth", ("0.003 m", "in m it would be one", "--depth-unit-m")),

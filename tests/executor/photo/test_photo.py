@@ -126,7 +126,10 @@ def test_a_box_around_no_such_thing_is_left_out_and_what_is_there_is_found_alone
     wrong = {"things": [{"label": "cup", "box": [2, 200, 40, 238]}]}  # A corner of the table.
     (folder / "wrong.json").write_text(json.dumps(wrong))
     arguments = ["--depth", folder / "depth.png", "--boxes", folder / "wrong.json", "--camera", folder / "camera.json"]
-    assert run(["photo", str(folder / "room.png"), *map(str, arguments), "--out", str(folder / "alone")]) == 0
+    assert (
+        run(["photo", str(folder / "room.png"), *map(str, arguments), "--find-more", "--out", str(folder / "alone")])
+        == 0
+    )
     told = json.loads((folder / "alone" / "photo.json").read_text())
     assert "cup" in [one["label"] for one in told["left_out"]]
     found = {"table_0": "table_0", "bottom_cabinet_0": "cabinet_0"}

@@ -42,7 +42,7 @@ def fit_of(guess: Guess, explained: float = 1.0) -> Fit:
 def test_a_microwave_is_fitted_though_nobody_has_drawn_a_box_around_what_carries_it() -> None:
     behind = Guess(LIBRARY["wardrobe_two_doors"], 3.6, 0.5, 0.1, 0.0, (0.6, 1.0, 1.7))
     seen, (_, *boxes) = seen_from_above(COUNTER, MICROWAVE, behind)
-    room = reconstruct(seen, boxes, ())
+    room = reconstruct(seen, boxes, (), find_more=True)
     made = {thing.fit.guess.entry.category: thing for thing in room.things}
     assert set(made) == {"wardrobe", "microwave", "countertop"} and made["countertop"].detection.source == STOOD_OUT
     assert (
@@ -149,7 +149,7 @@ def test_by_sight_a_table_without_a_box_is_found_under_what_stands_on_it() -> No
     carton = Guess(LIBRARY["carton"], 2.0, 0.0, 0.4, 0.7, (0.1, 0.06, 0.14))
     can = Guess(LIBRARY["can"], 2.3, 0.25, 0.0, 0.7, (0.07, 0.07, 0.1))
     seen, (_, *boxes) = by_sight(TABLE, carton, can)
-    room = reconstruct(seen, boxes, ())
+    room = reconstruct(seen, boxes, (), find_more=True)
     made = {thing.detection.label: thing for thing in room.things}
     assert set(made) == {"", "box", "can"} and made[""].detection.source == OF_ONE_HUE
     assert made[""].fit.guess.entry.category in ("table", "desk") and apart_m(made[""].fit.guess, TABLE) < 0.05

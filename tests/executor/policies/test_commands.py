@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from executor.bench.units import version_with
 from executor.cli.commands.policies.evaluate import kind_of
 from executor.cli.errors import BadOption
 from executor.cli.main import run
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import Origin
 from executor.datasets.variation import Variation
+from executor.policies.acting import Actor
+from executor.policies.judging.outcomes import FAILURES, EpisodeOutcome
+from executor.policies.settings import PolicySettings, SettingsError, read_settings
 from executor.policies.windows import EpisodeKind
 
 pytestmark = pytest.mark.physics
@@ -38,6 +44,44 @@ def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     """Returns what was printed last."""
     found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
+
+
+def test_what_shows_the_same_counts_once_in_training(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The copies say that other numbers asked for them, as one request had two ids once."""
+    settings, store = tmp_path / "tiny.toml", tmp_path / "s"
+    settings.write_text(TINY)
+    shutil.copytree(picked.path, store)
+    first, *_ = [episode.name for episode in picked.episodes()]
+    again = store / "units" / f"{first[:-8]}0badc0de"
+    shutil.copytree(store / "units" / first, again)
+    meta = json.loads((again / "unit.json").read_text())
+    (again / "unit.json").write_text(json.dumps({**meta, "id": "0badc0de" * 2, "query": "take the glass"}))
+    train = ["train", str(settings), "--data", str(store), "--threads", "1"]
+    assert run([*train, "--out", str(tmp_path / "p"), "--json"]) == 0
+    told = last_json(capsys)
+    assert told["demonstrations"] == 2
+    ((repeated, counts),) = told["repeats"]  # type: ignore[misc, attr-defined]
+    assert {"0badc0de" in repeated, "0badc0de" in counts} == {True, False}
+    assert run([*train, "--out", str(tmp_path / "q"), "--episodes", "2"]) == 0
+    assert f"1 demonstration left out: {repeated} repeats {counts}" in " ".join(capsys.readouterr().err.split())
+    assert json.loads((tmp_path / "q" / "policy.json").read_text())["demonstrations"] == 2
+
+
+def test_one_number_is_one_setting_however_it_is_typed(tmp_path: Path) -> None:
+    def settings(text: str) -> PolicySettings:
+        (tmp_path / "s.toml").write_text(f"{TINY}\n{text}")
+        return read_settings(str(tmp_path / "s.toml"))
+
+    texts = (
+        "noise = 0\njitter_m = -0.0\nlearning_rate = 1",
+        "noise = 0.0\nlearning_rate = 1.0",
+        "noise = 0e0\nlearning_rate = 1e0",
+    )
+    assert len({json.dumps(settings(text).model_dump(mode="json")) for text in texts}) == 1
+    with pytest.raises(SettingsError):
+        settings("noise = false")
 
 
 def test_train_goes_on_and_evaluate_counts(
@@ -68,6 +112,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
     assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
+    assert found["version"] == version_with("envs", "policies")
     assert run(["evaluate", str(out), "--episodes", "3", "--seed", "62979", "--json"]) == 2
     assert "which are from 62980 to 62981" in str(last_json(capsys)["error"])
     asked = ["evaluate", str(out), "--task", "T1", "--episodes", "1", "--seed", "62981", "--json"]
@@ -98,6 +143,21 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     told = capsys.readouterr()
     assert "0 of 1" in told.out and "No space left on device" in told.err
 
+    def invented(actors: list[Actor], kind: object, seeds: range, told: Callable[..., None], _: object) -> object:
+        ends = [
+            EpisodeOutcome(seed, good, good, "" if good else FAILURES[0], 1.0, {})
+            for seed, good in zip(seeds, (True, False), strict=True)
+        ]
+        for end in ends:
+            told(actors[0], end, None)
+        return {actors[0].name: ends}
+
+    with monkeypatch.context() as patched:
+        patched.setattr("executor.cli.commands.policies.evaluate.evaluate", invented)
+        assert run(["evaluate", str(out), "--episodes", "2", "--seed", "62985"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
+
     def never(*_: object) -> None:
         raise AssertionError("an episode began")
 
@@ -113,6 +173,9 @@ def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "is no store of episodes, nor exported of one" in str(last_json(capsys)["error"])
     assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
     assert "cloud, ensemble, paper, rooms, state" in str(last_json(capsys)["error"])
+    assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
+    assert f"{tmp_path / 'p'}: No such file or directory" in str(last_json(capsys)["error"])
+    (tmp_path / "p").mkdir()
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
     assert "holds no policy" in str(last_json(capsys)["error"])
 

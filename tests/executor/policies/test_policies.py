@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,6 @@ import torch
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
-from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies import windows
@@ -154,8 +155,8 @@ def test_training_repeats_and_an_interrupted_one_goes_on_to_the_same_weights(dat
 def test_a_primitive_of_another_subtask_is_another_step(
     picked: EpisodeStore, data: Demonstrations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def in_two(path: Path, include: tuple[Extra, ...]) -> SimpleNamespace:
-        stream = open_set(path, include)
+    def in_two(path: Path, *how: Any) -> SimpleNamespace:
+        stream = open_set(path, *how)
         lifting = ((one, one.columns["primitive_index"] == Primitive.LIFT_EEF_UP) for one in stream.episodes())
         episodes = [replace(one, columns={**one.columns, "subtask_index": rows * 1}) for one, rows in lifting]
         return SimpleNamespace(found=stream.found, episodes=lambda: episodes)
@@ -323,6 +324,16 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
     with pytest.raises(NotAPolicy, match=r"learned nothing of ARTICULATE_OPEN in subtask 0.*trained on pick-up"):
         actor.begin([17, 1, 2, 3, 4, 5, 6], 62985)
     env.close()
+
+
+def test_a_policy_whose_numbers_ran_away_is_named(data: Demonstrations, out: Path) -> None:
+    kind = trained(data, out).kinds[0]
+    actor = Actor.load(out)
+    for weights in actor._network.parameters():
+        weights.data.fill_(float("nan"))
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
+    with closing(env), pytest.raises(NotAPolicy, match=rf"{out.name} gives actions that are not finite"):
+        run_episode(env, actor, 62985)
 
 
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

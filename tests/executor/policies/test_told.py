@@ -14,7 +14,8 @@ import pytest
 from executor.bench.units import outcome_version
 from executor.cli.main import run
 from executor.datasets.formats.export import write_set
-from executor.datasets.formats.fold import NothingToExport, stream_of
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.selection import NothingToExport
 from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.datasets.worker import run_unit
@@ -87,7 +88,10 @@ def without(name: str) -> Callable[[dict[str, Any]], object]:
         (without("id"), "it lacks 'id'"),
         (lambda about: about["unit"].update(seed="x"), r"unit\.seed: Input should be"),
         (lambda about: about.update(unit=3), "unit: "),
-        (lambda about: about.update(kind="film"), "kind is 'film', expected 'demonstration' or 'correction'"),
+        (
+            lambda about: about.update(kind="film"),
+            "kind is 'film', expected 'demonstration', 'correction' or 'failure'",
+        ),
         (lambda about: about.update(takeover={"why": "x"}), "it lacks 'subtask'"),
     ],
 )

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from executor.pictures.cameras import VIEWS, intrinsic_matrix
 from executor.pictures.frames import Frames
+from executor.pictures.overview import cameras_for
+from executor.pictures.stage import Draughtsman
 from executor.results.episode import ACTION_NAMES, Episode, EpisodeTooShort
 from executor.results.robomimic import write_robomimic
+from executor.scenes import library
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")
@@ -67,6 +73,16 @@ def test_the_gripper_is_one_when_open_and_minus_one_when_shut(episode: Episode) 
     assert episode.actions[:, 10] == pytest.approx(np.clip(opening / 0.028 * 2 - 1, -1, 1), abs=1e-5)
 
 
+@pytest.mark.parametrize(("scale", "opening_m"), [(0.7, 0.028), (1.0, 0.04)])
+def test_the_grippers_range_is_the_robots(scale: float, opening_m: float) -> None:
+    rollout = invented_rollout()
+    targets_m = np.linspace(0.0, opening_m, len(rollout.trajectory.time_s) - 1)
+    rollout.trajectory.robot_target[1:, 10:] = targets_m[:, None]
+    episode = Episode.from_rollout(replace(rollout, scene=rollout.scene.with_robot(scale)))
+    assert episode.actions[:, 10] == pytest.approx(np.linspace(-1.0, 1.0, len(targets_m)), abs=1e-5)
+    assert episode.clipped == 0
+
+
 def test_too_fast_a_command_is_clipped_and_counted() -> None:
     rollout = invented_rollout()
     rollout.trajectory.robot_target[5, 0] += 50.0
@@ -103,7 +119,8 @@ def test_the_file_has_what_robomimic_reads(path: Path, episode: Episode) -> None
             assert len(demo[name]) == length
         for group in ("obs", "next_obs"):
             assert all(len(values) == length for values in demo[group].values())
-        assert set(demo["obs"]) == set(demo["next_obs"])
+        pictures = {"global_image", "head_image"}
+        assert set(demo["obs"]) == set(demo["next_obs"]) | pictures and set(demo["last_obs"]) == pictures
         assert demo["rewards"][-1] == 1.0 and demo["rewards"][:].sum() == 1.0
         assert demo["dones"][-1] == 1 and demo["dones"][:].sum() == 1
         assert file["mask/successful"][:].tolist() == [b"demo_0"]
@@ -112,11 +129,60 @@ def test_the_file_has_what_robomimic_reads(path: Path, episode: Episode) -> None
 def test_next_observations_are_one_sample_later(path: Path) -> None:
     with h5py.File(path) as file:
         demo = file["data/demo_0"]
-        for name in demo["obs"]:
+        for name in demo["next_obs"]:
             assert np.array_equal(demo["obs"][name][1:], demo["next_obs"][name][:-1])
         images = demo["obs/global_image"]
         assert images.dtype == np.uint8 and images.shape == (demo.attrs["num_samples"], 32, 32, 3)
-        assert images[7].mean() == 7 and demo["next_obs/head_image"][-1].mean() == demo.attrs["num_samples"]
+        assert images[7].mean() == 7 and demo["last_obs/head_image"][0].mean() == demo.attrs["num_samples"]
+
+
+def test_numbers_and_pictures_are_compressed_and_there_once(path: Path) -> None:
+    kept: dict[str, tuple[int, int, str | None]] = {}
+
+    def look(name: str, found: object) -> None:
+        if isinstance(found, h5py.Dataset):
+            kept[name] = found.nbytes, found.id.get_storage_size(), found.compression
+
+    with h5py.File(path) as file:
+        file["data/demo_0"].visititems(look)
+        length = file["data/demo_0"].attrs["num_samples"]
+    large = {name: found for name, found in kept.items() if found[0] > 4096}
+    assert {"states", "datagen_info/eef_pose", "obs/head_image"} <= set(large)
+    assert all(compression == "gzip" for _, _, compression in large.values())
+    assert sum(stored for _, stored, _ in large.values()) < 0.2 * sum(plain for plain, _, _ in large.values())
+    images = sum(plain for name, (plain, _, _) in kept.items() if name.endswith("_image"))
+    assert images == 2 * (length + 1) * 32 * 32 * 3
+
+
+def test_sentence_paraphrases_and_cameras_are_there(tmp_path: Path) -> None:
+    rollout = invented_rollout()
+    frames = frames_of(len(rollout.trajectory.time_s))
+    query = "put the glass into the refrigerator"
+    path = write_robomimic(tmp_path / "e.hdf5", [Episode.from_rollout(rollout, frames, query)])
+    with h5py.File(path) as file:
+        demo = file["data/demo_0"]
+        assert demo.attrs["query"] == query
+        others = json.loads(demo.attrs["paraphrases"])
+        assert len(others) > 2 and query not in others
+        cameras = json.loads(demo.attrs["cameras"])
+        assert set(cameras) == {"global", "head"} and cameras["global"]["mount"] is None
+        assert np.array(cameras["head"]["T_mount_camera"]).shape == (4, 4)
+        for camera in cameras.values():
+            focal = 16.0 / np.tan(camera["fov_y_rad"] / 2.0)
+            assert camera["size"] == [32, 32]
+            assert np.allclose(camera["intrinsics"], [[focal, 0, 16], [0, focal, 16], [0, 0, 1]])
+
+
+@pytest.mark.render
+def test_intrinsics_are_those_that_pictures_are_drawn_with() -> None:
+    scene = library.load("kitchen_t1")
+    cameras = cameras_for(scene, VIEWS, aspect=64 / 48)
+    with (
+        closing(Draughtsman()) as draughtsman,
+        draughtsman.stage(scene, cameras, dict.fromkeys(VIEWS, (64, 48))) as stage,
+    ):
+        for camera in cameras:
+            assert np.allclose(stage.intrinsics(camera.name), intrinsic_matrix(camera, (64, 48)), atol=1e-3)
 
 
 def test_demonstrations_of_two_files_keep_their_pictures_when_they_are_merged(path: Path, tmp_path: Path) -> None:
@@ -132,7 +198,7 @@ def test_demonstrations_of_two_files_keep_their_pictures_when_they_are_merged(pa
     with h5py.File(merged) as out:
         for index, source in enumerate((path, second)):
             with h5py.File(source) as file:
-                for name in ("obs/global_image", "obs/head_image", "next_obs/global_image", "next_obs/head_image"):
+                for name in ("obs/global_image", "obs/head_image", "last_obs/global_image", "last_obs/head_image"):
                     own, copied = file[f"data/demo_0/{name}"], out[f"data/demo_{index}/{name}"]
                     assert not copied.is_virtual and copied.shape == own.shape
                     assert np.array_equal(copied[:], own[:])

@@ -17,12 +17,13 @@ from executor.cli.summary import summary_lines
 from executor.pictures.frames import Frames
 from executor.records.rollout import FailureKind, Peaks, Rollout
 from executor.results.report.graph_picture import graph_picture
-from executor.results.report.html import style
+from executor.results.report.html import style, value_text
 from executor.results.report.page import report_page
 from executor.results.report.steps import _MEANING
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.scenes import library
+from oag.revision.measurements import TargetDrive, Unplanned, measurements_json
 from tests.executor.recordings import invented_rollout
 
 VOID = {"meta", "img", "br", "input", "link", "hr"}
@@ -215,3 +216,11 @@ def test_the_page_tells_what_was_asked_of_the_robot() -> None:
     assert "The most that was asked of the robot" in words
     assert "312 N, 0.50 m/s, 2.4 m/s2" in words and "18.2 and 2.5 N m, 1.1 rad/s" in words
     assert "asked of the robot" not in "".join(outline(report_page(record_of(None))).words)
+
+
+@pytest.mark.parametrize("lost", [float("inf"), float("-inf"), float("nan")])
+def test_no_number_that_is_none_gets_into_files_or_the_page(lost: float) -> None:
+    record = TargetDrive(base_x_m=lost, base_y_m=0.25, base_yaw_deg=lost, joint_margin_deg=1.0, legs=2)
+    assert measurements_json((record,)) == {"base_y_m": 0.25, "joint_margin_deg": 1.0, "legs": 2}
+    assert measurements_json((Unplanned(residual_m=lost, near=("a",)),)) == {"near": ["a"]}
+    assert value_text(lost) == "none" and value_text([1.0, lost]) == "1, none"

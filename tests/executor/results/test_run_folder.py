@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import base64
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 import oag
 from bddl.files import temporary_beside
+from executor.cli.summary import summary_lines
 from executor.machine.files import json_text
+from executor.records.rollout import Detour
 from executor.results.run_folder import FolderUnusable, ResultsExist, RunFolder
-from executor.results.run_record import RunRecord, filled_task
+from executor.results.run_record import RunRecord, filled_task, opened
 from tests.executor.recordings import invented_rollout
 
 
@@ -55,8 +59,7 @@ def test_the_written_files_can_be_read_back(tmp_path: Path) -> None:
     folder = RunFolder.prepare(tmp_path)
     record = RunRecord(graph, graph.verify(), rollout=rollout)
     folder.write_plan(record)
-    folder.write_rollout(rollout)
-    folder.write_report(record, None)
+    folder.write_report(folder.write_rollout(record), None)
     (scaled,) = json.loads((tmp_path / "rollout.json").read_text())["scaled"]
     assert (scaled["object_id"], scaled["factors"]) == ("glass_0", [0.71] * 3)
     scene = oag.Scene.from_json(tmp_path / "scene.json")
@@ -68,6 +71,48 @@ def test_the_written_files_can_be_read_back(tmp_path: Path) -> None:
     assert written["state_hash"] == rollout.state_hash
     assert base64.b64decode(written["subtasks"][0]["checkpoint"]) == b"state"
     assert written["subtasks"][0]["steps"][4]["action"] == {"4": [0.0, 0.85]}
+
+
+def test_the_certificate_is_of_the_plan_that_ran_with_its_numbers_and_what_was_inserted(tmp_path: Path) -> None:
+    """The first of the two subtasks counts as one that the rollout inserted; asked for was the second, numbers open."""
+    rollout = replace(invented_rollout(), detours=(Detour(0, 1, "the door was shut"),))
+    asked = oag.compose(opened(rollout.asked_for), scene=rollout.scene)
+    assert [subtask.name for subtask in asked.task.subtasks] == ["pick_up_glass"]
+    folder = RunFolder.prepare(tmp_path)
+    record = RunRecord(asked, asked.verify(), rollout=rollout)
+    folder.write_plan(record)
+    ran = folder.write_rollout(record)
+    folder.write_report(ran, None)
+    folder.write_episode(rollout, None)
+    certificate = json.loads((tmp_path / "certificate.json").read_text())
+    assert oag.recheck(certificate, task=tmp_path / "task.json", scene=tmp_path / "scene.json")
+    task = json.loads((tmp_path / "task.json").read_text())
+    told = json.loads((tmp_path / "rollout.json").read_text())
+    names = ["open_refrigerator", "pick_up_glass"]
+    with h5py.File(tmp_path / "episode.hdf5") as file:
+        stored = [one["name"] for one in json.loads(file["data/demo_0"].attrs["subtasks"])]
+    assert (
+        names == [one["task_activity_name"] for one in task["sub_tasks"]] == [one["name"] for one in told["subtasks"]]
+    )
+    assert names == stored
+    assert told["detours"] == [{"first": 0, "count": 1, "reason": "the door was shut"}]
+    note = "subtask 1 (open_refrigerator) of 2 was inserted on the way: the door was shut"
+    page = (tmp_path / "report.html").read_text()
+    assert (
+        page.count(note) == 2 and "asked for has 1 subtask, and was proved" in page and "inserted on the way</" in page
+    )
+    lines = " ".join(line.strip() for line, _ in summary_lines(ran, folder))
+    assert "2 of 2 subtasks" in lines and f"detour      {note}" in lines
+
+
+def test_a_plan_without_a_certificate_leaves_none_of_another_plan(tmp_path: Path) -> None:
+    rollout = invented_rollout()
+    malformed = replace(rollout.task, subtasks=(replace(rollout.task.subtasks[0], target="nothing_0"),))
+    folder = RunFolder.prepare(tmp_path)
+    for task, has_one in ((rollout.task, True), (malformed, False)):
+        graph = oag.compose(task, scene=rollout.scene)
+        folder.write_plan(RunRecord(graph, graph.verify()))
+        assert ("certificate.json" in folder.written()) is has_one
 
 
 def test_a_recording_too_short_for_an_episode_leaves_none(tmp_path: Path) -> None:

@@ -12,16 +12,19 @@ import pytest
 from executor.robot import description
 from executor.robot.description import (
     ARM_HOME,
+    BASE_LINK,
     JOINT_NAMES,
     MOUNT_HEIGHT_M,
+    TCP_LINK,
     RobotDataMissing,
     robot_urdf,
     robot_xml,
 )
 from executor.robot.meshes import MeshPart, read_collada, simplified
-from oag import RobotPose
+from executor.robot.tracking import ArmChain
+from oag import Primitive, RobotPose
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
-from oag.task.sizes import Gripper
+from oag.task.sizes import Gripper, longest_motion_m
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +78,19 @@ def test_gripper_opens_to_what_the_limit_on_objects_needs(scale: float) -> None:
     robot = ET.fromstring(robot_xml(scale, visual=False))
     upper = [numbers(joint(robot, name).find("limit"), "upper")[0] for name in JOINT_NAMES[-2:]]
     assert sum(upper) == pytest.approx(Gripper.of(RobotPose(scale=scale)).opening_m)
+
+
+@pytest.mark.parametrize("scale", [PAPER_SCALE, FULL_SCALE])
+def test_no_posture_of_the_arm_gets_beyond_the_longest_motions_of_its_hand(scale: float) -> None:
+    robot = ET.fromstring(robot_xml(scale, visual=False))
+    limits = [joint(robot, name).find("limit") for name in JOINT_NAMES[3:10]]
+    low, high = (np.concatenate([numbers(limit, end) for limit in limits]) for end in ("lower", "upper"))
+    chain = ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
+    hands_m = chain.forward(np.random.default_rng(0).uniform(low, high, (20_000, 7)))[:, :3, 3]
+    up_m = longest_motion_m(Primitive.LIFT_EEF_UP, RobotPose(scale=scale))
+    across_m = longest_motion_m(Primitive.MOVE_EEF_LEFT, RobotPose(scale=scale))
+    assert up_m is not None and 0.85 * up_m < hands_m[:, 2].max() <= up_m
+    assert across_m is not None and 0.85 * across_m < np.ptp(hands_m[:, 1]) <= across_m
 
 
 def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_its_front(physics: ET.Element) -> None:

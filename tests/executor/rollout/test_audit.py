@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
 from executor.machine.extras import load_sapien
 from executor.world.world import World
-from tests.executor.helpers import at, scene_at_paper_size
+from tests.executor.helpers import at, on_a_shelf, scene_at_paper_size
 
 pytestmark = pytest.mark.physics
 sapien = load_sapien()
@@ -147,3 +148,24 @@ def test_a_replay_without_the_hand_and_a_goal_that_does_not_hold_are_told() -> N
     assert not holds(done.task.goal, done.scene, before, before)
     done.trajectory.robot_target[:, 10:] = 0.028  # The fingers never close.
     assert not holds(done.task.goal, done.scene, before, Snapshot(done.scene, replay(done)))
+
+
+def test_the_second_geometry_knows_what_is_set_upright_and_what_is_out_from_under_a_board() -> None:
+    scene = on_a_shelf(0.12)
+    half = 0.5**0.5
+    fallen = replace(scene.objects["can_0"], orientation=(half, 0.0, half, 0.0))
+    shots = []
+    for one, off_m, R in (
+        (scene, 0.0, np.eye(3)),
+        (scene, 0.3, np.eye(3)),
+        (replace(scene, objects={**scene.objects, "can_0": fallen}), 0.0, None),
+    ):
+        with World(one) as world:
+            place = world.T_world_link("can_0")
+            place[0, 3] -= off_m
+            world.set_object_pose("can_0", place if R is None else at(*place[:3, 3], R))
+            shots.append(Snapshot(one, world.pack()))
+    stands, out, lies = shots
+    assert stands.is_roofed("can_0") and not out.is_roofed("can_0")
+    assert stands.tilt_deg("can_0", lies) < 1.0 and lies.tilt_deg("can_0", lies) < 1.0
+    assert lies.tilt_deg("can_0", stands) > 80.0

@@ -15,7 +15,7 @@ from executor.motion.grasping.reach import HIGH_LIFTS_M
 from executor.rollouts.handling import PICKED_UP_M, STANDS_DEG, picked_up, put_down, tilt_deg
 from executor.rollouts.judge import as_failure, judge
 from executor.world.world import World
-from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
+from tests.executor.helpers import MakeWorld, at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics
 LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -63,15 +63,38 @@ def test_a_tilt_is_told_from_how_a_thing_stood(degrees: float, stands: bool, mak
     assert bool(put_down(ON_TABLE, world).measured.reason) is not stands
 
 
-def test_what_lay_may_lie_and_must_not_be_stood_up() -> None:
+def test_what_lay_may_lie_or_be_set_upright_and_stands_on_no_other_side() -> None:
     scene = scene_at_paper_size("kitchen_t1")
     glass, half = scene.objects["glass_0"], math.sqrt(0.5)
     lying = replace(glass, orientation=(half, 0.0, half, 0.0))
     with World(replace(scene, objects={**scene.objects, "glass_0": lying})) as world:
         world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rotation_z(0.7) @ tilted(90.0)))
         assert put_down(ON_TABLE, world).as_meant
-        world.set_object_pose("glass_0", at(0.0, -1.25, 1.0))
-        assert not put_down(ON_TABLE, world).as_meant
+        rolled = tilted(90.0) @ rotation_z(1.2)
+        world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rolled))
+        assert put_down(ON_TABLE, world).as_meant, "it is round: rolled about its own axis it lies as it lay"
+        world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rotation_z(2.0)))
+        assert put_down(ON_TABLE, world).as_meant and tilt_deg(world, "glass_0") == pytest.approx(0.0, abs=1e-3)
+        for degrees in (40.0, 180.0):
+            world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, tilted(degrees)))
+            assert not put_down(ON_TABLE, world).as_meant
+
+
+def test_what_has_sides_lies_as_it_lay_only_on_the_same_one(make_world: MakeWorld) -> None:
+    book = {"category": "book", "model": "book", "bbox_extent": [0.2, 0.14, 0.03], "position": [0.0, 0.0, 1.0]}
+    half = math.sqrt(0.5)
+    world = make_world(scene_of({"book_0": book | {"orientation": [half, 0.0, half, 0.0]}}))
+    for R, meant in ((tilted(90.0), True), (np.eye(3), True), (tilted(90.0) @ rotation_z(math.pi / 2), False)):
+        world.set_object_pose("book_0", at(0.0, 0.0, 1.0, R))
+        assert put_down(Atom("ontop", ("book_0", "table_0")), world).as_meant is meant
+
+
+def test_what_stood_on_a_shelf_is_picked_up_once_it_is_out_from_between_the_boards(make_world: MakeWorld) -> None:
+    world = make_world(on_a_shelf(0.12))
+    held, stood = Atom("inside", ("can_0", "gripper")), world.T_world_link("can_0")[:3, 3]
+    for off_m, up_m, counts in ((0.0, 0.03, False), (0.1, 0.03, False), (0.2, 0.03, True), (0.3, -0.4, True)):
+        world.set_object_pose("can_0", at(*(stood + [-off_m, 0.0, up_m])))
+        assert picked_up(held, world).as_meant is counts, (off_m, up_m)
 
 
 def test_what_rolls_has_no_upright_and_what_is_in_a_bowl_may_lean(make_world: MakeWorld) -> None:

@@ -88,7 +88,7 @@ def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
         "from tests.executor.rollout.tasks import t3\n"
         "print(rollout(t3(), seed=1, record_hz=20.0).state_hash)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout.split()[-1] == t3_rollout.state_hash
 
 
@@ -149,7 +149,7 @@ def test_an_interrupted_rollout_keeps_what_was_done() -> None:
     ("extra", "kind", "told"),
     [
         ({"13": 1.2}, FailureKind.COLLISION, "refrigerator_0"),
-        ({"9": 1.5}, FailureKind.UNREACHABLE, "of 1.5 m along MOVE_EEF_FORWARD"),
+        ({"9": 1.3}, FailureKind.UNREACHABLE, "of 1.3 m along MOVE_EEF_FORWARD"),
     ],
 )
 def test_numbers_that_lead_astray_stop_with_a_measured_reason(

@@ -13,6 +13,7 @@ import oag
 from executor.records.rollout import Rollout
 from executor.scenes.rooms import AtEdge, Room, against, place, stand, stand_robot
 from oag import Scene, SceneObject, Task
+from tests.executor.helpers import on_a_shelf
 
 pytestmark = pytest.mark.physics
 
@@ -109,4 +110,35 @@ def test_out_of_a_refrigerator_in_one_subtask_that_carries_it_away_at_once() -> 
     opening, pick, put, closing = task.subtasks
     carrying = replace(put, init=pick.init, support_init=pick.support_init, flow=None)
     done = executor.rollout(oag.compose(replace(task, subtasks=(opening, carrying, closing))), scene)
+    assert done.succeeded, done.failure
+
+
+@pytest.mark.parametrize(
+    ("query", "height_m"),
+    [
+        ("pick up the can", 0.13),
+        pytest.param("put the can onto the table", 0.17, marks=pytest.mark.slow),
+        pytest.param("put the can onto the table", 0.195, marks=pytest.mark.slow),
+    ],
+)
+def test_off_a_board_under_another_one(query: str, height_m: float) -> None:
+    """However little room there is above it, it ends off the board, as was proved."""
+    scene = on_a_shelf(height_m)
+    done = executor.rollout(oag.compose(planned(query, scene)), scene)
+    assert done.succeeded, done.failure
+    picked = done.subtasks[0]
+    assert [step.primitive for step in picked.steps][-2:] == ["LIFT_EEF_UP", "RETREAT"]
+    read = {reading.literal: reading.value for reading in picked.readings}
+    assert read["(ontop can_0 shelf_0)"] is False and read["(inside can_0 gripper)"] is True
+
+
+@pytest.mark.slow
+def test_off_a_board_by_a_flow_that_only_lifts() -> None:
+    """A plan of somebody else's, which is proved too, ends as the detectors read it."""
+    scene = on_a_shelf(0.17)
+    task = planned("put the can onto the table", scene)
+    pick, put = task.subtasks
+    assert pick.flow is not None
+    lifts = replace(task, subtasks=(replace(pick, flow=pick.flow[:-1]), put))
+    done = executor.rollout(oag.compose(lifts), scene)
     assert done.succeeded, done.failure

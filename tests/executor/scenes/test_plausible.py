@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from bddl import format
+from executor.assets.library import asset_for
 from executor.scenes import library, long_horizon
 from executor.scenes.cousins import from_cousins
+from executor.scenes.furnishing.furnish import furnished
 from executor.scenes.plausible import flaws, require_possible
 from oag import Scene, SceneError
 from tests.executor.scenes.reconstructions import kitchen, write
@@ -143,3 +149,38 @@ def test_a_crowd_of_things_is_compared_with_its_neighbours() -> None:
         data["objects"]["apple_300"] = apple | {"position": [5.03, 5.0, 0.035]}
 
     assert [str(flaw) for flaw in flaws(changed(change))] == ["apple_0 and apple_300 overlap by 4.0 cm"]
+
+
+HALF = math.sqrt(0.5)
+
+
+@pytest.mark.parametrize(
+    ("orientation", "low_m"),
+    [
+        ((HALF, 0.0, HALF, 0.0), 0.03),
+        ((HALF, HALF, 0.0, 0.0), 0.03),
+        # Rolled about its own axis, and turned as it lies.
+        (tuple(Rotation.from_euler("zyz", [0.7, math.pi / 2, 0.4]).as_quat(scalar_first=True).tolist()), 0.03),
+        ((0.0, 1.0, 0.0, 0.0), 0.12),
+    ],
+)
+@pytest.mark.parametrize("where", ["table", "floor", "refrigerator", "edge", "air"])
+def test_what_fell_over_is_on_or_in_what_it_lies_on(orientation: tuple[float, ...], low_m: float, where: str) -> None:
+    """The bottle is 24 cm tall and 6 cm across, and the same goes for it upside down."""
+    table = {"category": "table", "position": [1.2, 0.0, 0.35], "bbox_extent": [0.8, 1.2, 0.7]}
+    fridge = {"category": "refrigerator", "position": [1.2, 2.0, 0.85], "bbox_extent": [0.7, 0.7, 1.7]}
+    x, y, z = {"table": (1.2, 0.2, 0.7), "edge": (1.65, 0.0, 0.7), "air": (1.2, 0.2, 0.85)}.get(where, (-1.5, 0.0, 0.0))
+    objects = {"table_0": table, "refrigerator_0": fridge}
+    if where == "refrigerator":
+        empty = furnished({"name": "s", "objects": objects}).scene
+        assert empty is not None
+        regions = asset_for(empty.objects["refrigerator_0"]).regions
+        x, y, z = np.add(regions[0].floor_m, fridge["position"])
+    bottle = {"category": "bottle", "bbox_extent": [0.06, 0.06, 0.24], "position": [x, y, z + low_m]}
+    bottle |= {"orientation": list(orientation)}
+    scene = furnished({"name": "s", "objects": objects | {"bottle_0": bottle}}).scene
+    assert scene is not None
+    about = {format(fact) for fact in scene.facts if "bottle_0" in format(fact)}
+    place = {"table": "ontop bottle_0 table_0", "floor": "ontop bottle_0 floor"}
+    place["refrigerator"] = "inside bottle_0 refrigerator_0"
+    assert about == ({f"({place[where]})"} if where in place else set())

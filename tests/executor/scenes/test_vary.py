@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +31,21 @@ def pose(obj: SceneObject) -> Array:
 def yaw(obj: SceneObject) -> float:
     T = pose(obj)
     return float(np.arctan2(T[1, 0], T[0, 0]))
+
+
+def test_the_block_in_the_documents_varies_all_that_it_names() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / "datasets.md").read_text(encoding="utf-8")
+    block = next(
+        json.loads(text) for text in re.findall(r"```json\n(.*?)```", page, re.DOTALL) if '"variation"' in text
+    )
+    scene = replace(library.load("kitchen_t1"), **block)
+    starts = [vary(scene, seed) for seed in range(8)]
+    assert set(block["variation"]["objects"]) == set(scene.objects)
+    for name in scene.objects:
+        assert len({start[name].position for start in starts}) == len(starts), name
+    assert len({start.robot.yaw_rad for start in starts}) == len(starts)
+    assert {start["table_0"].position[1] for start in starts} == {-1.25, 1.75}
+    assert all(10 <= start["refrigerator_0"].parameters["handle_force_n"] <= 30 for start in starts)
 
 
 def facts_by_geometry(scene: Scene) -> bool:

@@ -7,7 +7,7 @@ import os
 import time
 from typing import Any
 
-from executor.machine.workers.process import serve
+from executor.machine.workers.process import check_version, serve
 
 
 def handle(request: dict[str, Any]) -> dict[str, Any]:
@@ -15,6 +15,8 @@ def handle(request: dict[str, Any]) -> dict[str, Any]:
         os._exit(7)
     if request["do"] == "raise":
         raise ValueError("odd request")
+    if request["do"] == "be another program":
+        check_version("theirs", "mine")
     if request["do"] == "fill the disk":
         raise OSError(errno.ENOSPC, "No space left on device", "r/rollout.json")
     if request["do"] == "hang":

@@ -44,6 +44,11 @@ def test_a_full_disk_ends_the_work() -> None:
     assert full.value.errno == errno.ENOSPC and full.value.filename == "r/rollout.json"
 
 
+def test_a_worker_of_another_program_ends_the_work() -> None:
+    with pytest.raises(WorkersUnusable, match=r"runs version mine of the program, and the request is for .*'theirs'"):
+        run("work", "be another program", "work")
+
+
 def test_an_exception_is_an_answer_and_the_process_lives_on() -> None:
     outcomes = run("raise", "work")
     assert outcomes[0].ending == "error" and outcomes[0].message == "ValueError: odd request"

@@ -15,7 +15,7 @@ from executor.world.detectors import UnknownObject, read
 from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import Scene
-from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
+from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
 LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -54,6 +54,24 @@ def test_ontop_holds_while_everything_sleeps(make_world: MakeWorld) -> None:
     assert value(world, "ontop", "glass_0", "table_0") is True
 
 
+def test_what_is_held_up_against_a_part_of_its_support_is_not_on_it(make_world: MakeWorld) -> None:
+    """A can that the hand presses against the board above, or holds against the shelf's side, is off its board."""
+    world = make_world(on_a_shelf(0.17))
+    room_m = next(region for region in world.assets["shelf_0"].regions if region.name == BOARD).height_m - 0.17
+    stood = world.T_world_link("can_0")
+    side = world.assets["shelf_0"].extent_m[1] / 2 - 0.018 - 0.025
+    for up_m, y_m, is_on in (
+        (0.0, 0.1, True),
+        (0.0, side, True),
+        (room_m + 0.0005, 0.1, False),
+        (0.03, side + 0.0005, False),
+    ):
+        world.set_object_pose("can_0", at(stood[0, 3], y_m, stood[2, 3] + up_m))
+        world.step()
+        found = read(Atom("ontop", ("can_0", "shelf_0")), world)
+        assert (found.value, found.measurements.touching) == (is_on, True), (up_m, y_m, found)
+
+
 @pytest.mark.parametrize("turn_deg", [0, 30, 45, 77])
 def test_ontop_holds_for_things_that_fell_over_or_rolled(turn_deg: float, make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
@@ -76,6 +94,8 @@ def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> No
     settle(world, 0.2)
     assert value(world, "ontop", "glass_0", "table_0") is False
     assert value(world, "ontop", "glass_0", "floor") is True
+    measured = read(Atom("ontop", ("glass_0", "floor")), world).measurements
+    assert measured.centre_beyond_edge_m is None and measured.height_above_surface_m is not None
     assert value(world, "under", "glass_0", "table_0") is True
 
 
@@ -195,13 +215,19 @@ def test_what_cannot_be_told_is_none_with_a_reason(make_world: MakeWorld) -> Non
     for atom in (
         Atom("inroom", ("glass_0", "kitchen")),
         Atom("cooked", ("glass_0",)),
-        Atom("open", ("table_0",)),
+        Atom("open", ("robot",)),
         Atom("ontop", ("robot", "floor")),
         Atom("inside", ("robot", "refrigerator_0")),
         Atom("nextto", ("robot", "glass_0")),
     ):
         reading = read(atom, world)
         assert reading.value is None and reading.measurements.reason
+
+
+def test_what_has_no_joint_is_not_open(make_world: MakeWorld) -> None:
+    """A proved plan may say so: `(not (open table_0))` holds by what kind of thing a table is."""
+    reading = read(Atom("open", ("table_0",)), make_world("kitchen_t1"))
+    assert reading.value is False and reading.measurements.reason == "table_0 has no joint"
 
 
 def in_rooms(scene: Scene) -> Scene:

@@ -178,7 +178,7 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
         env=os.environ | {"PYTHONPATH": str(root)} | environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
 

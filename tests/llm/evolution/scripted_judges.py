@@ -13,8 +13,8 @@ from llm.evolution import AttemptSeen, GoalReading, StepSeen
 from llm.wire.transport import ChatReply, ChatRequest
 from oag.revision.measurements import AtomMeasured
 from tests.llm.evolution.attempts import measured, paper_task
+from tests.llm.live import PNG
 
-PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8\xff\xe0"
 
 

@@ -16,6 +16,7 @@ from llm.judges import Judges, judges
 from llm.wire.budget import Budget, Metered
 from llm.wire.transport import ChatReply
 from tests.llm.evolution.scripted_judges import Judge, ajar, critique_answer, question
+from tests.llm.live import PNG
 from tests.llm.scripted import Scripted
 
 VIEWS = ("global", "head", "wrist")
@@ -67,7 +68,7 @@ def test_it_is_shown_the_window_in_order_and_told_which_picture_is_which(
     request = judge.asked[0]
     steps = range(4 - look_back, 5)
     expected = [f"{step} {view} {k}".encode() for step in steps for view in views for k in range(2)]
-    assert [image.data[8:] for image in request.images] == expected
+    assert [image.data[len(PNG) :] for image in request.images] == expected
     text = question(request)
     assert f"- pictures 1 to 2: step {steps[0] + 1} " in text
     last = len(expected)
@@ -87,14 +88,18 @@ def test_it_is_shown_the_window_in_order_and_told_which_picture_is_which(
 def test_too_many_pictures_are_thinned_out_evenly(most: int, expected: list[int]) -> None:
     judge = Judge(critique=lambda step: critique_answer(step, state_reached="no"))
     inspect(judge, 4, ajar(VIEWS, pictures=6), most_pictures=most)
-    shown = [image.data[8:].decode() for image in judge.asked[0].images]
+    shown = [image.data[len(PNG) :].decode() for image in judge.asked[0].images]
     assert shown == [f"{step} {view} {k}" for step in (3, 4) for view in VIEWS for k in expected]
 
 
 def test_where_not_every_view_of_every_step_fits_some_are_left_out() -> None:
     judge = Judge(critique=lambda step: critique_answer(step, state_reached="no"))
     inspect(judge, 4, ajar(VIEWS, pictures=6), most_pictures=3)
-    assert [image.data[8:].decode() for image in judge.asked[0].images] == ["3 global 5", "3 wrist 5", "4 wrist 5"]
+    assert [image.data[len(PNG) :].decode() for image in judge.asked[0].images] == [
+        "3 global 5",
+        "3 wrist 5",
+        "4 wrist 5",
+    ]
 
 
 def test_with_measurements_it_is_told_them_and_without_it_is_told_none() -> None:
@@ -223,4 +228,4 @@ def test_a_reply_that_is_always_cut_off_says_what_can_be_raised() -> None:
     both = team(Scripted(ChatReply("", finish_reason="length")))
     critique = both.inspector.inspect(ajar(VIEWS), 4)
     reason = critique.evidence.model_did_not_judge
-    assert "extra_body" in reason and "--max-tokens is the budget of the whole run" in reason
+    assert "max_tokens in a file of profiles" in reason and "--max-tokens is the budget of the whole run" in reason

@@ -10,12 +10,12 @@ import oag
 from llm.modules.proposer import ModelProposer
 from llm.wire.cassette import Recorder, Replay
 from llm.wire.transport import Image
-from tests.llm.live import KEY, transport_to
+from tests.llm.live import KEY, PNG, transport_to
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.llm.scripted_modules import QUERIES, as_reply, right_answers, scene_of, without_subtask
 
 T1 = right_answers("T1")
-PICTURE = b"\x89PNG\r\n\x1a\n" + bytes(range(256))
+PICTURE = PNG + bytes(range(256))
 
 
 @pytest.mark.parametrize("mode", ["json_schema", "json_object", "plain"])

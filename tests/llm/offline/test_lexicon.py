@@ -156,6 +156,79 @@ def test_the_own_name_of_an_object_counts_before_a_name_of_its_kind() -> None:
     assert any("glass_0 was passed over" in note for note in proposal.notes)
 
 
+def room(**things: tuple[str, str]) -> oag.Scene:
+    """Return a scene with a can on a table and fixtures of the given categories and models, by id."""
+    extent = {"bbox_extent": [0.6, 0.8, 0.75]}
+    row = enumerate({"table_0": ("table", ""), **things}.items())
+    objects: dict[str, object] = {
+        key: {"category": category, "model": model, "position": [1.5, float(index), 0.375], **extent}
+        for index, (key, (category, model)) in row
+    }
+    objects["can_0"] = {"category": "can", "position": [1.5, 0.0, 0.8], "bbox_extent": [0.05, 0.05, 0.1]}
+    doors = [f"(not (open {key}))" for key, (category, _) in things.items() if "cabinet" in category]
+    return oag.Scene.from_json(
+        {"name": "room", "objects": objects, "facts": ["(ontop can_0 table_0)", *doors], "closed": ["ontop", "inside"]}
+    )
+
+
+@pytest.mark.parametrize(
+    ("things", "name", "meant"),
+    [
+        ({"desk_with_drawers_0": ("desk_with_drawers", "")}, "desk", "desk_with_drawers_0"),
+        ({"writing_desk_0": ("table", "")}, "desk", "writing_desk_0"),
+        ({"thing_0": ("computer_desk", "")}, "desk", "thing_0"),
+        ({"countertop_0": ("countertop", ""), "cabinet_0": ("bottom_cabinet", "")}, "counter", "countertop_0"),
+        (
+            {"drawer_cabinet_0": ("bottom_cabinet", ""), "bottom_cabinet_0": ("bottom_cabinet", "")},
+            "cabinet",
+            "bottom_cabinet_0",
+        ),
+        ({"unit_0": ("drawer_cabinet", ""), "unit_1": ("base_cabinet", "")}, "cabinet", "unit_1"),
+        ({"unit_0": ("kitchen_island", ""), "bench_0": ("bench", "")}, "island", "unit_0"),
+        ({"stool_0": ("bench", ""), "bench_1": ("bench", "")}, "stool", "stool_0"),
+    ],
+)
+def test_a_noun_means_the_thing_that_is_called_so(things: dict[str, tuple[str, str]], name: str, meant: str) -> None:
+    proposal = llm.propose(f"put the can on the {name}", room(**things))
+    assert proposal.task.subtasks[-1].support_goal == meant
+
+
+@pytest.mark.parametrize(
+    "things",
+    [
+        {"bottom_cabinet_0": ("bottom_cabinet", ""), "kitchen_cabinet_0": ("bottom_cabinet", "")},
+        {"drawer_cabinet_0": ("bottom_cabinet", ""), "unit_0": ("drawer_cabinet", "")},
+    ],
+)
+def test_two_that_are_called_alike_stay_ambiguous(things: dict[str, tuple[str, str]]) -> None:
+    with pytest.raises(llm.QueryError) as refused:
+        llm.propose("put the can on the cabinet", room(**things))
+    assert refused.value.code == "ambiguous-object"
+
+
+@pytest.mark.parametrize(
+    ("query", "subject"),
+    [
+        ("stack the can on the apple", "can_0"),
+        ("put the can between the apple and the cabinet", "can_0"),
+        ("pour the apple over the can", "apple_0"),
+        ("put the can in the third drawer of the cabinet", "can_0"),
+        ("into the cabinet's third drawer, put the can", "can_0"),
+        ("don't open the cabinet near the can", "cabinet_0"),
+    ],
+)
+def test_suggestions_keep_the_subject_of_the_sentence(query: str, subject: str) -> None:
+    data = room(cabinet_0=("bottom_cabinet", "")).to_json()
+    apple = {"category": "apple", "position": [1.5, 0.1, 0.8], "bbox_extent": [0.05, 0.05, 0.05]}
+    objects = {"apple_0": apple, **dict(data["objects"])}  # type: ignore[call-overload]
+    facts = [*data["facts"], "(ontop apple_0 table_0)"]  # type: ignore[misc]
+    with pytest.raises(llm.QueryError) as refused:
+        llm.propose(query, oag.Scene.from_json({**data, "objects": objects, "facts": facts}))
+    assert refused.value.suggestions
+    # "put can_0 into cabinet_0", "pick up can_0", "open cabinet_0": the subject comes before any place.
+    assert all(subject in re.split(" into | onto ", text)[0].split() for text in refused.value.suggestions)
+
+
 def test_categories_can_be_replaced_in_code() -> None:
     lexicon = built_in()
     entry = lexicon.categories["apple"]

@@ -208,3 +208,39 @@ def test_an_item_in_a_bowl_in_a_closed_refrigerator_is_reached_through_its_door(
     ]
     assert bddl.format(task.goal) == "(and (ontop apple_0 table_0) (not (open refrigerator_0)))"
     assert oag.compose(task).verify().verdict is oag.Verdict.PROVED
+
+
+@pytest.mark.parametrize(
+    ("category", "model", "front"),
+    [
+        ("bottom_cabinet", "cabinet_drawers", "drawer"),
+        ("desk_with_drawers", "", "drawer"),
+        ("bottom_cabinet", "cabinet_one_door", "door"),
+        ("refrigerator", "fridge_freezer_drawer", "door"),
+    ],
+)
+def test_what_opens_by_a_drawer_is_described_so(category: str, model: str, front: str) -> None:
+    thing = {"category": category, "model": model, "position": [1.2, 0, 0.4], "bbox_extent": [0.6, 0.6, 0.8]}
+    scene = oag.Scene.from_json({"name": "room", "objects": {"unit_0": thing}, "facts": ["(not (open unit_0))"]})
+    (opening,) = llm.propose("open unit_0", scene).task.subtasks
+    assert f"pull the {front} open" in opening.detail
+    opened = oag.Scene.from_json({"name": "room", "objects": {"unit_0": thing}, "facts": ["(open unit_0)"]})
+    (closing,) = llm.propose("close unit_0", opened).task.subtasks
+    assert f"push the {front} shut" in closing.detail
+
+
+@pytest.mark.parametrize(
+    ("category", "backs_out"),
+    [("shelf", True), ("bookshelf", True), ("shoe_rack", True), ("table", False), ("cabinet", False), ("bed", False)],
+)
+def test_the_hand_backs_out_with_what_it_takes_off_a_board(category: str, backs_out: bool) -> None:
+    thing = {"category": category, "bbox_extent": [0.4, 0.9, 0.7], "position": [1.0, 0.0, 0.35]}
+    can = {"category": "can", "bbox_extent": [0.05, 0.05, 0.1], "position": [1.0, 0.0, 0.75]}
+    stand = f"{category}_0"
+    scene = oag.Scene.from_json(
+        {"name": "s", "objects": {stand: thing, "can_0": can}, "facts": [f"(ontop can_0 {stand})"], "closed": ["ontop"]}
+    )
+    (pick,) = llm.propose("pick up the can", scene).task.subtasks
+    assert pick.flow is not None
+    names = [action.primitive.name for action in pick.flow]
+    assert names[4:] == ["LIFT_EEF_UP", *(["RETREAT"] if backs_out else [])]

@@ -14,7 +14,7 @@ from llm.wire.budget import Budget, Metered, Usage
 from llm.wire.profiles import Price
 from llm.wire.transport import ChatReply
 from tests.llm.live import ASK, transport_to
-from tests.llm.model_server import Act, ModelServer
+from tests.llm.model_server import Act, ModelServer, fails, replies
 from tests.llm.scripted import Scripted
 
 PRICE = Price(input=2.0, output=10.0)
@@ -117,7 +117,7 @@ def test_no_cost_is_claimed_without_a_price() -> None:
 
 def test_the_summary_is_one_line() -> None:
     usage = Usage(12, 1, 3456, 789, 0, 0.0234, 20.0, 61.26)
-    assert usage.summary() == "12 requests, 1 failed, 3456 + 789 tokens, $0.0234, 61.3 s"
+    assert usage.summary() == "12 requests, 1 failed, 3456 + 789 tokens, at least $0.0234, 61.3 s"
     assert usage.record()["elapsed_s"] == 61.26
 
 
@@ -149,3 +149,23 @@ def test_a_budget_admits_exactly_while_there_is_room(
         metered.complete(ASK)
         used += first + second
         assert metered.usage.tokens == used
+
+
+def test_a_request_that_times_out_is_counted_each_time_it_was_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer(Act(wait_s=20)) as server:
+        metered = Metered(transport_to(server, monkeypatch, retries=2, timeout_s=0.2), price=PRICE)
+        with pytest.raises(ModelTimeout) as caught:
+            metered.complete(ASK)
+        assert len(server.seen) == 3 == caught.value.attempts
+    used = metered.usage
+    assert (used.requests, used.failures) == (3, 3)
+    assert "3 requests, 3 failed" in used.summary() and "at least $0.0000" in used.summary()
+
+
+def test_what_was_sent_again_before_it_was_answered_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer(fails(500), fails(503), replies("fine")) as server:
+        metered = Metered(transport_to(server, monkeypatch, retries=2), budget=Budget(requests=3))
+        assert metered.complete(ASK).attempts == 3
+        with pytest.raises(BudgetSpent, match="the budget of 3 requests"):
+            metered.complete(ASK)
+    assert (metered.usage.requests, metered.usage.failures, len(server.seen)) == (3, 2, 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -12,15 +13,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.errors import BadReply, CassetteError, ModelCancelled, ModelError, ModelTimeout, ReplayMissing
+from llm.errors import (
+    BadReply,
+    CassetteError,
+    ModelCancelled,
+    ModelError,
+    ModelTimeout,
+    ModelUnavailable,
+    ReplayMissing,
+)
 from llm.wire.cassette import FAILURES, Exchange, Recorder, Replay, append_line, read_recording
 from llm.wire.differences import MOST_LINES, differences, nearest
 from llm.wire.transport import ChatReply, ChatRequest, Image, Message
-from tests.llm.live import ASK, transport_to
+from tests.llm.live import ASK, PNG, transport_to
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.llm.scripted import Scripted
 
-LOOK = ChatRequest("You see kitchens.", (Message(("What is on the table?", Image(b"\x89PNG kitchen"))),))
+LOOK = ChatRequest("You see kitchens.", (Message(("What is on the table?", Image(PNG))),))
 
 
 def outcome_of(transport: Recorder | Replay, request: ChatRequest) -> ChatReply | tuple[type, str]:
@@ -276,3 +285,91 @@ def test_a_timeout_comes_again(tmp_path: Path) -> None:
     with pytest.raises(ModelTimeout) as caught:
         Replay(file).complete(replace(ASK, timeout_s=9.0))
     assert str(caught.value) == str(error)
+
+
+def question(about: str) -> ChatRequest:
+    """Returns a request about something."""
+    return ChatRequest.of("system", f"what about the {about}?")
+
+
+def test_a_run_that_ended_early_goes_on_and_asks_nothing_again_that_was_answered(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    first = Recorder(Scripted("of mugs", "of doors", ModelUnavailable("m", "the server answered 500")), file)
+    told = [first.complete(question(about)).text for about in ("mug", "door")]
+    with pytest.raises(ModelUnavailable):
+        first.complete(question("cup"))
+    # Killed while the next answer was written.
+    with file.open("ab") as stream:
+        stream.write(b'{"cassette": 1, "dig')
+    script = Scripted("of cups", "of bowls")
+    again = Recorder(script, file, resume=True)
+    assert any("cut off" in note for note in again.notes) and any("2 answers" in note for note in again.notes)
+    replies = [again.complete(question(about)) for about in ("mug", "door", "cup", "bowl")]
+    assert [reply.text for reply in replies] == [*told, "of cups", "of bowls"]
+    assert [reply.recorded for reply in replies] == [True, True, False, False]
+    assert script.asked == [question("cup"), question("bowl")]
+    # The whole run replays, and goes on once more.
+    assert [Replay(file).complete(question(about)).text for about in ("mug", "door", "cup", "bowl")]
+    third = Scripted("of plates")
+    whole = Recorder(third, file, resume=True)
+    assert [whole.complete(question(about)).recorded for about in ("mug", "door", "cup", "bowl", "plate")][-2:] == [
+        True,
+        False,
+    ]
+    assert third.asked == [question("plate")]
+
+
+def test_equal_requests_go_on_with_their_answers_in_order(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    first = Recorder(Scripted("one", "two"), file)
+    for _ in range(2):
+        first.complete(ASK)
+    again = Recorder(Scripted("three"), file, resume=True)
+    assert [again.complete(ASK).text for _ in range(3)] == ["one", "two", "three"]
+
+
+def test_another_runs_recording_is_not_gone_on_with(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "run.jsonl", "mugs")
+    before, script = file.read_bytes(), Scripted("of grasses")
+    with pytest.raises(ReplayMissing, match="another run's"):
+        Recorder(script, file, resume=True).complete(question("grass"))
+    assert not script.asked and file.read_bytes() == before
+    # Where finished parts ask nothing, the first question may be a later one's.
+    assert Recorder(script, file, resume=True, same_start=False).complete(question("grass")).text == "of grasses"
+
+
+def test_nothing_is_gone_on_with_where_nothing_was_answered(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    with pytest.raises(ModelUnavailable):
+        Recorder(Scripted(ModelUnavailable("m", "no connection")), file).complete(question("mug"))
+    assert Recorder(Scripted("of cups"), file, resume=True).complete(question("cup")).text == "of cups"
+    assert len(read_recording(file)[0]) == 1
+
+
+def test_nobody_is_paid_for_an_answer_that_could_not_be_kept(tmp_path: Path) -> None:
+    file, script = tmp_path / "run.jsonl", Scripted("of mugs")
+    recorder = Recorder(script, file)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, hard))
+    try:
+        with pytest.raises(CassetteError, match="cannot be written"):
+            recorder.complete(question("mug"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not script.asked and file.read_bytes() == b""
+    assert recorder.complete(question("mug")).text == "of mugs"
+
+
+def test_recordings_without_the_number_of_attempts_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    late = ModelTimeout("m", "no whole reply within 120 s")
+    late.attempts = 4
+    with pytest.raises(ModelTimeout):
+        Recorder(Scripted(late), file).complete(ASK)
+    ((exchange,), _) = read_recording(file)
+    assert isinstance(exchange.outcome, ModelTimeout) and exchange.outcome.attempts == 4
+    old = json.loads(file.read_text())
+    del old["failure"]["attempts"]
+    file.write_text(json.dumps(old) + "\n")
+    ((exchange,), _) = read_recording(file)
+    assert isinstance(exchange.outcome, ModelTimeout) and exchange.outcome.attempts == 1

@@ -17,7 +17,8 @@ from executor.cli.words.datasets import (
 )
 from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import EpisodeStream
+from executor.datasets.formats.selection import Selection
+from executor.datasets.formats.stream import EpisodeStream, repeats_text
 from executor.datasets.store import EpisodeStore
 from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
@@ -39,7 +40,8 @@ def execute(options: Options) -> int:
     match options:
         case ExportOptions():
             _check_apart(options.out, options.store, "STORE")
-            return _write(stream_of(EpisodeStore.open(options.store), options.include), options)
+            only = Selection.parse(options.only)
+            return _write(stream_of(EpisodeStore.open(options.store), options.include, only), options)
         case ConvertOptions():
             _check_apart(options.out, options.source, "SOURCE")
             return _write(open_set(options.source), options)
@@ -67,8 +69,11 @@ def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> in
     pictures = {"views": list(found.views), "channels": list(found.channels)}
     if options.json:
         told = {"ok": True, "out": str(options.out), "format": options.format}
-        print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz})
+        left_out = {"repeats": [list(pair) for pair in found.repeats]}
+        print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz, **left_out})
         return DONE
+    if found.repeats:
+        tell(repeats_text(found.repeats), style="yellow")
     words = f"{counted(found.train + found.validation, 'demonstration')}, {found.validation} of them for validation"
     say(f"{'written':11} {words}, at {found.rate_hz:g} Hz", style="bold")
     if found.corrections:
@@ -85,6 +90,8 @@ def _info(options: InfoOptions) -> int:
         print_json({"ok": True, "store": str(options.store), **found.to_json()})
         return DONE
     say(f"{'episodes':11} {found.made} made of {found.asked} asked for, {found.kept} to export", style="bold")
+    if found.repeats:
+        say(f"{'repeated':11} {counted(found.repeats, 'demonstration')} more, as `dataset check` lists them")
     say(f"{'yield':11} {_share(found)}")
     for label, part in sorted(found.parts.items()):
         long = f", {part.simulated_s / part.kept:.1f} s each" if part.kept else ""

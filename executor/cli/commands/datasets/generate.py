@@ -1,10 +1,15 @@
-"""`scene2demo generate`: demonstrations into a store of episodes, in worker processes, resumable."""
+"""`scene2demo generate`: demonstrations into a store of episodes, in worker processes, resumable.
+
+Returns 0 when something succeeded, now or before, 1 when nothing did or a sentence cannot be planned whatever the seed,
+and 130 after Ctrl-C.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -12,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bddl.visible import counted
 from executor.bench.presence import at_work
 from executor.bench.units import FAMILIES, outcome_version
-from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed, check_workers
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
@@ -22,6 +27,8 @@ from executor.datasets.generate import WORKER, Limits, Tally, Told, generate
 from executor.datasets.plan import read_plan, series_of
 from executor.datasets.store import EpisodeStore, pending
 from executor.datasets.units import DemoSeries, DemoUnit
+from executor.datasets.variation import UNVARIED
+from executor.datasets.work import check_plannable, start_alike
 from oag import clopper_pearson
 
 _BYTES_PER_GB = 10**9
@@ -32,6 +39,11 @@ def execute(options: GenerateOptions) -> int:
     series, shard = _asked(options), read_shard(options.shard)
     if any(one.first.recording.views for one in series):
         check_drawable()
+    for one in series:
+        check_plannable(one.first)
+    alike = [one for one in series if start_alike(one)]
+    if not options.json:
+        _tell_alike(alike)
     store, version = EpisodeStore(options.out), outcome_version()
     store.add_requests([one.to_json() for one in series])
     todo = list(pending(store, series, version, shard, again=options.again))
@@ -47,7 +59,22 @@ def execute(options: GenerateOptions) -> int:
             )
         except KeyboardInterrupt:
             interrupted = True
-    return finished(store, tally, interrupted=interrupted, as_json=options.json)
+    unvaried = {"unvaried": [one.first.origin.query for one in alike]}
+    return finished(store, tally, unvaried, interrupted=interrupted, as_json=options.json)
+
+
+def _tell_alike(series: Sequence[DemoSeries]) -> None:
+    """Say of which series all episodes will start alike, and how they would not."""
+    for one in series:
+        unseen = (
+            "" if one.first.variation == UNVARIED else ", and --vary shows in pictures only, of which there are none"
+        )
+        tell(
+            f"  {one.first.origin.label}: nothing will vary but the planner's choices. All {one.episodes} episodes "
+            f"start alike: the scene has no `variation` block that makes them differ{unseen}. Give it one, or --vary "
+            "with what is to vary (docs/datasets.md, What varies)",
+            style="yellow",
+        )
 
 
 def _asked(options: GenerateOptions) -> tuple[DemoSeries, ...]:
@@ -74,9 +101,10 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
     if options.what and set(options.what) <= set(FAMILIES):
         check(options.scene is None, "--scene", options.scene, "none beside families, which draw their own")
         return {"families": list(options.what)}
-    if len(options.what) == 1 and options.scene is not None:
-        return {"query": options.what[0], "scene": options.scene}
-    words = " ".join(options.what) or "is missing"
+    words = " ".join(options.what)
+    if words and options.scene is not None and not set(options.what) & set(FAMILIES):
+        return {"query": words, "scene": options.scene}  # Without quotes a shell passes its words one by one.
+    words = words or "is missing"
     raise BadOption("what to make", words, f"families ({', '.join(FAMILIES)}), a sentence and --scene, or a .yaml file")
 
 
@@ -145,7 +173,9 @@ def shown_progress(
             good = result["ended"] == "succeeded"
             words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
             if not (shows_bar and good):
-                tell(f"  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
+                count = f"{tally.endings.total():{len(str(total))}} of {total}"
+                line = f"  {count}  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}"
+                tell(line, style="red" if shows_bar else None)
             bar.update(task, advance=1, description=f"{yield_words(tally)}, {tally.kept_an_hour:.0f} an hour")
 
         yield told
@@ -160,9 +190,25 @@ def yield_words(tally: Tally) -> str:
     return f"{good} of {of} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
-def finished(store: EpisodeStore, tally: Tally, *, interrupted: bool, as_json: bool) -> int:
-    """Says what came of it and returns the exit code."""
-    code = INTERRUPTED if interrupted else DONE
+def finished(
+    store: EpisodeStore,
+    tally: Tally,
+    more: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    interrupted: bool,
+    as_json: bool,
+) -> int:
+    """Says what came of it and returns the exit code: 1 where something was to be made, and nothing succeeded.
+
+    Args:
+        store: Where it is.
+        tally: What came of the units.
+        more: What else `--json` prints.
+        interrupted: Whether it ended early.
+        as_json: Whether it is printed as JSON.
+    """
+    needed = tally.endings.total() - tally.kinds["not-needed"]
+    code = INTERRUPTED if interrupted else FAILED if needed and not tally.endings["succeeded"] else DONE
     each = max(tally.kept, 1)
     numbers = {
         "made": tally.made,
@@ -173,7 +219,7 @@ def finished(store: EpisodeStore, tally: Tally, *, interrupted: bool, as_json: b
     }
     if as_json:
         endings = {"endings": dict(tally.endings), "failures": dict(tally.kinds), "stopped_by": tally.stopped_by}
-        print_json({"ok": not interrupted, "exit_code": code, "store": str(store.path), **numbers, **endings})
+        print_json({"ok": code == DONE, "exit_code": code, "store": str(store.path), **numbers, **endings, **more})
         return code
     say(f"{'yield':11} {yield_words(tally)}", style="bold")
     if tally.kept:

@@ -43,6 +43,7 @@ def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None =
             beside.length,
             beside.board,
             beside.camera_height_m,
+            beside.find_more,
         ),
     )
 

@@ -12,13 +12,14 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bddl.files import read_bounded_text
+from executor.bench.units import version_with
 from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.words.datasets import EvaluateOptions, Family
 from executor.datasets.footage import check_drawable
-from executor.datasets.units import Origin
-from executor.machine.files import content_key, json_text, write_json, write_text
+from executor.datasets.units import Origin, scene_key
+from executor.machine.files import write_json, write_text
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Acting, Actor
@@ -55,7 +56,7 @@ def execute(options: EvaluateOptions) -> int:
         NotDrawn: No room could be made of a seed.
         RendererNotFound, VideoFailed: Videos are wanted, and cannot be drawn.
     """
-    actors = _actors(options)
+    actors, version = _actors(options), version_with("envs", "policies")
     kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
     if options.videos:
         check_drawable()
@@ -71,6 +72,8 @@ def execute(options: EvaluateOptions) -> int:
         def told(actor: Acting, outcome: EpisodeOutcome, footage: Footage) -> None:
             bar.update(task, advance=1)
             if outcome.success_once:
+                if not options.json:
+                    tell(f"  {actor.name} seed {outcome.seed}: succeeded")
                 return
             if not options.json:
                 after = {True: ", done with the planner's help", False: ", and the planner did not do it either"}
@@ -84,7 +87,7 @@ def execute(options: EvaluateOptions) -> int:
         conditions = TrialConditions(options.push, options.fallback, options.videos)
         found = evaluate(actors, kind, seeds, told, conditions)
     judged = _judged(kind, conditions, actors, found)
-    told_all = _told(kind, conditions, actors, judged, found) | {"videos": drawn}
+    told_all = {"version": version, **_told(kind, conditions, actors, judged, found), "videos": drawn}
     code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
     # What took hours is seen even where the disk is full by now.
     if options.json:
@@ -183,8 +186,12 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
     origin = kinds[0].origin
     if origin.scene_key:
         scene = scene_for(origin.query, origin.scene, full_size=kinds[0].full_size)
-        key = content_key(json_text(scene.to_json()))
-        check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
+        check(
+            scene_key(scene) == origin.scene_key,
+            "the scene",
+            origin.scene,
+            "what it was when the demonstrations were made",
+        )
     return kinds[0]
 
 

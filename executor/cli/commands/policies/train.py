@@ -13,6 +13,7 @@ from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, counting, print_json, say, tell
 from executor.cli.words.datasets import TrainOptions
+from executor.datasets.formats.stream import repeats_text
 from executor.policies.settings import PolicySettings, read_settings, settings_of
 from executor.policies.trained import ABOUT, PolicyRecord, read_record
 from executor.policies.training import Told, Trainer, parameters
@@ -42,6 +43,8 @@ def execute(options: TrainOptions) -> int:
         apart = f" ({data.takeovers} of them corrections)" if data.takeovers else ""
         known = f"{len(data.names)} demonstrations{apart}, {len(data)} moments; {size / 1e6:.2f} million parameters"
         tell(f"  {known}{f'; going on at step {begun}' if begun else ''}")
+        if data.repeats:
+            tell(f"  {repeats_text(data.repeats)}", style="yellow")
     losses: list[float] = []
     with _progress(settings.training.steps, begun, quiet=options.json) as told:
 
@@ -50,10 +53,11 @@ def execute(options: TrainOptions) -> int:
             told(step, loss)
 
         trainer.run(listen)
+    left_out = {"repeats": [list(pair) for pair in data.repeats]}
     numbers = {"demonstrations": len(data.names), "moments": len(data), "parameters": size, "steps": trainer.step}
     loss = losses[-1] if losses else None
     if options.json:
-        print_json({"ok": True, "exit_code": DONE, "policy": str(options.out), **numbers, "loss": loss})
+        print_json({"ok": True, "exit_code": DONE, "policy": str(options.out), **numbers, "loss": loss, **left_out})
         return DONE
     say(
         f"{'trained':11} {trainer.step} steps on {len(data.names)} demonstrations"

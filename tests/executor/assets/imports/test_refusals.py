@@ -29,7 +29,6 @@ SPOILED: dict[str, tuple[Spoil, str]] = {
     "not XML": (lambda text: text.replace("</robot>", ""), "not well-formed XML"),
     "other XML": (lambda text: text.replace("robot", "sdf"), "begins with <sdf>"),
     "entities": (lambda text: f'<!DOCTYPE a [<!ENTITY x "y">]>{text}', "has a document type or entities"),
-    "mesh missing": (lambda text: text.replace("panel.obj", "panle.obj"), "did you mean textured_objs/panel.obj"),
     "mesh outside": (
         lambda text: text.replace("textured_objs/panel.obj", "../../x.obj"),
         "leads out of the asset's folder",
