@@ -11,7 +11,7 @@ BASELINES ?= unchecked checked repaired constraint-pose sampled-grasp one-demons
 EPISODES ?= 20
 SEED ?= 68000
 
-.PHONY: help setup demo test test-all lint conformance interop baselines reference doctor repair clean
+.PHONY: help setup demo test test-all golden lint conformance interop baselines reference doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -34,10 +34,13 @@ demo: setup-demo  ## Puts a glass into a refrigerator; pictures, videos and a re
 	$(BIN)/scene2demo run "$(QUERY)" --scene kitchen_t1 --seed 0 --out $(OUT) --force
 
 test: setup-test  ## Runs the tests, the slow ones left out.
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal
+	$(BIN)/python -m pytest -m "not slow and not golden" -n auto --dist worksteal
 
 test-all: setup-test  ## Runs all tests.
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -m "not golden" -n auto --dist worksteal
+
+golden: setup-test  ## Compares all that this version does with what was frozen (REWRITE_GOLDEN=1 freezes it).
+	$(BIN)/python -m pytest tests/golden -n auto
 
 lint: setup-test  ## Checks style and types.
 	$(BIN)/ruff check .

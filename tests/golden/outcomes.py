@@ -158,7 +158,9 @@ def requests() -> Items:
         scripts |= {f"module {module} wrong": Script(right, {module: [Wrong("no JSON", "")]}) for module in right}
         for case, script in scripts.items():
             proposal = llm.ModelProposer(script, name="script").propose(QUERIES[name], scene_of(name))
-            asked = [[[message.role, list(map(str, message.parts))] for message in each.messages] for each in script.asked]
+            asked = [
+                [[message.role, list(map(str, message.parts))] for message in each.messages] for each in script.asked
+            ]
             verdict = oag.compose(proposal.task).verify().verdict.value
             found[f"{name}/{case}"] = Item({"rounds": len(asked), "verdict": verdict, "digest": digest(asked)})
     return found
@@ -350,19 +352,17 @@ def weights(folder: Path) -> Items:
 # ---------------------------------------------------------------- all of it
 
 LONG = ("T1", "T2", "T3", "T4")
-# Parts that `make test` runs: together under three minutes on two cores.
+# Parts that `make test` runs: ten seconds of a core.
 QUICK: dict[str, Callable[[Path], Items]] = {
     "verdicts": lambda folder: verdicts(),
-    "mutants_some": lambda folder: mutants(12),
     "language": lambda folder: language(),
     "requests": lambda folder: requests(),
-    "helps": lambda folder: helps(),
-    "answers": lambda folder: answers(),
     "codes": lambda folder: codes(),
-    "physics_some": lambda folder: benched(folder, ("T3", "T5"), 1),
 }
 # The others, which `make golden` runs as well.
 WHOLE: dict[str, Callable[[Path], Items]] = {
+    "helps": lambda folder: helps(),
+    "answers": lambda folder: answers(),
     "mutants": lambda folder: mutants(1),
     "physics": lambda folder: benched(folder, (*LONG, "T5", "T6"), 10),
     "paper_flows": lambda folder: benched(folder, LONG, 5, "--flows", "paper", "--evolve"),

@@ -29,6 +29,7 @@ def compare(name: str, items: Items) -> None:
         FROZEN.mkdir(exist_ok=True)
         path.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
         return
+    assert path.is_file(), f"{name} was never frozen: REWRITE_GOLDEN=1 make golden"
     then = json.loads(path.read_text(encoding="utf-8"))
     assert now["rough"] == then["rough"]
     if now["machine"] == then["machine"]:
@@ -40,7 +41,6 @@ def test_quick_outcomes_are_the_frozen_ones(name: str, tmp_path: Path) -> None:
     compare(name, QUICK[name](tmp_path))
 
 
-@pytest.mark.slow
 @pytest.mark.golden
 @pytest.mark.parametrize("name", WHOLE)
 def test_outcomes_are_the_frozen_ones(name: str, tmp_path: Path) -> None:

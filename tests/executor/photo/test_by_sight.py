@@ -173,6 +173,7 @@ def test_without_walls_what_faces_one_way_stands_against_one() -> None:
     assert not list(in_rows(counter, (cabinet,))) and not list(in_rows(TABLE, (cabinet,)))
 
 
+@pytest.mark.slow
 def test_what_has_legs_is_found_though_it_is_called_otherwise() -> None:
     chair = Guess(LIBRARY["chair_wooden"], 1.9, 0.0, 0.3, 0.0, (0.42, 0.41, 0.88))
     seen, (box,) = by_sight(chair)
@@ -207,6 +208,7 @@ def test_what_hardly_looks_so_on_the_floor_stands_on_nothing(beside_box: float, 
     assert room.is_on_nothing(replace(found, guess=replace(mug, size_m=(0.19, 0.14, 0.16))))
 
 
+@pytest.mark.slow
 def test_where_depths_are_bent_the_picture_tells_how_far_off_a_thing_is() -> None:
     seen, boxes = seen_from_above(TABLE, finer=2)
     bent = replace(seen, z_m=1.02 * seen.z_m, bend_share=0.02, heading_rad=TABLE.yaw_rad)
@@ -221,6 +223,7 @@ COUNTER = Guess(LIBRARY["counter_plain"], 3.2, -0.3, 0.0, 0.0, (0.62, 0.9, 0.76)
 MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 3.2, -0.3, 0.0, 0.76, (0.45, 0.5, 0.3))
 
 
+@pytest.mark.slow
 def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> None:
     nearer = Guess(LIBRARY["table_four_legs"], 1.3, 0.36, 0.0, 0.0, (0.9, 0.6, 0.66))
     seen, (box, beside) = by_sight(COUNTER, nearer)
@@ -232,6 +235,7 @@ def test_nothing_smaller_that_hangs_before_it_is_another_name_for_a_thing() -> N
     assert not room.fits[0].alternatives
 
 
+@pytest.mark.slow
 def test_what_was_put_on_nothing_does_not_hide_what_it_stands_on() -> None:
     seen, (box, above) = by_sight(COUNTER, MICROWAVE)
     called = replace(box, label="refrigerator", category="refrigerator", provenance="detector")

@@ -170,6 +170,7 @@ def fit_of(guess: Guess) -> Fit:
     return Fit(guess, 0.0, (), 1.0, 0.0, 100, None)
 
 
+@pytest.mark.slow
 def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> None:
     seen, boxes = seen_from_above(TABLE)
     flat, above = (
@@ -371,6 +372,7 @@ def test_the_next_best_models_make_variations_that_stand(room: FittedRoom) -> No
     assert "(ontop bowl_0 table_0)" in varied.made.scene.to_json()["facts"]
 
 
+@pytest.mark.slow
 def test_without_depth_a_thing_is_where_its_box_and_usual_sizes_put_it_within_what_is_told() -> None:
     seen, boxes = seen_from_above(TABLE)
     flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)

@@ -63,7 +63,9 @@ def test_a_persons_label_is_kept_or_its_thing_dropped(label: str) -> None:
     assert made.get(label, label) == label and all(left.values())
 
 
-@pytest.mark.parametrize(("provenance", "taken_for"), [("detector", "chair_wooden"), ("person", "")])
+@pytest.mark.parametrize(
+    ("provenance", "taken_for"), [pytest.param("detector", "chair_wooden", marks=pytest.mark.slow), ("person", "")]
+)
 def test_by_sight_only_a_detectors_label_gives_way(provenance: Provenance, taken_for: str) -> None:
     seen, (box,) = by_sight(CHAIR)
     room = KnownRoom(seen, (), [called(box, "can", provenance)], 0.0)
