@@ -7,9 +7,9 @@ Layout, with T transitions:
       demo_0                    attrs: num_samples = T, success, seed, state_hash, task, task_detail, scene (JSON),
                                 scaled (JSON: objects at another size than they are drawn with), rate_hz,
                                 action_names, action_scale, subtasks (JSON); query and paraphrases (JSON), the sentence
-                              that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
-                              (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
-                              (4 x 4; x ahead, y left, z up)
+                                that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
+                                (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
+                                (4 x 4; x ahead, y left, z up)
         actions                 (T, 11) float32 in [-1, 1]; see `executor.results.episode.Episode.actions`
         actions_absolute        (T, 12) float32 drive targets in m and rad
         actions_hand            (T, 10) float32 in m and rad, in data sets; see `executor.robot.actions.hand_actions`
