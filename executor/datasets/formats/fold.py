@@ -241,6 +241,9 @@ def _fold(
     """
     arrays = episode.motion(motion.file)
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
+    if not motion.failed and len(qpos) != episode.meta["samples"]:
+        problem = f"has {len(qpos)} samples, and unit.json says {episode.meta['samples']}; it is of another unit"
+        raise NotADataset(f"{episode.path / motion.file} {problem}")
     try:
         count = found.check_length(len(qpos))
     except ValueError as problem:

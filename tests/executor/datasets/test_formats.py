@@ -20,7 +20,7 @@ from executor.datasets.formats.observations import ENVIRONMENT, StateReader, nam
 from executor.datasets.formats.selection import NothingToExport
 from executor.datasets.formats.statistics import QUANTILES, Tones
 from executor.datasets.formats.stream import CLOUD, EpisodeStream, FoldedEpisode
-from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.store import EpisodeStore, NotADataset, StoredEpisode
 from executor.envs.elbow import Elbow
 from executor.envs.following import HandFollower
 from executor.geometry import inverse, quaternions_last
@@ -376,3 +376,13 @@ def test_what_is_there_stays_unless_it_is_to_be_replaced(made_store: EpisodeStor
     assert (tmp_path / "out/mine").read_text() == "kept"
     write_set(stream_of(made_store), "zarr", tmp_path / "out", replace=True)
     assert not (tmp_path / "out/mine").exists() and (tmp_path / "out/README.md").exists()
+
+
+def test_samples_of_another_unit_are_not_exported(filmed_store: EpisodeStore, tmp_path: Path) -> None:
+    shutil.copytree(filmed_store.path, tmp_path / "s")
+    copied = EpisodeStore.open(tmp_path / "s")
+    first, *_, last = copied.episodes()
+    assert first.meta["samples"] != last.meta["samples"]
+    shutil.copy(last.path / "samples.xz", first.path / "samples.xz")
+    with pytest.raises(NotADataset, match=r"unit\.json says"):
+        list(stream_of(copied, ()).episodes())
