@@ -87,6 +87,7 @@ def test_an_episode_of_very_many_rows_is_not_folded(copied: EpisodeStore) -> Non
     episode = next(copied.episodes())
     arrays = {**episode.arrays, "robot_qpos": np.zeros((200_000, 12), np.float32)}
     (episode.path / "samples.xz").write_bytes(samples.packed(arrays))
+    said_otherwise(episode.path / "unit.json", samples=200_000)
     with pytest.raises(NotADataset, match="an episode has 200000 rows: expected 1 to"):
         list(stream_of(copied).episodes())
 
