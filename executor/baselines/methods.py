@@ -9,7 +9,7 @@ from executor.baselines.checking import checked, mistaken, repaired, unchecked
 from executor.baselines.constraint_pose import LIBRARY_OF_CONSTRAINTS
 from executor.baselines.one_demonstration import replayed
 from executor.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
-from executor.bench.units import Baseline, Unit, version_with
+from executor.bench.units import BASELINE_VERSION, Baseline, Unit, outcome_version
 from executor.bench.work import run_unit
 from executor.evolution.record import Evolution
 from executor.records.rollout import Rollout, ignore
@@ -52,7 +52,7 @@ _RIGHT: dict[Baseline, Way] = {"constraint-pose": _by(ByConstraints), "sampled-g
 
 def baseline_version() -> str:
     """Returns 16 hexadecimal digits that change when a result of a baseline may not be repeated exactly."""
-    return version_with("baselines", "envs")
+    return outcome_version(BASELINE_VERSION)
 
 
 def run_baseline(unit: Unit) -> dict[str, Any]:

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from executor.machine.files import content_key
+from executor.machine.files import content_key, json_text
 from executor.scenes import household, long_horizon
 from executor.scenes.pair import UNCHANGED, Changes, ScenePair
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
@@ -207,60 +206,28 @@ def indices_of(family: str) -> tuple[int, ...]:
     return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
 
 
-_PACKAGES = ("bddl", "oag", "llm", "executor")
-# What only shows, draws, stores or counts.
-_WITHOUT_A_SAY = (
-    *("executor/bench", "executor/cli", "executor/pictures", "executor/results", "executor/machine/workers"),
-    *("executor/datasets/formats", "executor/datasets/upkeep", "executor/envs", "executor/policies"),
-    "executor/baselines",
-)
-# Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
-_WITH_A_SAY = (
-    "executor/bench/data/initial_flows.json",
-    "executor/bench/units.py",
-    "executor/bench/paper.py",
-    "executor/bench/work.py",
-    "executor/bench/worker.py",
-)
+OUTCOME_VERSION = 1
+"""Raised by hand where a change alters how an episode goes; frozen outcomes (`make golden`) fail where it was not."""
+BASELINE_VERSION = 1
+"""Raised by hand whenever a change alters what a baseline does with an episode."""
+EVALUATION_VERSION = 1
+"""Raised by hand whenever a change alters how a policy is evaluated or what a trained one does."""
 _LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 
 
 @cache
-def running_version() -> str:
-    """Return the `outcome_version` that this process runs: that of the files when it asked first.
-
-    A worker asks before it takes a request, so that a change of the files does not pass for what it has loaded.
-    """
-    return outcome_version()
-
-
-def version_with(*rooms: str) -> str:
-    """Return 16 hexadecimal digits that change when `outcome_version` or a module of some rooms does.
+def outcome_version(*more: object) -> str:
+    """Return 16 hexadecimal digits that change when a stored result may not be repeated exactly.
 
     Args:
-        rooms: Folders of the executor that have a say in a measurement, and none in an episode's outcome.
+        more: Further constants that decide a measurement, and not an episode's outcome.
     """
-    executor = Path(__file__).resolve().parents[1]
-    files = sorted(path for room in rooms for path in (executor / room).rglob("*.py"))
-    return content_key(outcome_version(), *(path.read_bytes() for path in files))
+    versions = [f"{library} {_version_of(library)}" for library in _LIBRARIES]
+    return content_key(json_text([OUTCOME_VERSION, *more, *versions]))
 
 
-def outcome_version() -> str:
-    """Returns 16 hexadecimal digits that change when a result of before may not be repeated exactly."""
-    root = Path(__file__).resolve().parents[2]
-    parts: list[bytes | str] = []
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            name = path.relative_to(root).as_posix()
-            if path.is_file() and "__pycache__" not in name and _matters(name):
-                parts += [name, path.read_bytes()]
-    for library in _LIBRARIES:
-        try:
-            parts.append(f"{library} {metadata.version(library)}")
-        except metadata.PackageNotFoundError:
-            parts.append(f"{library} missing")
-    return content_key(*parts)
-
-
-def _matters(name: str) -> bool:
-    return name in _WITH_A_SAY or not name.startswith(tuple(f"{folder}/" for folder in _WITHOUT_A_SAY))
+def _version_of(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return "missing"

@@ -6,7 +6,7 @@ import hashlib
 from functools import partial
 from typing import Any
 
-from executor.bench.units import Unit, running_version
+from executor.bench.units import Unit, outcome_version
 from executor.bench.work import run_unit
 from executor.machine.files import plain
 from executor.machine.workers.process import check_version, serve
@@ -44,7 +44,7 @@ def _drawn(draughtsman: Draughtsman, rollout: Rollout) -> dict[str, object]:
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    own = running_version()
+    own = outcome_version()
     with kept_draughtsman() as draughtsman:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from executor.bench.units import running_version
+from executor.bench.units import outcome_version
 from executor.datasets import samples
 from executor.datasets.corrections import write_corrections
 from executor.datasets.footage import Filmed, film_unit
@@ -55,7 +55,7 @@ def run_unit(
             unit's; nothing is written.
         OSError: The folder cannot be written.
     """
-    check_version(version, running_version())
+    check_version(version, outcome_version())
     began, began_cpu_s = time.perf_counter(), _cpu_s()
     with store.writing(unit, version) as folder:
         try:
@@ -95,7 +95,6 @@ def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, motion: Tr
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    running_version()
     with kept_draughtsman() as draughtsman:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:

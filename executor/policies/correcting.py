@@ -17,7 +17,6 @@ from typing import Any
 
 import torch
 
-from executor.bench.units import running_version
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import Made, NotNeeded, Prepared, noise_of
@@ -148,7 +147,6 @@ class Corrector:
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    running_version()
     torch.set_num_threads(1)
     known: dict[tuple[str, int | None, int], Corrector] = {}
     with kept_draughtsman() as draughtsman:

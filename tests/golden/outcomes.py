@@ -196,13 +196,15 @@ def helps() -> Items:
     for words in commands():
         done = command(*words, "--help")
         options = re.findall(r"(?m)^│\s(--[a-z0-9-]+)", done.stdout)
-        found[" ".join(words)] = Item({"code": done.returncode, "options": options, "digest": digest(done.stdout)})
+        found[" ".join(words)] = Item({"code": done.returncode, "options": options}, digest(done.stdout))
     return found
 
 
-def answers() -> Items:
+def answers(folder: Path) -> Items:
     """Return exit code and JSON keys of commands that answer at once, right and wrong."""
     data = ROOT / "tests" / "data"
+    text = folder / "activity.bddl"
+    text.write_text(ACTIVITY, encoding="utf-8")
     task, world, wrong = data / "T1.json", data / "T1_scene.json", data / "invalid" / "dropped_open.json"
     cases: dict[str, Sequence[object]] = {
         "verify proved": ("verify", task),
@@ -216,7 +218,7 @@ def answers() -> Items:
         "scenes": ("scenes",),
         "scenes of a file": ("scenes", world),
         "assets": ("assets",),
-        "bddl check": ("bddl", "check", "tests/golden"),
+        "bddl check": ("bddl", "check", text),
         "doctor": ("doctor",),
         "usage": ("verify",),
     }
@@ -346,7 +348,23 @@ def weights(folder: Path) -> Items:
     assert done.returncode == 0, done.stderr
     files = sorted((folder / "policy").rglob("*.safetensors"))
     assert files
-    return {path.name: Item("present", hashlib.sha256(path.read_bytes()).hexdigest()[:16]) for path in files}
+    found = {path.name: Item("present", hashlib.sha256(path.read_bytes()).hexdigest()[:16]) for path in files}
+    done = command("evaluate", folder / "policy", "--data", store, "--episodes", 2, "--seed", 94600, "--json")
+    assert done.returncode in (0, 1), done.stderr
+    evaluation = _without_times(json.loads(done.stdout))
+    return found | {"evaluation": Item(sorted(set(_keys(evaluation))), digest(evaluation))}
+
+
+BASELINES = ("unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration")
+
+
+def baselines(folder: Path) -> Items:
+    """Return what each baseline makes of a kitchen."""
+    return {
+        f"{baseline}/{name}": item
+        for baseline in BASELINES
+        for name, item in benched(folder / baseline, ("T1",), 1, "--baseline", baseline).items()
+    }
 
 
 # ---------------------------------------------------------------- all of it
@@ -362,12 +380,13 @@ QUICK: dict[str, Callable[[Path], Items]] = {
 # The others, which `make golden` runs as well.
 WHOLE: dict[str, Callable[[Path], Items]] = {
     "helps": lambda folder: helps(),
-    "answers": lambda folder: answers(),
+    "answers": answers,
     "mutants": lambda folder: mutants(1),
     "physics": lambda folder: benched(folder, (*LONG, "T5", "T6"), 10),
     "paper_flows": lambda folder: benched(folder, LONG, 5, "--flows", "paper", "--evolve"),
     "faults": faults,
     "photographs": lambda folder: photographs(folder, 6, 2),
+    "baselines": baselines,
     "exports": exports,
     "weights": weights,
 }

@@ -70,29 +70,14 @@ def test_every_unit_belongs_to_exactly_one_shard(parts: int, units: int) -> None
     assert all(len(found) == 1 for found in owners)
 
 
-def test_what_only_shows_has_no_say_in_the_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in (
-        "bddl/a.py",
-        "executor/cli/a.py",
-        "executor/bench/page.py",
-        "executor/bench/paper.py",
-        "executor/bench/work.py",
-        "executor/bench/worker.py",
-        "llm/words.toml",
-    ):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text("before")
-    monkeypatch.setattr(units, "__file__", str(tmp_path / "executor" / "bench" / "units.py"))
-    before = units.outcome_version()
-    for name in ("executor/cli/a.py", "executor/bench/page.py"):
-        (tmp_path / name).write_text("after")
-    assert units.outcome_version() == before
-    seen = {before}
-    deciding = ("bddl/a.py", "llm/words.toml", *(f"executor/bench/{name}.py" for name in ("paper", "work", "worker")))
-    for name in deciding:
-        (tmp_path / name).write_text("after")
-        seen.add(units.outcome_version())
-    assert len(seen) == 1 + len(deciding)
+def test_constants_and_libraries_decide_the_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    version = units.outcome_version.__wrapped__
+    distinct = {version(), version(1), version(2)}
+    assert version() == version()
+    monkeypatch.setattr(units, "OUTCOME_VERSION", 0)
+    distinct.add(version())
+    monkeypatch.setattr(units.metadata, "version", lambda library: "0")
+    assert len(distinct | {version()}) == 5
 
 
 @pytest.mark.parametrize("family", LONG_HORIZON)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from executor.bench.units import running_version
+from executor.bench.units import outcome_version
 from executor.cli import main
 from executor.cli.commands.datasets import generate as command
 from executor.datasets.generate import Tally
@@ -223,7 +223,7 @@ def test_what_only_another_room_could_have_is_left_to_the_seeds(run_generate: Ge
 def test_a_room_without_what_is_asked_for_is_a_failure_and_no_mistake_of_the_program(folder: Path) -> None:
     unit = DemoUnit(Origin(None, "put the banana into the refrigerator", "t1"), 12000)
     store = EpisodeStore(folder)
-    found = run_unit(store, unit, running_version())
+    found = run_unit(store, unit, outcome_version())
     assert (found["ended"], found["kind"]) == ("failed", "not-planned")
     assert [episode.meta["ended"] for episode in store.episodes()] == ["failed"]
 
@@ -235,7 +235,7 @@ def test_a_scene_that_was_changed_meanwhile_is_not_taken_for_what_it_was(folder:
     (series,) = series_of({"episodes": 1, "sources": [{"query": "open the refrigerator", "scene": str(scene)}]})
     scene.write_text(json.dumps({**json.loads(KITCHEN.read_text()), "robot": {"position": [-0.4, 0, 0]}}))
     with pytest.raises(HandoverRefused, match="is not what it was when its episodes were asked for"):
-        run_unit(EpisodeStore(folder), series.first, running_version())
+        run_unit(EpisodeStore(folder), series.first, outcome_version())
     assert not list(folder.glob("units/*"))
 
 

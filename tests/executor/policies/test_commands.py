@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from executor.bench.units import version_with
+from executor.bench.units import EVALUATION_VERSION, outcome_version
 from executor.cli.commands.policies.evaluate import kind_of
 from executor.cli.errors import BadOption
 from executor.cli.main import run
@@ -112,7 +112,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
     assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
-    assert found["version"] == version_with("envs", "policies")
+    assert found["version"] == outcome_version(EVALUATION_VERSION)
     assert run(["evaluate", str(out), "--episodes", "3", "--seed", "62979", "--json"]) == 2
     assert "which are from 62980 to 62981" in str(last_json(capsys)["error"])
     asked = ["evaluate", str(out), "--task", "T1", "--episodes", "1", "--seed", "62981", "--json"]

@@ -12,7 +12,7 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bddl.files import read_bounded_text
-from executor.bench.units import version_with
+from executor.bench.units import EVALUATION_VERSION, outcome_version
 from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
@@ -56,7 +56,7 @@ def execute(options: EvaluateOptions) -> int:
         NotDrawn: No room could be made of a seed.
         RendererNotFound, VideoFailed: Videos are wanted, and cannot be drawn.
     """
-    actors, version = _actors(options), version_with("envs", "policies")
+    actors, version = _actors(options), outcome_version(EVALUATION_VERSION)
     kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
     if options.videos:
         check_drawable()
