@@ -8,7 +8,7 @@ import os
 import hypothesis
 import pytest
 
-from executor.machine import vulkan
+from executor.system import vulkan
 
 # "default" suits every change; "thorough" is for a night: HYPOTHESIS_PROFILE=thorough make test.
 hypothesis.settings.register_profile("default", deadline=None, max_examples=50)

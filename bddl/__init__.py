@@ -12,12 +12,28 @@ language and the predicates do not care about it.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bddl.parser import check, parse, parse_domain, parse_formula
-from bddl.printer import format
-from bddl.semantics.truth import State, evaluate
-from bddl.syntax.codes import CODES, MEANINGS, SLIPS, Code, Slip
-from bddl.syntax.diagnostic import BDDLError, Diagnostic
-from bddl.syntax.errors import (
+from bddl.ast import (
+    And,
+    Atom,
+    Binder,
+    Exists,
+    ForAll,
+    Formula,
+    ForN,
+    ForNPairs,
+    ForPairs,
+    Imply,
+    Literal,
+    Not,
+    Or,
+    Span,
+    atoms,
+    conjuncts,
+    literals,
+)
+from bddl.diagnostics import CODES, MEANINGS, SLIPS, BDDLError, Code, Diagnostic, Slip
+from bddl.dialects import PROFILES, Profile
+from bddl.errors import (
     CountedWildcard,
     IllegalName,
     ObjectsRequired,
@@ -27,22 +43,30 @@ from bddl.syntax.errors import (
     UnknownProfile,
     WrongState,
 )
-from bddl.syntax.libero import LiberoProblem, Rectangle, Region, SceneStyle
-from bddl.syntax.names import near_names
-from bddl.syntax.problem import Domain, DomainAction, DomainPredicate, Objects, Problem, TypedObject
-from bddl.syntax.profiles import PROFILES, Profile
-from bddl.syntax.structure import Literal, atoms, conjuncts, literals
-from bddl.syntax.tree import And, Atom, Binder, Exists, ForAll, Formula, ForN, ForNPairs, ForPairs, Imply, Not, Or, Span
-from bddl.syntax.vocabulary import PREDICATES, PredicateSpec
+from bddl.evaluation import State, evaluate
+from bddl.parser import check, parse, parse_domain, parse_formula
+from bddl.printer import format
+from bddl.problem import (
+    Domain,
+    DomainAction,
+    DomainPredicate,
+    LiberoProblem,
+    Objects,
+    Problem,
+    Rectangle,
+    Region,
+    SceneStyle,
+    TypedObject,
+)
+from bddl.vocabulary import PREDICATES, PredicateSpec, near_names
 
 if TYPE_CHECKING:
-    from bddl.analyser import analyse
-    from bddl.goals.ways import GoalProgress, Option, options
+    from bddl.evaluation import CompiledGoal, TotalState, compile_goal
+    from bddl.grounding import Ground, GroundNode, PairSemantics, ground
+    from bddl.lint import analyse
     from bddl.printer import lay_out
-    from bddl.repair.correction import Correction, correct
-    from bddl.semantics.compiled import CompiledGoal, TotalState, compile_goal
-    from bddl.semantics.ground import Ground, GroundNode, ground
-    from bddl.semantics.members import PairSemantics
+    from bddl.progress import GoalProgress, Option, options
+    from bddl.repair import Correction, correct
 
 __all__ = [
     "CODES", "MEANINGS", "PREDICATES", "PROFILES", "SLIPS", "And", "Atom", "BDDLError", "Binder", "Code",
@@ -57,20 +81,20 @@ __all__ = [
 
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
-    "CompiledGoal": "bddl.semantics.compiled",
-    "Correction": "bddl.repair.correction",
-    "GoalProgress": "bddl.goals.ways",
-    "Ground": "bddl.semantics.ground",
-    "GroundNode": "bddl.semantics.ground",
-    "Option": "bddl.goals.ways",
-    "PairSemantics": "bddl.semantics.members",
-    "TotalState": "bddl.semantics.compiled",
-    "analyse": "bddl.analyser",
-    "compile_goal": "bddl.semantics.compiled",
-    "correct": "bddl.repair.correction",
-    "ground": "bddl.semantics.ground",
+    "CompiledGoal": "bddl.evaluation",
+    "Correction": "bddl.repair",
+    "GoalProgress": "bddl.progress",
+    "Ground": "bddl.grounding",
+    "GroundNode": "bddl.grounding",
+    "Option": "bddl.progress",
+    "PairSemantics": "bddl.grounding",
+    "TotalState": "bddl.evaluation",
+    "analyse": "bddl.lint",
+    "compile_goal": "bddl.evaluation",
+    "correct": "bddl.repair",
+    "ground": "bddl.grounding",
     "lay_out": "bddl.printer",
-    "options": "bddl.goals.ways",
+    "options": "bddl.progress",
 }
 
 

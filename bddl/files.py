@@ -1,7 +1,7 @@
-"""Files: read with an end, and written whole.
+"""Files: bounded reads and atomic writes.
 
-A device, a pipe or a file of gigabytes that a person names is refused, not waited for. What others have put into a
-folder leads no reading or writing elsewhere, and a file appears only when it is complete.
+A device, a pipe or a file of gigabytes that a person names is refused, not waited for. Links that others have put into
+a folder are neither read nor written through. A file appears only when it is complete.
 """
 
 from __future__ import annotations
@@ -16,50 +16,50 @@ from pathlib import Path
 from typing import BinaryIO
 
 MOST_BYTES = 8_000_000
-"""Of a scene, a task, a certificate or a BDDL file; the certificate of a plan of 5,000 steps has 2 MB."""
+"""Limit of a scene, a task, a certificate or a BDDL file [bytes]; the certificate of a plan of 5,000 steps has 2 MB."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 # Systems that lack one have no such links or pipes.
-_AS_IT_LIES = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-# Written to try if a file can grow: a block of most file systems.
+_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+# Written to test whether a file can grow: a block of most file systems.
 _PROBE = bytes(4096)
 
 
 class InputTooLarge(OSError):
-    """A file that is read is larger than what is read of it; its number is EFBIG, and no disk is full."""
+    """Raised when a file exceeds the limit of a bounded read; its errno is EFBIG, although no disk is full."""
 
 
-def no_room(error: BaseException) -> bool:
-    """Decide whether the system refused to write: a full disk, a used-up share of it, or a file that may not grow."""
+def is_disk_full(error: BaseException) -> bool:
+    """Decide whether the system refused to write: a full disk, an exhausted quota, or a file that may not grow."""
     return isinstance(error, OSError) and error.errno in _NO_ROOM and not isinstance(error, InputTooLarge)
 
 
 def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, pipes: bool = False) -> bytes:
-    """Returns the content of a file.
+    """Return the content of a file.
 
     Args:
         path: The file.
-        most_bytes: The largest that is read.
-        pipes: Whether a pipe will do, such as a shell's `<(...)`; it is read to its end.
+        most_bytes: Limit of its size.
+        pipes: Whether a pipe is accepted, such as a shell's `<(...)`; it is read to its end.
 
     Raises:
         OSError: The file cannot be opened, is no regular file, or is larger; `strerror` says which it is.
     """
-    with opened(path, pipes=pipes) as stream:
+    with open_input(path, pipes=pipes) as stream:
         return read_stream(stream, str(path), most_bytes)
 
 
 @contextmanager
-def opened(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
-    """Give a file to read from.
+def open_input(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
+    """Open a file for reading.
 
     Args:
         path: The file.
-        pipes: Whether a pipe will do.
+        pipes: Whether a pipe is accepted.
 
     Raises:
         OSError: The file cannot be opened, or is no regular file; `strerror` says which it is.
     """
-    # A pipe that nobody writes into would be waited for when it is opened.
+    # Opening a pipe that has no writer would block.
     waiting = 0 if pipes else getattr(os, "O_NONBLOCK", 0)
     try:
         descriptor = os.open(path, os.O_RDONLY | waiting | getattr(os, "O_BINARY", 0))
@@ -75,12 +75,12 @@ def opened(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[Bin
 
 
 def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> bytes:
-    """Returns what a stream still holds.
+    """Return the rest of a stream.
 
     Raises:
-        OSError: It is more than so many bytes; `filename` is the name given.
+        OSError: It has more bytes than allowed; `filename` is the name given.
     """
-    # What the file system says of the size may be 0, or be another a moment later.
+    # The size that the file system reports may be 0, or change a moment later.
     content = stream.read(most_bytes + 1)
     if len(content) > most_bytes:
         raise InputTooLarge(errno.EFBIG, f"it is larger than {most_bytes // 1_000_000} MB", name)
@@ -88,7 +88,7 @@ def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> by
 
 
 def read_bounded_text(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES) -> str:
-    """Returns the text of a file in UTF-8, with or without a byte order mark, its line ends as `\\n`.
+    """Return the text of a file in UTF-8, with or without a byte order mark, its line ends as `\\n`.
 
     Raises:
         OSError: As for `read_bounded`.
@@ -106,7 +106,7 @@ class NoPlainFile(OSError):
 
 
 def open_plain(path: Path, flags: int) -> int:
-    """Returns a descriptor of a file; nothing that is no plain file is followed, changed or waited for.
+    """Return a descriptor of a regular file; anything else is not followed, changed or waited for.
 
     Args:
         path: The file.
@@ -117,7 +117,7 @@ def open_plain(path: Path, flags: int) -> int:
         OSError: It cannot be opened.
     """
     try:
-        descriptor = os.open(path, flags | _AS_IT_LIES, 0o644)
+        descriptor = os.open(path, flags | _NO_FOLLOW, 0o644)
     except OSError as problem:
         if path.is_symlink() or (path.exists() and not path.is_file()):
             raise NoPlainFile(path) from problem
@@ -129,11 +129,11 @@ def open_plain(path: Path, flags: int) -> int:
 
 
 @contextmanager
-def temporary_beside(path: Path) -> Iterator[Path]:
-    """Gives a new, empty file beside the wanted path, and moves it there when the block ends without an exception.
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Yield a new, empty file in the folder of a path, and move it to the path when the block ends without an error.
 
-    Its name cannot be foreseen, and what lies at the wanted path is replaced, a link too: nothing that somebody has
-    put into the folder leads the writing elsewhere.
+    Its name is random, and what lies at the path is replaced, a link too. So nothing that somebody has put into the
+    folder redirects the write.
 
     Args:
         path: Where the file belongs; its folder is made when absent.
@@ -148,7 +148,7 @@ def temporary_beside(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except Exception as problem:
-        found = _of_the_system(problem, path, temporary)
+        found = _as_os_error(problem, path, temporary)
         if found is None:
             raise
         raise found from problem
@@ -156,31 +156,31 @@ def temporary_beside(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def _of_the_system(problem: Exception, path: Path, temporary: Path) -> OSError | None:
-    """Returns what the system said when the wanted file was written, named by its path; None for anything else."""
+def _as_os_error(problem: Exception, path: Path, temporary: Path) -> OSError | None:
+    """Return the system's error with the wanted path in it; None for any other exception."""
     if isinstance(problem, OSError) and problem.errno is not None:
         ours = problem.filename in (None, str(temporary))
         return OSError(problem.errno, problem.strerror, str(path)) if ours else None
-    # Libraries for films and data sets raise what they like, without the system's number.
-    number = _refusal_to_grow(temporary)
+    # Libraries for videos and data sets raise exceptions of their own, without the system's errno.
+    number = _growth_errno(temporary)
     return None if number is None else OSError(number, os.strerror(number), str(path))
 
 
-def _refusal_to_grow(file: Path) -> int | None:
-    """Return the system's number for why a file cannot grow; None where it can."""
+def _growth_errno(file: Path) -> int | None:
+    """Return the errno that keeps a file from growing; None where it can grow."""
     try:
         with file.open("ab", buffering=0) as stream:
             if stream.write(_PROBE) == len(_PROBE):
                 return None
-            # What fits in part is written in part; the next piece has a reason.
+            # What fits is written in part; writing more raises the reason.
             stream.write(_PROBE)
             return errno.ENOSPC
     except OSError as problem:
-        return problem.errno if no_room(problem) else None
+        return problem.errno if is_disk_full(problem) else None
 
 
 def write_atomically(path: Path, content: bytes) -> Path:
-    """Writes a file so that readers see all of it or nothing, and returns its path.
+    """Write a file so that readers see all of it or nothing, and return its path.
 
     Two processes that write the same content-named file at once both succeed; the later rename changes nothing.
 
@@ -191,6 +191,6 @@ def write_atomically(path: Path, content: bytes) -> Path:
     Raises:
         OSError: When the folder cannot be written.
     """
-    with temporary_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         temporary.write_bytes(content)
     return path

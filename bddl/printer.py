@@ -1,7 +1,7 @@
-"""From the syntax tree to text, and texts laid out anew.
+"""Print trees as text, and lay out texts.
 
-Parsing what `format` prints gives back an equal tree. `lay_out` keeps every word and comment as it was written; only
-the blanks between them change.
+Parsing what `format` prints gives an equal tree. `lay_out` keeps every word and comment as it was written; only the
+blanks between them change.
 """
 
 from __future__ import annotations
@@ -11,17 +11,16 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from bddl.reading.words import hide_free_text
-from bddl.syntax.libero import LiberoProblem, Region, SceneStyle
-from bddl.syntax.problem import ROOT_CATEGORY, Domain, Problem, TypedObject
-from bddl.syntax.tree import And, Binder, Formula, FormulaNode, formula_text
-from bddl.syntax.vocabulary import DOMAINS, SYNSET
+from bddl.ast import And, Binder, Formula, FormulaNode, formula_text
+from bddl.lexer import hide_free_text
+from bddl.problem import ROOT_CATEGORY, Domain, LiberoProblem, Problem, Region, SceneStyle, TypedObject
+from bddl.vocabulary import DOMAINS, SYNSET
 
 INDENT = "    "
 
 
 def format(node: Problem | Domain | Formula) -> str:
-    """Returns BDDL text: a formula on one line, a problem or a domain as an indented file that ends in a newline.
+    """Return BDDL text: a formula on one line, a problem or a domain as an indented file that ends in a newline.
 
     The question marks of a goal's objects stay as BEHAVIOR's files have them; problems of its domains that were built
     by hand get them.
@@ -72,7 +71,7 @@ def _problem_text(problem: Problem) -> str:
 
 
 def _libero_lines(problem: LiberoProblem) -> list[str]:
-    """Returns the lines of the sections that only LIBERO has; formulas may speak of what they name."""
+    """Return the lines of the sections that only LIBERO has; formulas may use the names in them."""
     regions = [line for region in problem.regions for line in _region_lines(region)]
     styles = [_style_line(style) for style in problem.styles]
     return [
@@ -107,7 +106,7 @@ def _typed_lines(items: Sequence[TypedObject]) -> list[str]:
 
 
 def _typed_words(parameters: Sequence[Binder]) -> list[str]:
-    """Returns the parameters of a predicate, their types left out where all of them are `object`."""
+    """Return the parameters of a predicate, their types left out where all of them are `object`."""
     typed = any(parameter.category != ROOT_CATEGORY for parameter in parameters)
     return [
         f"?{parameter.variable} - {parameter.category}" if typed else f"?{parameter.variable}"
@@ -116,14 +115,14 @@ def _typed_words(parameters: Sequence[Binder]) -> list[str]:
 
 
 def _section_lines(head: str, content: list[str]) -> list[str]:
-    """Returns the lines of one section, indented inside `define`; an empty one stays on one line."""
+    """Return the lines of one section, indented inside `define`; an empty one stays on one line."""
     if not content:
         return [f"{INDENT}({head})"]
     return [f"{INDENT}({head}", *(f"{INDENT * 2}{line}" for line in content), f"{INDENT})"]
 
 
 def _region_lines(region: Region) -> list[str]:
-    """Returns the lines of one region, each attribute on a line of its own."""
+    """Return the lines of one region, each attribute on a line of its own."""
     lines = [f"({region.name}", f"    (:target {region.target})"]
     if region.ranges:
         rows = [(each.x_min_m, each.y_min_m, each.x_max_m, each.y_max_m) for each in region.ranges]
@@ -136,9 +135,8 @@ def _region_lines(region: Region) -> list[str]:
 
 
 def _style_line(style: SceneStyle) -> str:
-    """Returns the line of one part of the scene."""
-    said = {":floor": style.floor, ":wall": style.wall}
-    parts = [f"({word} {value})" for word, value in said.items() if value is not None]
+    values = {":floor": style.floor, ":wall": style.wall}
+    parts = [f"({word} {value})" for word, value in values.items() if value is not None]
     return f"({' '.join([style.name, *parts])})"
 
 
@@ -151,7 +149,7 @@ WIDTH = 100
 # Deeper forms are not indented further; a file of thousands of levels would be nothing but blanks.
 MOST_LEVELS = 40
 _TOKEN = re.compile(r"(?P<comment>;[^\n]*)|(?P<bracket>[()])|(?P<word>[^\s();\ufeff]+)|(?P<blank>[\s\ufeff]+)")
-# Sections that list things: each goes on a line of its own, however short the section is.
+# Sections that are lists: each item goes on a line of its own, however short the section is.
 _LISTS = frozenset({":objects", ":init", ":goal", ":regions", ":fixtures", ":ranges"})
 # How many forms stay on the first line of a broken one: the numbers and variables of quantifiers.
 _BINDERS = {"forall": 1, "exists": 1, "forn": 2, "forpairs": 2, "fornpairs": 3}
@@ -163,21 +161,20 @@ class _Piece:
 
     Attributes:
         text: The word, the comment, or the form on one line; None for a form that is too long for that.
-        beside: True for a comment that stands on the line of what precedes it.
+        trailing: True for a comment on the same line as what precedes it.
         spaced: True when an empty line precedes it.
         prose: True for the content of a section of prose, and for that section, which is never broken.
-        parts: What a form holds, or None for a word or a comment.
+        parts: The content of a form, or None for a word or a comment.
     """
 
     text: str | None
-    beside: bool = False
+    trailing: bool = False
     spaced: bool = False
     prose: bool = False
     parts: list[_Piece] | None = None
 
     @property
     def is_comment(self) -> bool:
-        """True for a comment."""
         return self.text is not None and self.text.startswith(";")
 
     @property
@@ -187,10 +184,10 @@ class _Piece:
 
 
 def lay_out(text: str, free_text: Collection[str] = ()) -> str:
-    """Returns the text with its lines broken and indented in one way, whoever wrote it.
+    """Return the text with uniform line breaks and indentation.
 
     Forms that fit stay on one line; of a longer one every part goes on a line of its own. Objects go by category,
-    literals one a line. Comments stay beside what they stand beside; single empty lines stay, several become one.
+    literals one a line. Comments stay on their lines; single empty lines stay, several become one.
 
     Args:
         text: BDDL text whose parentheses match, such as any that `parse` reads.
@@ -218,13 +215,13 @@ def lay_out(text: str, free_text: Collection[str] = ()) -> str:
 
 
 def comments(text: str, free_text: Collection[str] = ()) -> list[str]:
-    """Returns the comments of a text, in order."""
+    """Return the comments of a text, in order."""
     found = _TOKEN.finditer(hide_free_text(text, free_text))
     return [text[token.start() : token.end()].rstrip() for token in found if token.lastgroup == "comment"]
 
 
 def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
-    """Returns the pieces of a text as the parts of one nameless form."""
+    """Return the pieces of a text as the parts of one nameless form."""
     root = _Piece(None, parts=[])
     stack = [root]
     blank = "\n"
@@ -238,7 +235,7 @@ def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
             raise ValueError("A word cannot hold forms.")
         spaced = blank.count("\n") > 1 and bool(parts)
         if kind == "comment":
-            parts.append(_Piece(word.rstrip(), beside="\n" not in blank, spaced=spaced))
+            parts.append(_Piece(word.rstrip(), trailing="\n" not in blank, spaced=spaced))
         elif word == "(":
             form = _Piece(None, parts=[], spaced=spaced)
             parts.append(form)
@@ -260,7 +257,7 @@ def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
 
 
 def _measure(root: _Piece) -> None:
-    """Writes every form that fits on one line, inner ones first."""
+    """Write every form that fits on one line, inner ones first."""
     forms = [root]
     for form in forms:
         forms.extend(part for part in form.parts or () if part.parts is not None)
@@ -275,9 +272,9 @@ def _measure(root: _Piece) -> None:
 
 
 def _lines(root: _Piece) -> list[str]:
-    """Returns the lines of a text; each part of the root begins one of its own."""
+    """Return the lines of a text; each part of the root begins one of its own."""
     lines: list[str] = []
-    # What is still to be written, with its level; a string closes a form.
+    # Pieces still to be written, with their levels; a string closes a form.
     pending: list[tuple[_Piece | str, int]] = [(part, 0) for part in reversed(root.parts or [])]
     while pending:
         piece, level = pending.pop()
@@ -285,7 +282,7 @@ def _lines(root: _Piece) -> list[str]:
         if isinstance(piece, str):
             lines.append(indent + piece)
             continue
-        if piece.is_comment and piece.beside and lines:
+        if piece.is_comment and piece.trailing and lines:
             lines[-1] += f" {piece.text}"
             continue
         if piece.spaced:
@@ -302,7 +299,7 @@ def _lines(root: _Piece) -> list[str]:
 
 
 def _opening(form: _Piece) -> tuple[str, list[_Piece]]:
-    """Returns what stays on the first line of a broken form, and the parts that go below."""
+    """Return what stays on the first line of a broken form, and the parts that go below."""
     parts, head = form.parts or [], form.head
     kept: list[str] = []
     binders = _BINDERS.get(head, 0)
@@ -321,7 +318,7 @@ def _opening(form: _Piece) -> tuple[str, list[_Piece]]:
 
 
 def _by_category(parts: list[_Piece]) -> Iterator[_Piece]:
-    """Yields the lines of a list of objects: names up to their category, and comments."""
+    """Yield the lines of a list of objects: names up to their category, and comments."""
     line: list[_Piece] = []
     for position, part in enumerate(parts):
         alone = part.is_comment or part.parts is not None

@@ -27,8 +27,8 @@ from benchmarks.audit_geometry import Snapshot, holds
 from benchmarks.audit_watch import CONTACTS_EVERY, ROBOT, StepLog, watching
 from executor.bench.units import FAMILIES, HOUSEHOLD, BenchSetting, Unit, indices_of, outcome_version
 from executor.bench.work import execute, prepare
-from executor.records.rollout import Rollout
-from executor.world.world import World
+from executor.records import Rollout
+from executor.sim.world import World
 
 GRAVITY_M_S2 = 9.81
 FALL_WITHIN_M_S2 = 3.0  # Damping, and the step in which a touch ends.
@@ -94,7 +94,7 @@ class Finding:
 
 
 def units(per_family: int, seed: int) -> Iterator[Unit]:
-    """Yields the same number of episodes of each family, those of the household spread over its rooms."""
+    """Yield the same number of episodes of each family, those of the household spread over its rooms."""
     for family in FAMILIES:
         indices = indices_of(family) if family in HOUSEHOLD else ()
         for k in range(per_family):
@@ -105,7 +105,7 @@ def units(per_family: int, seed: int) -> Iterator[Unit]:
 
 
 def audit(unit: Unit) -> Finding:
-    """Returns what is found in one episode."""
+    """Return what is found in one episode."""
     pair, graph = prepare(unit)
     with watching() as watch:
         done, _ = execute(unit, pair, graph)
@@ -126,7 +126,7 @@ def audit(unit: Unit) -> Finding:
 
 
 def replay(done: Rollout) -> bytes:
-    """Returns the state after the recorded drive targets, and nothing else, have run in one world.
+    """Return the state after the recorded drive targets, and nothing else, have run in one world.
 
     Between two samples targets go straight, with their speed fed forward. Nothing is planned, measured or restored.
     """
@@ -149,7 +149,7 @@ def replay(done: Rollout) -> bytes:
 
 
 def _measure(log: StepLog, found: Finding) -> None:
-    """Adds one world's log to what was measured, and says what is wrong in it."""
+    """Add one world's log to what was measured, and says what is wrong in it."""
     robot, items, joints = np.array(log.robot), np.array(log.items), np.array(log.joints)
     found.steps += len(robot)
     q, qd, along = robot[:, :12], robot[:, 12:24], robot[:, 48:60]
@@ -186,18 +186,18 @@ def _jump(x: NDArray[np.float64], v: NDArray[np.float64], dt_s: float) -> NDArra
 
 
 def _mean(rows: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-    """Returns the means of each column over so many steps, or nothing where there are fewer."""
+    """Return the means of each column over so many steps, or nothing where there are fewer."""
     sums = np.cumsum(np.insert(rows, 0, 0.0, axis=0), axis=0)
     return np.asarray((sums[steps:] - sums[:-steps]) / steps)
 
 
 def _over(v: NDArray[np.float64], steps: int, dt_s: float) -> NDArray[np.float64]:
-    """Returns mean accelerations over so many steps."""
+    """Return mean accelerations over so many steps."""
     return np.asarray((v[steps:] - v[:-steps]) / (steps * dt_s))
 
 
 def _with_robot(pairs: frozenset[tuple[str, str]]) -> set[str]:
-    """Returns what the robot touches, and what that touches, and so on; the ground and the robot pass nothing on."""
+    """Return what the robot touches, and what that touches, and so on; the ground and the robot pass nothing on."""
     reached: set[str] = set()
     ahead = {b if a.startswith(ROBOT) else a for a, b in pairs if a.startswith(ROBOT) != b.startswith(ROBOT)}
     while ahead:
@@ -208,7 +208,7 @@ def _with_robot(pairs: frozenset[tuple[str, str]]) -> set[str]:
 
 
 def _untouched_items(log: StepLog, items: NDArray[np.float64], joints: NDArray[np.float64], found: Finding) -> None:
-    """Says which items move without the robot's touch in any other way than by falling or coming to rest."""
+    """Say which items move without the robot's touch in any other way than by falling or coming to rest."""
     rows = items[::CONTACTS_EVERY][: len(log.touching)]
     span_s = CONTACTS_EVERY * log.dt_s
     moving_joints = np.abs(joints[::CONTACTS_EVERY, :, 1]) > MOVING_JOINT
@@ -234,7 +234,7 @@ def _untouched_items(log: StepLog, items: NDArray[np.float64], joints: NDArray[n
 
 
 def _untouched_joints(log: StepLog, joints: NDArray[np.float64], found: Finding) -> None:
-    """Says which doors and drawers speed up though the robot has touched them for a tenth of a second no more."""
+    """Say which doors and drawers speed up though the robot has touched them for a tenth of a second no more."""
     rows, span_s = joints[::CONTACTS_EVERY][: len(log.touching)], CONTACTS_EVERY * log.dt_s
     patience = round(UNTOUCHED_S / span_s)
     since = dict.fromkeys(log.joint_owners, patience)
@@ -254,7 +254,7 @@ def _untouched_joints(log: StepLog, joints: NDArray[np.float64], found: Finding)
 
 
 def _across(logs: list[StepLog], found: Finding) -> None:
-    """Measures how far things are from where they were, where a world was built anew at a subtask's end."""
+    """Measure how far things are from where they were, where a world was built anew at a subtask's end."""
     for before, after in pairwise(logs):
         items = np.abs(before.items[-1][:, :3] - after.items[0][:, :3]).max(initial=0.0)
         robot = np.abs(before.robot[-1][:12] - after.robot[0][:12])
@@ -273,7 +273,7 @@ def _count(found: Finding, name: str, amount: float) -> None:
 
 
 def table(findings: list[Finding]) -> str:
-    """Returns the episodes, then the largest of each measure, as text."""
+    """Return the episodes, then the largest of each measure, as text."""
     lines = ["episode                       steps  ended      caught  goal  replay  wrong"]
     for each in findings:
         ended = "succeeded" if each.succeeded else "failed"

@@ -17,8 +17,8 @@ from scipy.spatial import ConvexHull
 
 import bddl
 from bddl import Atom, Formula
-from executor.machine.extras import load_sapien
-from executor.world.world import World
+from executor.sim.world import World
+from executor.system.extras import load_sapien
 from oag import Scene
 
 sapien: Any = load_sapien()
@@ -74,18 +74,18 @@ class Snapshot:
             self.middles[owner] = (body.entity.pose * body.cmass_local_pose).p
 
     def lowest_m(self, owner: str) -> float:
-        """Returns the height of a thing's lowest point."""
+        """Return the height of a thing's lowest point."""
         return float(min(points[:, 2].min() for points in self.hulls[owner]))
 
     def is_on(self, item: str, support: str) -> bool:
-        """Decides whether an item rests on a face of a support that is under its middle."""
+        """Decide whether an item rests on a face of a support that is under its middle."""
         middle = self.middles[item]
         tops = [_top_under(hull, middle) for hull in self.hulls[support]]
         heights = [top for top in tops if top is not None and top < middle[2]]
         return bool(heights) and abs(self.lowest_m(item) - max(heights)) <= ON_M
 
     def is_in(self, item: str, container: str) -> bool:
-        """Decides whether an item is inside a fixture's carcass, or in a dish."""
+        """Decide whether an item is inside a fixture's carcass, or in a dish."""
         points = np.concatenate(self.hulls[item])
         around = np.concatenate(self.root_hulls[container])
         if container in self.middles:
@@ -97,7 +97,7 @@ class Snapshot:
         return bool((local >= box.min(axis=0) - IN_M).all() and (local <= box.max(axis=0) + IN_M).all())
 
     def is_held(self, item: str) -> bool:
-        """Decides whether what is between the fingertips belongs to an item."""
+        """Decide whether what is between the fingertips belongs to an item."""
         tips = [max(np.concatenate(self.hulls[f]), key=self._reach) for f in ("panda_leftfinger", "panda_rightfinger")]
         middle = np.mean(tips, axis=0)
         hull = ConvexHull(np.concatenate(self.hulls[item]))
@@ -111,19 +111,19 @@ class Snapshot:
         return float(np.linalg.norm(point - self._hand))
 
     def tilt_deg(self, item: str, before: Snapshot) -> float:
-        """Returns how far an item leans from how it stood in another state, or from upright where that is less."""
+        """Return how far an item leans from how it stood in another state, or from upright where that is less."""
         up = self.poses[item][:3, 2]
         cosine = max(float(up @ before.poses[item][:3, 2]), float(up[2]))
         return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
     def is_roofed(self, item: str) -> bool:
-        """Decides whether something other than the robot is over an item's middle."""
+        """Decide whether something other than the robot is over an item's middle."""
         middle, others = self.middles[item], {item, *(name for name in self.hulls if name.startswith("panda"))}
         tops = [_top_under(hull, middle) for name, hulls in self.hulls.items() if name not in others for hull in hulls]
         return any(top is not None and top > middle[2] for top in tops)
 
     def is_ball(self, item: str) -> bool:
-        """Decides whether an item has no side to stand on."""
+        """Decide whether an item has no side to stand on."""
         T = np.linalg.inv(self.poses[item])
         local = np.concatenate(self.hulls[item]) @ T[:3, :3].T
         extents = np.ptp(local, axis=0)
@@ -131,7 +131,7 @@ class Snapshot:
 
 
 def holds(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> bool:
-    """Decides whether a goal holds in a state, what it puts somewhere standing upright, or as it stood before.
+    """Decide whether a goal holds in a state, what it puts somewhere standing upright, or as it stood before.
 
     Raises:
         ValueError: The goal has a predicate that this geometry does not know.
@@ -159,7 +159,7 @@ def _is_plane(shape: Any) -> bool:
 
 
 def _placed(T_world_body: Points, shape: Any) -> Points:
-    """Returns (P, 3) world points whose hull is a shape."""
+    """Return (P, 3) world points whose hull is a shape."""
     physx = sapien.physx
     if isinstance(shape, physx.PhysxCollisionShapeBox):
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -187,7 +187,7 @@ def _placed(T_world_body: Points, shape: Any) -> Points:
 
 
 def _top_under(points: Points, above: Points) -> float | None:
-    """Returns the height at which a vertical line through a point leaves a convex shape, or None where it passes it."""
+    """Return the height at which a vertical line through a point leaves a convex shape, or None where it passes it."""
     equations = ConvexHull(points).equations
     slope, offset = equations[:, 2], equations[:, :2] @ above[:2] + equations[:, 3]
     level = np.abs(slope) < 1e-9

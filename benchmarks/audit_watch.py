@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.machine.extras import load_sapien
+from executor.system.extras import load_sapien
 
 sapien: Any = load_sapien()
 ROBOT = "robot"
@@ -110,13 +110,13 @@ class Watch:
     _touched: set[tuple[str, str]] = field(default_factory=set)
 
     def note(self, name: str, thing: Any) -> None:
-        """Notes a call when its object is part of a live world."""
+        """Note a call when its object is part of a live world."""
         scene = _scene_of(thing)
         if scene is not None and scene.id in self._live:
             self.caught.append(f"{name} on {_owner_of(thing)}")
 
     def motor(self, name: str, joint: Any) -> None:
-        """Notes a drive target of a joint that is not the robot's."""
+        """Note a drive target of a joint that is not the robot's."""
         if joint.child_link.articulation.name != ROBOT:
             self.note(name, joint)
 
@@ -125,7 +125,7 @@ class Watch:
         self._packed.add(state)
 
     def unpacked(self, system: Any, state: bytes) -> None:
-        """Notes a state that is set on a live world, or that no live world was in."""
+        """Note a state that is set on a live world, or that no live world was in."""
         scene = _scene_of_system(system)
         if system.timestep < _ORACLE_STEP_S:
             return
@@ -187,7 +187,7 @@ class Watch:
 
 @contextmanager
 def watching() -> Iterator[Watch]:
-    """Gives a watch over all physics of the process until the block ends."""
+    """Give a watch over all physics of the process until the block ends."""
     watch = Watch()
     undo: list[tuple[type, str, Any]] = []
 
@@ -301,7 +301,7 @@ def _owner_of(thing: Any) -> str:
 
 
 def _touching(system: Any, owners: dict[int, str]) -> set[tuple[str, str]]:
-    """Returns pairs of owners between which a force acted in the last step."""
+    """Return pairs of owners between which a force acted in the last step."""
     pairs = set()
     for contact in system.get_contacts():
         if any(float(np.abs(point.impulse).max()) > 0.0 for point in contact.points):
@@ -311,7 +311,7 @@ def _touching(system: Any, owners: dict[int, str]) -> set[tuple[str, str]]:
 
 
 def _makeup(system: Any) -> str:
-    """Returns what decides the physics of a world beside its state, as text."""
+    """Return what decides the physics of a world beside its state, as text."""
     parts: list[Any] = [system.timestep]
     links = system.articulation_link_components
     for body in [*system.rigid_dynamic_components, *links]:

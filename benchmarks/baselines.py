@@ -14,10 +14,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from executor.bench.campaign import BenchFolder, NotABench
 from executor.bench.paper import main_table
-from executor.bench.store import BenchFolder, NotABench
-from executor.bench.summary import Cell, Rate
-from executor.bench.table import number, rate_text
+from executor.bench.tables import Cell, Rate, number, rate_text
 from executor.bench.units import FAMILIES, BenchSetting
 
 OF_THE_PAPER = {"constraint-pose": "M3 GenSim2 (Primitive)", "sampled-grasp": "M4 RoboGen (Primitive)"}
@@ -103,7 +102,7 @@ HEAD = (
 
 
 def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
-    """Yields the table's rows, by family."""
+    """Yield the table's rows, by family."""
     printed = {row.method: row.cells for row in main_table()}
     for family in FAMILIES:
         for cell in sorted((c for c in cells if c.series.family == family), key=_last_is_ours):
@@ -124,7 +123,7 @@ def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
 
 
 def elsewhere() -> Iterator[tuple[str, ...]]:
-    """Yields the rows of what was measured outside the benchmark, in the table's columns."""
+    """Yield the rows of what was measured outside the benchmark, in the table's columns."""
     printed = {row.method: row.cells for row in main_table()}
     for one in ELSEWHERE:
         cells = ", ".join(number(success) for success, _ in printed.get(one.method, {}).values())
@@ -139,7 +138,7 @@ def _last_is_ours(cell: Cell) -> tuple[bool, str]:
 
 
 def main(words: list[str]) -> int:
-    """Prints the table as Markdown."""
+    """Print the table as Markdown."""
     try:
         (folder,) = map(Path, words)
         series = BenchFolder(folder).series()

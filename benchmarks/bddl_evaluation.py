@@ -52,7 +52,7 @@ print(time.perf_counter() - begin)
 
 
 def seconds(action: Callable[[Any], object], states: Iterable[Any]) -> float:
-    """Returns how long an action took on all of the states, the best of three times."""
+    """Return how long an action took on all of the states, the best of three times."""
     best = float("inf")
     for _ in range(3):
         begin = time.perf_counter()
@@ -93,7 +93,7 @@ class Contest:
         self.best = dict.fromkeys(("reference", *self.runs), float("inf"))
 
     def run(self, peer: GoalPeer) -> None:
-        """Runs one round: the reference, then this side."""
+        """Run one round: the reference, then this side."""
         theirs = peer.ask("time", activity=self.name, states=self.hexes)
         self.best["reference"] = min(self.best["reference"], theirs)
         for form, run in self.runs.items():
@@ -101,7 +101,7 @@ class Contest:
 
 
 def rows(contests: list[Contest]) -> dict[str, tuple[float, float, float, float, float]]:
-    """Returns for each form: mean and median microseconds a goal, and how many times faster than the reference it was.
+    """Return for each form: mean and median microseconds a goal, and how many times faster than the reference it was.
 
     The three ratios are that of the sums, the median of the goals', and that of the goal with the least gain.
     """
@@ -116,7 +116,7 @@ def rows(contests: list[Contest]) -> dict[str, tuple[float, float, float, float,
 
 
 def cold_starts(interpreter: Path, path: str, name: str) -> None:
-    """Prints the best time from import to the first answer, of both sides, each in fresh processes, in turns."""
+    """Print the best time from import to the first answer, of both sides, each in fresh processes, in turns."""
     ours, theirs = [], []
     for _ in range(COLD_RUNS):
         done = subprocess.run([sys.executable, "-c", COLD, path], capture_output=True, text=True, check=True)
@@ -127,7 +127,7 @@ def cold_starts(interpreter: Path, path: str, name: str) -> None:
 
 
 def contend(interpreter: Path, corpus: Mapping[str, str], rounds: int, seed: int) -> list[Contest]:
-    """Runs the contest on all activities; returns it with the best times of all rounds."""
+    """Run the contest on all activities; returns it with the best times of all rounds."""
     source = random.Random(seed)
     with GoalPeer(interpreter) as peer:
         problems = {name: bddl.parse(text, profile="behavior-compat") for name, text in corpus.items()}
@@ -161,7 +161,7 @@ def check_evaluation(context: Context) -> Result:
 
 
 def main() -> None:
-    """Runs the contest and prints its tables."""
+    """Run the contest and prints its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--reference-python", type=Path, default=os.environ.get("REFERENCE_PYTHON"))
     parser.add_argument("--rounds", type=int, default=ROUNDS)

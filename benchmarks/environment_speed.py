@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from executor.envs import FAMILIES
-from executor.envs.environment import SceneEnvironment
-from executor.machine.files import write_json
+from executor.envs.scene_environment import SceneEnvironment
+from executor.system.files import write_json
 
 _SWING = np.array([0.03, 0.03, 0.05, *[0.08] * 7, 0.005, 0.005])  # m and rad, well within the speed limits.
 _PERIOD = 20  # Actions.
 
 
 def main() -> None:
-    """Measures and prints one line a family."""
+    """Measure and prints one line a family."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--families", nargs="+", default=list(FAMILIES))
     parser.add_argument("--seed", type=int, default=0)

@@ -21,14 +21,14 @@ from typing import Any
 
 from benchmarks.evolution_episode import FAULTS, SCENES, has_episodes
 from benchmarks.evolution_table import tables
-from executor.machine.workers.pool import WorkerPool
+from executor.system.workers import WorkerPool
 
 WORKER = "benchmarks.evolution_episode"
 Request = dict[str, Any]
 
 
 def requests(chosen: argparse.Namespace, done: Iterable[dict[str, Any]]) -> Iterator[list[Request]]:
-    """Yields rounds of episodes that are not done yet; those of one round do not depend on each other.
+    """Yield rounds of episodes that are not done yet; those of one round do not depend on each other.
 
     Args:
         chosen: What the command line asks for.
@@ -49,7 +49,7 @@ def _request(chosen: argparse.Namespace, task: str, kind: str, seed: int) -> Req
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Returns the episodes that a results file has; a last line that was cut off is left out."""
+    """Return the episodes that a results file has; a last line that was cut off is left out."""
     if not path.exists():
         return []
     found = []
@@ -62,7 +62,7 @@ def read(path: Path) -> list[dict[str, Any]]:
 
 
 def run(chosen: argparse.Namespace, path: Path) -> int:
-    """Runs the episodes that a results file lacks, adds each to it as soon as it is finished; returns how many broke.
+    """Run the episodes that a results file lacks, adds each to it as soon as it is finished; returns how many broke.
 
     An episode whose process ends is told and left out: the next run tries it again.
     """
@@ -89,7 +89,7 @@ def _seeds(text: str) -> range:
 
 
 def main() -> int:
-    """Runs what is lacking, prints the tables, and returns the exit code: 1 when an episode broke, 2 on Ctrl-C."""
+    """Run what is lacking, prints the tables, and returns the exit code: 1 when an episode broke, 2 on Ctrl-C."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=_seeds, default=range(0), help="such as 16000-16004")

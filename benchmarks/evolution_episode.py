@@ -11,13 +11,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-from executor.evolution.evolve import evolve
-from executor.machine.workers.process import serve
+from executor.rollouts.evolve import evolve
 from executor.scenes import library
-from executor.world.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
-from llm.evolution import SearchSupervisor, Supervisor
-from llm.memory.folder import SkillMemory
-from llm.memory.supervisor import RememberingSupervisor
+from executor.sim.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
+from executor.system.workers import serve
+from llm.evolve import SearchSupervisor, Supervisor
+from llm.memory import RememberingSupervisor, SkillMemory
 from oag import Scene, Task, compose
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
@@ -29,14 +28,14 @@ GRIP_N, GRIP_AT_DOORS_N = 5.0, 15.0
 
 
 def task_of(name: str) -> tuple[Task, Scene]:
-    """Returns one of the paper's tasks with its initial flows as printed, and its scene."""
+    """Return one of the paper's tasks with its initial flows as printed, and its scene."""
     scene = library.load(SCENES[name])
     text = (DATA / f"{name}.json").read_text(encoding="utf-8")
     return Task.from_json(json.loads(text), scene=scene), scene
 
 
 def faults_of(kind: str, task: Task, seed: int) -> tuple[Fault, ...] | None:
-    """Returns what is wrong in an episode, None where a task has nothing that the fault could be about."""
+    """Return what is wrong in an episode, None where a task has nothing that the fault could be about."""
     item = next(subtask.target for subtask in task.subtasks if subtask.support_init is not None)
     doors = [subtask.target for subtask in task.subtasks if subtask.target != item]
     if kind == "door":
@@ -53,7 +52,7 @@ def faults_of(kind: str, task: Task, seed: int) -> tuple[Fault, ...] | None:
 
 
 def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | None) -> dict[str, Any]:
-    """Returns what came of one episode.
+    """Return what came of one episode.
 
     Args:
         name: "T1" to "T4".
@@ -99,7 +98,7 @@ def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | N
 
 
 def has_episodes(name: str, kind: str) -> bool:
-    """Decides whether a task has anything that a fault could be about."""
+    """Decide whether a task has anything that a fault could be about."""
     return faults_of(kind, task_of(name)[0], 0) is not None
 
 

@@ -16,7 +16,7 @@ Results = Sequence[dict[str, Any]]
 
 
 def tables(results: Results) -> Iterator[str]:
-    """Yields the lines of all tables.
+    """Yield the lines of all tables.
 
     An episode up to its first revision is what it is without evolution, so that episodes without memory give both
     columns; those with memory were run apart.
@@ -65,7 +65,7 @@ def _cells(results: Results) -> list[str]:
 
 
 def _revisions(results: Results) -> str:
-    """Returns the mean number of revisions of the episodes that succeeded, and of those that needed any."""
+    """Return the mean number of revisions of the episodes that succeeded, and of those that needed any."""
     counts = [result["revisions"] for result in results if result["after"]]
     if not counts:
         return "-"

@@ -19,10 +19,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from executor.assets.imports.asset_folder import ImportRefused
-from executor.assets.imports.importer import import_asset
-from executor.cli.main import run
-from executor.machine.files import write_json
+from executor.assets.importers.files import ImportRefused
+from executor.assets.importers.importer import import_asset
+from executor.cli.app import run
+from executor.system.files import write_json
 
 KINDS: dict[str, tuple[str, str, float, bool]] = {
     "refrigerator": ("refrigerator", "refrigerator", 1.2, False),
@@ -68,7 +68,7 @@ def main() -> int:
 
 
 def _measured(kind: str, source: Path, options: argparse.Namespace) -> dict[str, Any]:
-    """Returns what became of one model: why it was not taken, or how often it was opened and shut."""
+    """Return what became of one model: why it was not taken, or how often it was opened and shut."""
     _, category, height_m, on_table = KINDS[kind]
     name = f"{kind}_{source.name}"
     try:

@@ -86,7 +86,7 @@ def without_pictures() -> Any:
 
 
 def episode(env: Any, seed: int) -> bool:
-    """Returns whether a task succeeded, by its own criterion, from a pose and an opening that a seed draws."""
+    """Return whether a task succeeded, by its own criterion, from a pose and an opening that a seed draws."""
     numpy = importlib.import_module("numpy")
     planner = importlib.import_module("gensim2.env.solver.planner").KPAMPlanner
     random.seed(seed)
@@ -106,7 +106,7 @@ def episode(env: Any, seed: int) -> bool:
 
 
 def interval_percent(successes: int, trials: int) -> tuple[float, float]:
-    """Returns the exact interval, 95 %, of Clopper and Pearson."""
+    """Return the exact interval, 95 %, of Clopper and Pearson."""
     beta = importlib.import_module("scipy.stats").beta
     low = 0.0 if successes == 0 else float(beta.ppf(0.025, successes, trials - successes + 1))
     high = 1.0 if successes == trials else float(beta.ppf(0.975, successes + 1, trials - successes))
@@ -114,7 +114,7 @@ def interval_percent(successes: int, trials: int) -> tuple[float, float]:
 
 
 def main(words: list[str]) -> int:
-    """Runs the tasks, and prints what came of each."""
+    """Run the tasks, and prints what came of each."""
     parser = argparse.ArgumentParser(description="GenSim2's own code on its own tasks.")
     parser.add_argument("checkout", type=Path, help="a checkout of GenSim2, with its assets")
     parser.add_argument("tasks", nargs="*", default=[*PRIMITIVE, *LONG_HORIZON])

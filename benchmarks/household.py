@@ -13,14 +13,13 @@ from pathlib import Path
 
 from PIL import Image
 
-from executor.machine.vulkan import activate
-from executor.pictures.overview import global_camera
-from executor.pictures.sheet import COLUMNS, contact_sheet
-from executor.pictures.stage import Stage, warm_up
-from executor.scenes import household
+from executor.scenes.generators import household
 from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import reach
-from executor.world.world import World
+from executor.sim.render.cameras import global_camera
+from executor.sim.render.stage import COLUMNS, Stage, contact_sheet, warm_up
+from executor.sim.world import World
+from executor.system.vulkan import activate
 
 TILE_PX = (320, 240)
 SHEET_WIDTH_PX = 1200
@@ -28,7 +27,7 @@ JPEG_QUALITY = 80
 
 
 def tabulate(pairs: list[ScenePair]) -> None:
-    """Prints a line for each pair, and how many the rule lets pass."""
+    """Print a line for each pair, and how many the rule lets pass."""
     passed: Counter[str] = Counter()
     for pair in pairs:
         found = reach(pair.scene, pair.task)
@@ -40,7 +39,7 @@ def tabulate(pairs: list[ScenePair]) -> None:
 
 
 def room_sheet(pairs: list[ScenePair], columns: int = COLUMNS) -> Image.Image:
-    """Returns a picture with a tile for each pair, seen by its global camera; needs a Vulkan renderer."""
+    """Return a picture with a tile for each pair, seen by its global camera; needs a Vulkan renderer."""
     activate()
     # While this small scene lives, the rooms' scenes share its shaders; compiling them anew takes seconds a tile.
     shaders = warm_up()

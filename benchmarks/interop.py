@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from executor.cli.main import run
-from executor.datasets.formats.export import Format, write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import Extra
-from executor.datasets.store import EpisodeStore
-from executor.machine.files import read_json, write_json
-from executor.machine.vulkan import activate
+from executor.cli.app import run
+from executor.data.formats.export import Format, write_set
+from executor.data.formats.store_reader import stream_of
+from executor.data.formats.table import Extra
+from executor.data.store import EpisodeStore
+from executor.system.files import read_json, write_json
+from executor.system.vulkan import activate
 
 ROOT = Path(__file__).resolve().parents[1]
 ENVIRONMENT = ROOT / ".venv-interop"
@@ -86,7 +86,7 @@ def main() -> int:
 
 
 def _compared(store: EpisodeStore, kind: Format, read: dict[str, Any]) -> list[str]:
-    """Returns what was read otherwise than it was written."""
+    """Return what was read otherwise than it was written."""
     episodes = list(stream_of(store, INCLUDE).episodes())
     wrong = []
     for name, digest in read["digests"].items():

@@ -92,7 +92,7 @@ def _told(columns: dict[str, Any]) -> dict[str, Any]:
 
 
 def robomimic_steps(folder: Path) -> dict[str, Any]:
-    """Returns what robomimic's behaviour cloning makes of a file: its version, demonstrations, first and last loss."""
+    """Return what robomimic's behaviour cloning makes of a file: its version, demonstrations, first and last loss."""
     if find_spec("robomimic") is None:
         return {}
     import robomimic
@@ -132,7 +132,7 @@ def robomimic_steps(folder: Path) -> dict[str, Any]:
 
 
 def dp3_steps(folder: Path) -> dict[str, Any]:
-    """Returns what a small policy on points makes of DP3's own data set class: episodes, first and last loss."""
+    """Return what a small policy on points makes of DP3's own data set class: episodes, first and last loss."""
     if find_spec("diffusion_policy_3d") is None:
         return {}
     import torch
@@ -159,7 +159,7 @@ def dp3_steps(folder: Path) -> dict[str, Any]:
 
 
 def _batches(data: Any) -> Iterator[Any]:
-    """Yields as many batches as there are steps."""
+    """Yield as many batches as there are steps."""
     import torch
 
     done = 0
@@ -172,7 +172,7 @@ def _batches(data: Any) -> Iterator[Any]:
 
 
 def _ends(losses: list[float]) -> list[float]:
-    """Returns the mean of the first five and of the last five."""
+    """Return the mean of the first five and of the last five."""
     return [sum(part) / len(part) for part in (losses[:5], losses[-5:])]
 
 

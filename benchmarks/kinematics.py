@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, quaternion_wxyz
-from executor.machine.extras import load_sapien
-from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
-from executor.robot.kinematics import ARM, DOF, Kinematics
-from executor.world.world import World
+from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
+from executor.sim.robot.kinematics import ARM, DOF, Kinematics
+from executor.sim.world import World
+from executor.system.extras import load_sapien
 from oag import RobotPose, Scene
 
 ROOT = Path(__file__).parent.parent
@@ -41,14 +41,14 @@ Solver = Callable[[Array], list[Array | None]]
 
 
 def targets(kinematics: Kinematics, count: int, seed: int) -> Array:
-    """Returns (count, 4, 4) hand poses in the base's frame."""
+    """Return (count, 4, 4) hand poses in the base's frame."""
     rng = np.random.default_rng(seed)
     arms = rng.uniform(kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD, (count, 7))
     return np.stack([kinematics.forward(np.concatenate([np.zeros(3), arm])) for arm in arms])
 
 
 def judged(kinematics: Kinematics, wanted: Array, answers: list[Array | None]) -> dict[str, float]:
-    """Returns the share of answers that reach their target, that respect the limits, and that do both."""
+    """Return the share of answers that reach their target, that respect the limits, and that do both."""
     reached, within = [], []
     for T, arm in zip(wanted, answers, strict=True):
         if arm is None:
@@ -64,7 +64,7 @@ def judged(kinematics: Kinematics, wanted: Array, answers: list[Array | None]) -
 
 
 def ours(kinematics: Kinematics) -> Solver:
-    """Returns our solver: SAPIEN's from random starts until one posture is within the limits."""
+    """Return our solver: SAPIEN's from random starts until one posture is within the limits."""
 
     def solve(T: Array) -> Array | None:
         found = kinematics.solve(T, np.zeros(3), restarts=RESTARTS, minimum_margin_rad=0.0, enough=1)
@@ -74,7 +74,7 @@ def ours(kinematics: Kinematics) -> Solver:
 
 
 def ours_widest(kinematics: Kinematics) -> Solver:
-    """Returns our solver as the planner uses it: of what 24 starts find, the posture farthest from its limits."""
+    """Return our solver as the planner uses it: of what 24 starts find, the posture farthest from its limits."""
 
     def solve(T: Array) -> Array | None:
         found = kinematics.solve(T, np.zeros(3))
@@ -84,7 +84,7 @@ def ours_widest(kinematics: Kinematics) -> Solver:
 
 
 def clik(world: World) -> Solver:
-    """Returns SAPIEN's solver as it comes: one start, which knows no joint limits."""
+    """Return SAPIEN's solver as it comes: one start, which knows no joint limits."""
     sapien = load_sapien()
 
     model = world.robot.create_pinocchio_model()
@@ -100,7 +100,7 @@ def clik(world: World) -> Solver:
 
 
 def pytorch_kinematics(urdf: Path) -> Solver:
-    """Returns pytorch-kinematics' pseudo-inverse solver with the settings of its documentation."""
+    """Return pytorch-kinematics' pseudo-inverse solver with the settings of its documentation."""
     import pytorch_kinematics as pk
     import torch
 
@@ -142,7 +142,7 @@ class Ikpy:
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def measure(self, wanted: Array) -> tuple[list[Array | None], float]:
-        """Returns the postures and the seconds that they took in that process."""
+        """Return the postures and the seconds that they took in that process."""
         if self._process.stdin is None or self._process.stdout is None:
             raise SystemExit("the peer has no pipes")
         self._process.stdin.write(json.dumps(wanted.tolist()).encode() + b"\n")
@@ -152,7 +152,7 @@ class Ikpy:
 
 
 def main() -> None:
-    """Prints one row for each solver."""
+    """Print one row for each solver."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 100, 1000])
     parser.add_argument("--seed", type=int, default=0)

@@ -13,15 +13,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from executor.bench.store import BenchFolder
-from executor.bench.summary import memory_growth, of_one_process
+from executor.bench.campaign import BenchFolder
+from executor.bench.tables import memory_growth, of_one_process
 
 MOST_PERCENT = 10.0
 SHOWN = (1, 10, 20, 50, 100, 200, 500, 1000)
 
 
 def main(folder: str) -> int:
-    """Prints the figures of a benchmark's folder and returns the exit code."""
+    """Print the figures of a benchmark's folder and returns the exit code."""
     bench = BenchFolder(Path(folder))
     results = [result for series in bench.series() for result in bench.results(series)]
     growth, mine = memory_growth(results), of_one_process(results)

@@ -47,14 +47,14 @@ class _Noise:
         self.broken: Json | None = None
 
     def chance(self, probability: float, change: str) -> bool:
-        """Decides whether to make a change, and notes it."""
+        """Decide whether to make a change, and notes it."""
         made = self.rng.random() < probability
         if made:
             self.changes.append(change)
         return made
 
     def reorder(self) -> None:
-        """Puts independent blocks in any order that the dependences allow."""
+        """Put independent blocks in any order that the dependences allow."""
         left = list(range(len(self.blocks)))
         order: list[int] = []
         while left:
@@ -66,7 +66,7 @@ class _Noise:
         self.blocks = [self.blocks[i] for i in order]
 
     def repeat(self) -> None:
-        """Says a block, or a subtask of it, twice; the second time its condition is what the first one left."""
+        """Say a block, or a subtask of it, twice; the second time its condition is what the first one left."""
         block = self.rng.choice(self.blocks)
         if len(block) == 2:
             pick, put = copy.deepcopy(block)
@@ -78,7 +78,7 @@ class _Noise:
             block.insert(1, {**copy.deepcopy(block[0]), "init": block[0]["goal"]})
 
     def merge(self) -> None:
-        """Writes a picking up and the putting down after it as one subtask."""
+        """Write a picking up and the putting down after it as one subtask."""
         block = self.rng.choice(self.blocks)
         for at in range(len(block) - 1):
             first, second = block[at], block[at + 1]
@@ -91,7 +91,7 @@ class _Noise:
                 return
 
     def split(self) -> None:
-        """Cuts one movement of a subtask off as a subtask of its own."""
+        """Cut one movement of a subtask off as a subtask of its own."""
         block = self.rng.choice(self.blocks)
         at = self.rng.randrange(len(block))
         whole = block[at]
@@ -110,7 +110,7 @@ class _Noise:
         block[at : at + 1] = [before, after]
 
     def _cuts(self, subtask: Json) -> list[tuple[int, str | None]]:
-        """Places where a flow can be cut, with what holds there when it is not the initial condition."""
+        """Place where a flow can be cut, with what holds there when it is not the initial condition."""
         flow, target = subtask["flow"], subtask["target"]
         cuts: list[tuple[int, str | None]] = []
         if flow[0] in (17, 18) and len(flow) > 1:
@@ -127,7 +127,7 @@ class _Noise:
         return cuts
 
     def wander(self) -> None:
-        """Puts a subtask in that only drives somewhere."""
+        """Put a subtask in that only drives somewhere."""
         block = self.rng.choice(self.blocks)
         places = [i for i, subtask in enumerate(block) if subtask["flow"][0] in (17, 18)]
         if not places:
@@ -151,7 +151,7 @@ class _Noise:
         block.insert(at, drive)
 
     def say_more(self) -> None:
-        """Adds to a goal what its flow brings about anyway."""
+        """Add to a goal what its flow brings about anyway."""
         for block in self.blocks:
             for subtask in block:
                 target, goal = subtask["target"], subtask["goal"]
@@ -161,14 +161,14 @@ class _Noise:
                     subtask["goal"] = f"(and {goal} (not (inside {target} gripper)))"
 
     def drop_first_way(self, subtasks: list[Json]) -> None:
-        """Lets the first flow begin where the reset puts the robot."""
+        """Let the first flow begin where the reset puts the robot."""
         flow = subtasks[0]["flow"]
         if flow[0] == 17 and len(flow) > 1:
             subtasks[0]["flow"] = flow[1:]
 
 
 def variant(base: BaseTask, seed: int, corrupt: Callable[[_Noise], str | None] | None = None) -> Variant:
-    """Returns a task in another wording.
+    """Return a task in another wording.
 
     Args:
         base: The task.
@@ -210,7 +210,7 @@ def variant(base: BaseTask, seed: int, corrupt: Callable[[_Noise], str | None] |
 
 
 def corrupted(base: BaseTask, seed: int) -> Variant:
-    """Returns a task in another wording in which one thing is wrong; the first of its changes says which."""
+    """Return a task in another wording in which one thing is wrong; the first of its changes says which."""
     kinds = (_dropped_step, _wrong_object, _flipped_goal, _swapped_roles)
     return variant(base, seed, kinds[seed % len(kinds)])
 
@@ -279,7 +279,7 @@ def _conjunction(parts: list[str], rng: random.Random) -> str:
 
 
 def _reworded(text: str, rng: random.Random) -> str:
-    """Writes a formula in another way: conjuncts shuffled, predicates in capitals, negations doubled."""
+    """Write a formula in another way: conjuncts shuffled, predicates in capitals, negations doubled."""
     parts = [str(part) for part in bddl.conjuncts(bddl.parse_formula(text))]
     if parts and rng.random() < 0.1:
         parts.append(parts[0])
@@ -290,7 +290,7 @@ def _reworded(text: str, rng: random.Random) -> str:
 
 
 def _respell(subtasks: list[Json], task: Json, base: BaseTask, rng: random.Random) -> None:
-    """Writes names of objects in other ways, each occurrence for itself."""
+    """Write names of objects in other ways, each occurrence for itself."""
     objects = list(base.scene["objects"])
     stems = [name.rsplit("_", 1)[0] for name in objects]
 
@@ -318,7 +318,7 @@ def _respell(subtasks: list[Json], task: Json, base: BaseTask, rng: random.Rando
 
 
 def _shuffled(task: Json, subtasks: list[Json], rng: random.Random) -> Json:
-    """Returns the file with its keys in any order, its subtasks as a list or numbered."""
+    """Return the file with its keys in any order, its subtasks as a list or numbered."""
     mixed = [{key: subtask[key] for key in rng.sample(sorted(subtask), len(subtask))} for subtask in subtasks]
     if rng.random() < 0.3:
         task = {**task, **{f"sub_task_{number}": subtask for number, subtask in enumerate(mixed, start=1)}}

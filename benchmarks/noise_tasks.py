@@ -221,6 +221,6 @@ def _packing() -> BaseTask:
 
 
 def ten_tasks() -> tuple[BaseTask, ...]:
-    """Returns the ten tasks."""
+    """Return the ten tasks."""
     others = (_drawers(), _shelf(), _two_containers(), _swap_in_fridge(), _clear_table(), _packing())
     return (*(_paper(name) for name in ("T1", "T2", "T3", "T4")), *others)

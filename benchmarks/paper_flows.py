@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from executor.records.rollout import ignore
+from executor.records import ignore
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.running import RECORD_HZ, Run
+from executor.rollouts.rollout import RECORD_HZ, Run
 from executor.scenes import library
 from executor.scenes.vary import vary
 from llm import propose
@@ -53,19 +53,19 @@ class Printed:
 
 
 def printed(task: str) -> list[dict[str, Any]]:
-    """Returns the flows that the paper prints for a task."""
+    """Return the flows that the paper prints for a task."""
     found: list[dict[str, Any]] = json.loads((DATA / "paper_evolution.json").read_text(encoding="utf-8"))[task]
     return found
 
 
 def with_flow(task: Task, subtask: int, flow: list[Any] | None) -> Task:
-    """Returns the task with another flow of one subtask."""
+    """Return the task with another flow of one subtask."""
     changed = replace(task.subtasks[subtask], flow=None if flow is None else flow_from_json(flow))
     return replace(task, subtasks=(*task.subtasks[:subtask], changed, *task.subtasks[subtask + 1 :]))
 
 
 def open_task(task: Task, scene: Scene, query: str) -> Task:
-    """Returns the paper's task with the offline planner's flows, whose numbers are open."""
+    """Return the paper's task with the offline planner's flows, whose numbers are open."""
     planned = propose(query, scene).task
     flows = {(s.target, str(s.goal)): s.flow for s in planned.subtasks}
     subtasks = tuple(replace(s, flow=flows.get((s.target, str(s.goal)), s.flow)) for s in task.subtasks)
@@ -81,7 +81,7 @@ QUERIES = {
 
 
 def outcomes(name: str, seed: int) -> Iterator[Printed]:
-    """Yields what comes of every printed flow of a task in its scene, varied by a seed."""
+    """Yield what comes of every printed flow of a task in its scene, varied by a seed."""
     scene = library.load(SCENES[name])
     task = Task.from_json(json.loads((DATA / f"{name}.json").read_text(encoding="utf-8")), scene=scene)
     base = open_task(task, scene, QUERIES[name])
@@ -119,7 +119,7 @@ def _outcome(run: Run, base: Task, scene: Scene, name: str, entry: dict[str, Any
 
 
 def main() -> None:
-    """Prints one line a flow and seed, and the counts."""
+    """Print one line a flow and seed, and the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tasks", nargs="+", choices=sorted(SCENES), default=sorted(SCENES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[16000])

@@ -18,7 +18,7 @@ JOINTS = 7
 
 
 def arm_of(urdf: str, base: str, hand: str) -> Chain:
-    """Returns the chain from base to hand with its fixed links held."""
+    """Return the chain from base to hand with its fixed links held."""
     warnings.simplefilter("ignore")
     chain = Chain.from_urdf_file(urdf, base_elements=[base], last_link_vector=None, symbolic=True)
     names = [link.name for link in chain.links]

@@ -19,7 +19,7 @@ from benchmarks.primitive_model import ACTIONS, PREDICATES, Plan
 
 
 def build(plan: Plan) -> tuple[Any, Any]:
-    """Returns a plan's problem and its sequence of actions."""
+    """Return a plan's problem and its sequence of actions."""
     thing = up.UserType("thing")
     fluents = {
         name: up.Fluent(name, up.BoolType(), **{f"x{index}": thing for index in range(arity)})
@@ -49,7 +49,7 @@ def build(plan: Plan) -> tuple[Any, Any]:
 
 
 def measure(plan: Plan, runs: int, cpu: bool) -> dict[str, Any]:
-    """Returns the shortest times of several runs, and whether the plan was found valid in all."""
+    """Return the shortest times of several runs, and whether the plan was found valid in all."""
     clock = time.process_time if cpu else time.perf_counter
     build_ms, validate_ms, valid = float("inf"), float("inf"), True
     for _ in range(runs):

@@ -7,8 +7,8 @@ import llm
 import oag
 from executor import rollout
 from executor.scenes import library
-from executor.world.physics import Physics
-from executor.world.world import World
+from executor.sim.engine import Physics
+from executor.sim.world import World
 
 RUNS = (
     ("kitchen_t1", "put the glass into the refrigerator", 3),
@@ -21,7 +21,7 @@ STILL_S = 1e-6
 
 
 def deepest_mm(graph: oag.ObjectActionGraph, seed: int) -> dict[tuple[str, str], float]:
-    """Returns the deepest overlap in mm of each pair of links that overlap by at least 0.5 mm."""
+    """Return the deepest overlap in mm of each pair of links that overlap by at least 0.5 mm."""
     done = rollout(graph, seed=seed)
     found: dict[tuple[str, str], float] = {}
     with World(done.scene, physics=Physics(timestep_s=STILL_S)) as world:

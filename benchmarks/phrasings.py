@@ -27,7 +27,7 @@ COLUMNS = ("goals", "right", "proved", "refused", "refusals", "clear", "wrong")
 
 
 def judged(phrasing: Phrasing) -> tuple[str, ...]:
-    """Returns the columns that a phrasing counts in."""
+    """Return the columns that a phrasing counts in."""
     kind = "goals" if phrasing.goal is not None else "refusals"
     try:
         task = llm.propose(phrasing.query, SCENES[phrasing.scene]).task
@@ -43,7 +43,7 @@ def judged(phrasing: Phrasing) -> tuple[str, ...]:
 
 
 def counted(phrasings: Iterable[Phrasing]) -> dict[str, Counter[str]]:
-    """Returns the columns by family."""
+    """Return the columns by family."""
     table: dict[str, Counter[str]] = {}
     for phrasing in phrasings:
         table.setdefault(phrasing.family, Counter()).update(judged(phrasing))
@@ -51,7 +51,7 @@ def counted(phrasings: Iterable[Phrasing]) -> dict[str, Counter[str]]:
 
 
 def printed(title: str, table: Mapping[str, Counter[str]]) -> None:
-    """Prints a table with its sums."""
+    """Print a table with its sums."""
     rows: Sequence[tuple[str, Counter[str]]] = (*table.items(), ("together", sum(table.values(), Counter())))
     print(f"{title:<24}" + "".join(f"{column:>10}" for column in COLUMNS))
     for family, counts in rows:

@@ -77,7 +77,7 @@ class Plan(NamedTuple):
 
 
 def pddl(plan: Plan) -> tuple[str, str, str]:
-    """Returns domain, problem and plan as PDDL."""
+    """Return domain, problem and plan as PDDL."""
     names = [f"?p{index}" for index in range(2)]
     predicates = " ".join(f"({' '.join((name, *names[:arity]))})" for name, arity in PREDICATES.items())
     actions = "\n".join(

@@ -15,8 +15,8 @@ import itertools
 import numpy as np
 
 from executor.geometry import hand_rotation, transform
-from executor.robot.kinematics import Kinematics
-from executor.world.world import World
+from executor.sim.robot.kinematics import Kinematics
+from executor.sim.world import World
 from oag import RobotPose, Scene
 
 PITCHES_DEG = (-15, 0, 15, 30, 45, 60, 75)
@@ -27,7 +27,7 @@ RESTARTS = 16
 
 
 def margin_deg(kinematics: Kinematics, pitch_deg: float, height_m: float, reach_m: float, *, upright: bool) -> float:
-    """Returns the best joint margin in degrees; NaN where no posture within limits was found.
+    """Return the best joint margin in degrees; NaN where no posture within limits was found.
 
     Args:
         kinematics: The robot's.
@@ -46,7 +46,7 @@ def margin_deg(kinematics: Kinematics, pitch_deg: float, height_m: float, reach_
 
 
 def table(kinematics: Kinematics, *, upright: bool) -> list[str]:
-    """Returns the lines of a Markdown table: heights down, pitches across, the best margin and its reach."""
+    """Return the lines of a Markdown table: heights down, pitches across, the best margin and its reach."""
     lines = ["| height [m] | " + " | ".join(f"{pitch} deg" for pitch in PITCHES_DEG) + " |"]
     lines.append("|" + " --- |" * (len(PITCHES_DEG) + 1))
     for height_m in HEIGHTS_M:
@@ -60,7 +60,7 @@ def table(kinematics: Kinematics, *, upright: bool) -> list[str]:
 
 
 def main() -> None:
-    """Prints both tables."""
+    """Print both tables."""
     with World(Scene("empty", RobotPose(), {})) as world:
         kinematics = Kinematics(world.robot)
         for upright, what in ((False, "level (items, upright bars)"), (True, "vertically (level bars)")):

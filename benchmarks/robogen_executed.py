@@ -23,11 +23,10 @@ from typing import Any
 
 import bddl
 from benchmarks.robogen_plans import Recorded, as_task, recorded
-from executor.baselines.checking import UncheckedRun
-from executor.bench.summary import Rate
-from executor.bench.table import rate_text
-from executor.records.rollout import Rollout, ignore
-from executor.rollouts.running import RECORD_HZ, failure_of
+from executor.bench.baselines.methods import UncheckedRun
+from executor.bench.tables import Rate, rate_text
+from executor.records import Rollout, ignore
+from executor.rollouts.rollout import RECORD_HZ, failure_of
 from executor.scenes.vary import vary
 from oag import Scene, Task, compose
 
@@ -57,7 +56,7 @@ _FITS = 0.6  # Of a glass's size: the gripper of a Panda of 0.7 opens by 5.6 cm.
 
 
 def prepared(plan: Recorded, *, grasping_lets_go: bool) -> tuple[Scene, Task]:
-    """Returns a decomposition's room, and its steps as a task that ends in what it is called."""
+    """Return a decomposition's room, and its steps as a task that ends in what it is called."""
     (category, model, extent_m, options), goal = ROOMS[plan.name]
     # What stands on the floor there stands on the table here.
     facts = [fact.replace(" floor_0)", " table_0)") for fact in plan.scene["facts"]]
@@ -86,13 +85,13 @@ def prepared(plan: Recorded, *, grasping_lets_go: bool) -> tuple[Scene, Task]:
 
 
 def executed(scene: Scene, task: Task, seed: int) -> Rollout:
-    """Returns what comes of doing the steps in the room of a seed."""
+    """Return what comes of doing the steps in the room of a seed."""
     concrete = vary(scene.with_scales(task.scales), seed)
     return UncheckedRun(compose(task, scene=concrete), concrete, seed, ignore, RECORD_HZ).from_start()
 
 
 def main() -> int:
-    """Prints what became of each decomposition, and the rates."""
+    """Print what became of each decomposition, and the rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkout", type=Path, help="a checkout of RoboGen with example_tasks")
     parser.add_argument("--episodes", type=int, default=5)

@@ -25,7 +25,7 @@ from typing import Any
 import yaml
 
 import oag
-from oag.model.categories import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 TAKE, LIFT = [17, 1, 2, 3], {"7": None}
 LET_GO: list[Any] = [5, 6]
@@ -59,7 +59,7 @@ class Recorded:
 
 
 def recorded(checkout: Path) -> Iterator[Recorded]:
-    """Yields the recorded decompositions of a checkout, in the order of their names."""
+    """Yield the recorded decompositions of a checkout, in the order of their names."""
     for substeps in sorted(checkout.glob("example_tasks/*/task_*/substeps.txt")):
         folder = substeps.parents[1]
         steps = tuple(line.strip() for line in substeps.read_text(encoding="utf-8").splitlines() if line.strip())
@@ -98,7 +98,7 @@ def _id(name: str) -> str:
 
 
 def as_task(plan: Recorded, *, grasping_lets_go: bool) -> dict[str, Any]:
-    """Returns a decomposition as a task file.
+    """Return a decomposition as a task file.
 
     Args:
         plan: As recorded.
@@ -131,7 +131,7 @@ def as_task(plan: Recorded, *, grasping_lets_go: bool) -> dict[str, Any]:
 def _complete(
     subtasks: list[dict[str, Any]], plan: Recorded, rests: dict[str, str], target: str, verb: str, where: str | None
 ) -> None:
-    """Adds to the grasp before it what a step is for; without one, the step stands alone."""
+    """Add to the grasp before it what a step is for; without one, the step stands alone."""
     taken = bool(subtasks) and subtasks[-1]["target"] == target and subtasks[-1]["flow"] == TAKE
     subtask = subtasks.pop() if taken else _subtask(target, "(and)", "(and)", [])
     is_open = f"(open {plan.fixture})"
@@ -160,14 +160,14 @@ def _subtask(target: str, init: str, goal: str, flow: list[Any]) -> dict[str, An
 
 
 def _meant(words: str, plan: Recorded) -> str:
-    """Returns the object that words name: the fixture if it is named, an item if that is, else the fixture."""
+    """Return the object that words name: the fixture if it is named, an item if that is, else the fixture."""
     said = "".join(words.lower().split())
     named = [name for name in (plan.fixture, *plan.items) if name.removesuffix("_0").replace("_", "") in said]
     return named[0] if named else plan.fixture
 
 
 def judged(plan: Recorded, *, grasping_lets_go: bool) -> tuple[str, str, bool]:
-    """Returns the verdict of a decomposition, what is wrong first, and whether a fix is proved.
+    """Return the verdict of a decomposition, what is wrong first, and whether a fix is proved.
 
     Raises:
         OutsideTheLanguage: A step cannot be said.
@@ -180,7 +180,7 @@ def judged(plan: Recorded, *, grasping_lets_go: bool) -> tuple[str, str, bool]:
 
 
 def main(words: Sequence[str]) -> int:
-    """Prints what became of each decomposition, and the counts."""
+    """Print what became of each decomposition, and the counts."""
     if len(words) != 1 or not (Path(words[0]) / "example_tasks").is_dir():
         print(
             "usage: python -m benchmarks.robogen_plans DIR, a checkout of RoboGen with example_tasks", file=sys.stderr

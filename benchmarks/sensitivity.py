@@ -4,7 +4,7 @@ python -m benchmarks.sensitivity --out DIR                         every cell, a
 python -m benchmarks.sensitivity --out DIR --factors joint_friction base_force
 python -m benchmarks.sensitivity --out DIR --table                 what is there, as a table
 
-One setting at a time is changed, by `executor.world.physics.Physics`; scenes, plans and motion stay as they are. Every
+One setting at a time is changed, by `executor.sim.engine.Physics`; scenes, plans and motion stay as they are. Every
 cell runs the same episodes, four of each long task and of each of the household's two (24), so that its rows compare.
 The usual settings come first, then the hardest value of each factor, then the others: a run cut short says most.
 """
@@ -25,9 +25,8 @@ from bddl.files import write_atomically
 from benchmarks.audit import units
 from executor.bench.units import FAMILIES, Unit, outcome_version
 from executor.bench.work import prepare
-from executor.rollouts.running import failure_of, rollout
-from executor.world.engine import TIMESTEP_S
-from executor.world.physics import STANDARD, Physics
+from executor.rollouts.rollout import failure_of, rollout
+from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from oag import clopper_pearson
 
 USUAL = "usual"
@@ -50,26 +49,26 @@ Cell = tuple[str, float]
 
 
 def cells(factors: list[str]) -> Iterator[Cell]:
-    """Yields the settings to try: the usual ones, then the first value of each factor, then the second, and so on."""
+    """Yield the settings to try: the usual ones, then the first value of each factor, then the second, and so on."""
     yield USUAL, 1.0
     for values in zip_longest(*(VALUES[factor] for factor in factors)):
         yield from ((factor, value) for factor, value in zip(factors, values, strict=True) if value is not None)
 
 
 def physics_of(cell: Cell) -> Physics:
-    """Returns the settings of a cell."""
+    """Return the settings of a cell."""
     factor, value = cell
     return STANDARD if factor == USUAL else Physics(**{factor: value})
 
 
 def path_of(folder: Path, cell: Cell, unit: Unit) -> Path:
-    """Returns the file of an episode in a cell."""
+    """Return the file of an episode in a cell."""
     factor, value = cell
     return folder / f"{factor}-{value:.6g}" / f"{unit.name}.json"
 
 
 def run(folder: Path, factors: list[str], per_family: int, seed: int) -> None:
-    """Runs the episodes that are not there yet in this version of the program."""
+    """Run the episodes that are not there yet in this version of the program."""
     version, prepared = outcome_version(), cache(prepare)
     for cell in cells(factors):
         for unit in units(per_family, seed):
@@ -102,7 +101,7 @@ def _kept(path: Path) -> dict[str, Any]:
 
 
 def table(folder: Path) -> str:
-    """Returns a row for each cell: how many episodes, how many succeeded, the exact interval, and what failed."""
+    """Return a row for each cell: how many episodes, how many succeeded, the exact interval, and what failed."""
     found: dict[Cell, list[dict[str, Any]]] = {}
     for path in sorted(folder.glob("*/*.json")):
         kept = _kept(path)
@@ -129,7 +128,7 @@ def table(folder: Path) -> str:
 
 
 def main() -> None:
-    """Runs what is missing and prints the table."""
+    """Run what is missing and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True, help="folder of the episodes' files")
     parser.add_argument("--factors", nargs="*", choices=list(VALUES), default=list(VALUES))

@@ -45,7 +45,7 @@ class Counts:
 
 
 def measure(base: BaseTask, variants: int, seed: int) -> Counts:
-    """Counts forms over so many wordings of a task, and as many with a mistake."""
+    """Count forms over so many wordings of a task, and as many with a mistake."""
     scene = oag.Scene.from_json(base.scene)
     plain = {"goal": f"(and {' '.join(base.goal)})", "scales": base.scales, "sub_tasks": base.subtasks}
     own = form_of(oag.canonical(oag.Task.from_json(plain, scene=scene)))
@@ -98,7 +98,7 @@ def row(counts: Counts) -> str:
 
 
 def main() -> None:
-    """Prints the table, and what became of each kind of mistake."""
+    """Print the table, and what became of each kind of mistake."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--variants", type=int, default=1000, help="wordings of each of the ten tasks")
     parser.add_argument("--seed", type=int, default=0, help="number of the first wording")

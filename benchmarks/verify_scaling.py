@@ -27,7 +27,7 @@ from typing import Any
 
 import oag
 from benchmarks.primitive_model import Plan, pddl
-from oag.verify import verify
+from oag.verify.verify import verify
 
 ROOT = Path(__file__).parent.parent
 PEERS = ROOT / ".venv-peers"
@@ -37,7 +37,7 @@ _COLUMNS = ("compose+verify", "explain", "certify", "recheck", "exact", "up buil
 
 
 def scene(glasses: int) -> oag.Scene:
-    """Returns a kitchen with a refrigerator, a table and so many glasses on it."""
+    """Return a kitchen with a refrigerator, a table and so many glasses on it."""
     things: dict[str, Any] = {
         FRIDGE: {"category": "fridge", "bbox_extent": [0.7, 0.7, 1.7]},
         TABLE: {"category": "table", "bbox_extent": [0.6, 0.9, 0.6]},
@@ -48,7 +48,7 @@ def scene(glasses: int) -> oag.Scene:
 
 
 def chain(length: int) -> oag.Task:
-    """Returns a task of so many subtasks; beyond the last multiple of four a door is opened, or opened and shut."""
+    """Return a task of so many subtasks; beyond the last multiple of four a door is opened, or opened and shut."""
     subtasks: list[dict[str, Any]] = []
     for number in range((length + 3) // 4):
         glass = f"glass_{number}"
@@ -67,12 +67,12 @@ def chain(length: int) -> oag.Task:
 
 
 def _subtask(target: str, support: str | None, init: str, goal: str, flow: list[Any]) -> dict[str, Any]:
-    """Returns one subtask as task files have it."""
+    """Return one subtask as task files have it."""
     return {"target": target, "support_goal": support, "init": init, "goal": goal, "flow": flow}
 
 
 def strips(task: oag.Task) -> Plan:
-    """Returns a chain as the peers have it: one action for each primitive."""
+    """Return a chain as the peers have it: one action for each primitive."""
     names = list(task.scene.objects) if task.scene is not None else []
     glasses = [name for name in names if name.startswith("glass")]
     start = [["handempty"], ["near", task.subtasks[0].target], *(["ontop", glass, TABLE] for glass in glasses)]
@@ -106,7 +106,7 @@ def strips(task: oag.Task) -> Plan:
 
 
 def best_ms(action: Callable[[], object], runs: int, clock: Callable[[], float] = time.perf_counter) -> float:
-    """Returns the shortest of several runs in milliseconds; what a run made is freed outside of the measurement."""
+    """Return the shortest of several runs in milliseconds; what a run made is freed outside of the measurement."""
     shortest = float("inf")
     for _ in range(runs):
         begin = clock()
@@ -128,7 +128,7 @@ class UnifiedPlanning:
         self._process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def measure(self, plan: Plan, runs: int, cpu: bool) -> dict[str, float]:
-        """Returns the shortest times to build the problem and to validate the plan."""
+        """Return the shortest times to build the problem and to validate the plan."""
         if self._process.stdin is None or self._process.stdout is None:
             raise SystemExit("the peer has no pipes")
         self._process.stdin.write(json.dumps({"plan": plan, "runs": runs, "cpu": cpu}).encode() + b"\n")
@@ -139,14 +139,14 @@ class UnifiedPlanning:
         return {"up build": answer["build_ms"], "up validate": answer["validate_ms"]}
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         self._process.wait()
 
 
 def measure_val(binary: str, plan: Plan, runs: int) -> dict[str, float]:
-    """Returns the shortest time of VAL on a plan, process and parsing included."""
+    """Return the shortest time of VAL on a plan, process and parsing included."""
     with tempfile.TemporaryDirectory() as folder:
         paths = [os.path.join(folder, name) for name in ("domain.pddl", "problem.pddl", "plan.txt")]
         for path, text in zip(paths, pddl(plan), strict=True):
@@ -158,7 +158,7 @@ def measure_val(binary: str, plan: Plan, runs: int) -> dict[str, float]:
 
 
 def measure(task: oag.Task, runs: int, exact: bool, cpu: bool) -> dict[str, float]:
-    """Returns the shortest times of our own steps."""
+    """Return the shortest times of our own steps."""
     report = oag.compose(task).verify()
     if not report or report.certificate is None:
         raise SystemExit(f"the chain is not proved:\n{report}")
@@ -180,7 +180,7 @@ def measure(task: oag.Task, runs: int, exact: bool, cpu: bool) -> dict[str, floa
 
 
 def row(task: oag.Task, args: argparse.Namespace, peer: UnifiedPlanning | None, val: str | None) -> dict[str, float]:
-    """Returns the best times of all tools on one chain; rounds of the tools take turns."""
+    """Return the best times of all tools on one chain; rounds of the tools take turns."""
     best: dict[str, float] = {}
     for _ in range(args.rounds):
         found = measure(task, args.runs, args.exact, args.cpu)
@@ -196,7 +196,7 @@ def row(task: oag.Task, args: argparse.Namespace, peer: UnifiedPlanning | None, 
 
 
 def main() -> None:
-    """Prints one row for each length, then the ratios."""
+    """Print one row for each length, then the ratios."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--lengths", type=int, nargs="+", default=[4, 10, 100, 1000])
     parser.add_argument("--runs", type=int, default=7, help="runs of each step in a round")

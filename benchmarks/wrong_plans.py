@@ -37,7 +37,7 @@ COLUMNS = ("mutants", "agree", "refuted", "stop", "root", "one", "shown", "fixed
 
 
 def plans() -> dict[str, tuple[oag.Scene, dict[str, Any]]]:
-    """Returns the right plans by name, with their scenes."""
+    """Return the right plans by name, with their scenes."""
     found = {name: (scene(name), task_json(name)) for name in NAMES}
     for number, (name, index, flow) in enumerate(EVOLVED):
         data = task_json(name)
@@ -49,7 +49,7 @@ def plans() -> dict[str, tuple[oag.Scene, dict[str, Any]]]:
 def measure(
     mutant: Mutant, kitchen: oag.Scene, right_data: dict[str, Any], world: World0, times_s: list[float]
 ) -> Counter[str]:
-    """Returns what holds of one mutant, by column."""
+    """Return what holds of one mutant, by column."""
     report = oag.compose(oag.Task.from_json(mutant.data, scene=kitchen)).verify()
     right = ill_formed(mutant.data, world) is False and simulated(mutant.data, world) is None
     found = Counter({"mutants": 1, "agree": int(bool(report) is right)})
@@ -77,7 +77,7 @@ def measure(
 
 
 def table(rows: dict[str, Counter[str]]) -> str:
-    """Returns counts as a table, the sum last."""
+    """Return counts as a table, the sum last."""
     total = sum(rows.values(), Counter[str]())
     lines = [row("", COLUMNS)]
     lines.extend(row(name, [counts[column] for column in COLUMNS]) for name, counts in (*rows.items(), ("all", total)))
@@ -87,12 +87,12 @@ def table(rows: dict[str, Counter[str]]) -> str:
 
 
 def row(name: str, cells: Iterable[object]) -> str:
-    """Returns one line of a table."""
+    """Return one line of a table."""
     return f"{name:28}" + "".join(f"{cell!s:>9}" for cell in cells)
 
 
 def main(names: list[str]) -> None:
-    """Prints the tables for some plans, by default for all."""
+    """Print the tables for some plans, by default for all."""
     by_kind: dict[str, Counter[str]] = defaultdict(Counter)
     by_plan: dict[str, Counter[str]] = defaultdict(Counter)
     times_s: list[float] = []

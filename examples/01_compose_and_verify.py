@@ -44,7 +44,7 @@ SCENE = {
 
 
 def simple_task(name, target, init, goal, flow, support_init=None, support_goal=None):
-    """Returns one subtask in the paper's JSON form."""
+    """Return one subtask in the paper's JSON form."""
     return {
         "task_activity_name": name,
         "task_detail_message": "",

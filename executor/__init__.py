@@ -1,6 +1,6 @@
-"""Everything that moves: scenes, the robot, physics, cameras, recordings, and the command line.
+"""Scenes, robot, physics, cameras, recordings, data sets, policies, and the command line.
 
-The names below are imported when they are first used, so that `import executor` loads neither simulator nor torch.
+The names below are imported on first use, so that `import executor` loads neither simulator nor torch.
 """
 
 from __future__ import annotations
@@ -11,19 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from executor.datasets.store import EpisodeStore
-    from executor.evolution.evolve import evolve
-    from executor.evolution.record import Evolution
-    from executor.pictures.frames import Frames
-    from executor.pictures.video import write_video
-    from executor.records.rollout import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
-    from executor.results.episode import Episode
-    from executor.results.robomimic import write_robomimic
-    from executor.rollouts.repeat import repeat
-    from executor.rollouts.running import resume, rollout
+    from executor.data.episode import Episode
+    from executor.data.robomimic import write_robomimic
+    from executor.data.store import EpisodeStore
+    from executor.records import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
+    from executor.rollouts.evolution_record import Evolution
+    from executor.rollouts.evolve import evolve
+    from executor.rollouts.recording import repeat
+    from executor.rollouts.rollout import resume, rollout
+    from executor.scenes.file import load_scene
     from executor.scenes.library import names as scene_names
-    from executor.scenes.reading import load_scene
     from executor.scenes.vary import vary
+    from executor.sim.render.frames import Frames, write_video
 
 __all__ = [
     "Episode",
@@ -48,30 +47,30 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Episode": ("executor.results.episode", "Episode"),
-    "EpisodeStore": ("executor.datasets.store", "EpisodeStore"),
-    "Evolution": ("executor.evolution.record", "Evolution"),
-    "Failure": ("executor.records.rollout", "Failure"),
-    "FailureKind": ("executor.records.rollout", "FailureKind"),
-    "Frames": ("executor.pictures.frames", "Frames"),
-    "MissingFlow": ("executor.records.rollout", "MissingFlow"),
-    "PlanRefused": ("executor.records.rollout", "PlanRefused"),
-    "Rollout": ("executor.records.rollout", "Rollout"),
-    "RolloutInterrupted": ("executor.records.rollout", "RolloutInterrupted"),
-    "evolve": ("executor.evolution.evolve", "evolve"),
-    "load_scene": ("executor.scenes.reading", "load_scene"),
-    "repeat": ("executor.rollouts.repeat", "repeat"),
-    "resume": ("executor.rollouts.running", "resume"),
-    "rollout": ("executor.rollouts.running", "rollout"),
+    "Episode": ("executor.data.episode", "Episode"),
+    "EpisodeStore": ("executor.data.store", "EpisodeStore"),
+    "Evolution": ("executor.rollouts.evolution_record", "Evolution"),
+    "Failure": ("executor.records", "Failure"),
+    "FailureKind": ("executor.records", "FailureKind"),
+    "Frames": ("executor.sim.render.frames", "Frames"),
+    "MissingFlow": ("executor.records", "MissingFlow"),
+    "PlanRefused": ("executor.records", "PlanRefused"),
+    "Rollout": ("executor.records", "Rollout"),
+    "RolloutInterrupted": ("executor.records", "RolloutInterrupted"),
+    "evolve": ("executor.rollouts.evolve", "evolve"),
+    "load_scene": ("executor.scenes.file", "load_scene"),
+    "repeat": ("executor.rollouts.recording", "repeat"),
+    "resume": ("executor.rollouts.rollout", "resume"),
+    "rollout": ("executor.rollouts.rollout", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
-    "write_robomimic": ("executor.results.robomimic", "write_robomimic"),
-    "write_video": ("executor.pictures.video", "write_video"),
+    "write_robomimic": ("executor.data.robomimic", "write_robomimic"),
+    "write_video": ("executor.sim.render.frames", "write_video"),
 }
 
 
 def require_own_packages() -> None:
-    """Raises ImportError where `bddl`, `oag` or `llm` is another package, such as one in the folder of the start."""
+    """Raise ImportError if `bddl`, `oag` or `llm` is another package, such as one in the start folder."""
     home = Path(__file__).resolve().parents[1]
     for name in ("bddl", "oag", "llm"):
         spec = importlib.util.find_spec(name)

@@ -1,8 +1,8 @@
-"""`python -m executor` is the command line."""
+"""Run the command line: `python -m executor`."""
 
 from __future__ import annotations
 
-from executor.cli.main import main
+from executor.cli.app import main
 
 if __name__ == "__main__":
     main()

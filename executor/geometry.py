@@ -1,4 +1,4 @@
-"""Rigid transforms as 4x4 arrays, the hand's orientation, and conversions to position plus quaternion w x y z."""
+"""Rigid transforms as 4x4 arrays, hand orientations, and poses as position plus quaternion w x y z."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def transform(rotation: ArrayLike, position_m: ArrayLike) -> Array:
-    """Returns the (4, 4) transform with a (3, 3) rotation and a (3,) position."""
+    """Return the (4, 4) transform with a (3, 3) rotation and a (3,) position."""
     T = np.eye(4)
     T[:3, :3] = rotation
     T[:3, 3] = position_m
@@ -18,52 +18,52 @@ def transform(rotation: ArrayLike, position_m: ArrayLike) -> Array:
 
 
 def transform_from_quaternion(position_m: ArrayLike, quaternion_wxyz: ArrayLike) -> Array:
-    """Returns the (4, 4) transform of a position and a quaternion w x y z."""
+    """Return the (4, 4) transform of a position and a quaternion w x y z."""
     return transform(Rotation.from_quat(np.asarray(quaternion_wxyz), scalar_first=True).as_matrix(), position_m)
 
 
 def quaternion_wxyz(T: Array) -> Array:
-    """Returns the (4,) unit quaternion w x y z of a (4, 4) transform's rotation."""
+    """Return the (4,) unit quaternion w x y z of a (4, 4) transform's rotation."""
     return np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True))
 
 
 def pose_vector(T: Array) -> Array:
-    """Returns (7,): position and quaternion w x y z of a (4, 4) transform."""
+    """Return (7,): position and quaternion w x y z of a (4, 4) transform."""
     return np.concatenate([T[:3, 3], quaternion_wxyz(T)])
 
 
 def quaternions_last(poses: NDArray) -> NDArray:
-    """Returns poses (..., 7) of position and quaternion w x y z with their quaternions as x y z w.
+    """Return poses (..., 7) of position and quaternion w x y z with their quaternions as x y z w.
 
-    Of the two quaternions that say the same, it is the one whose w is not below zero.
+    Of the two equal quaternions the one with w >= 0 is chosen.
     """
     turns = np.where(poses[..., 3:4] < 0.0, -poses[..., 3:], poses[..., 3:])
     return np.concatenate([poses[..., :3], turns[..., 1:], turns[..., :1]], axis=-1)
 
 
 def inverse(T: Array) -> Array:
-    """Returns the inverse of a rigid (4, 4) transform."""
+    """Return the inverse of a rigid (4, 4) transform."""
     return transform(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
 def rotation_z(angle_rad: float) -> Array:
-    """Returns the (3, 3) rotation about the world's vertical."""
+    """Return the (3, 3) rotation about the world's vertical."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Returns the angle in (-pi, pi]."""
+    """Return the angle [rad] in (-pi, pi]."""
     return float(-((-angle_rad + np.pi) % (2 * np.pi) - np.pi))
 
 
 def nearest_turn(angle_rad: float, reference_rad: float) -> float:
-    """Returns the angle, shifted by whole turns, that lies nearest to the reference."""
+    """Return the angle, shifted by whole turns, that lies nearest to the reference."""
     return reference_rad + wrap_angle(angle_rad - reference_rad)
 
 
 def hand_rotation(yaw_rad: float, pitch_rad: float, *, flip: bool = False, upright: bool = False) -> Array:
-    """Returns the (3, 3) hand orientation that approaches along a heading, tilted down by a pitch.
+    """Return the (3, 3) hand orientation that approaches along a heading, tilted down by a pitch.
 
     Args:
         yaw_rad: Heading of the approach direction in the world.
@@ -81,18 +81,18 @@ def hand_rotation(yaw_rad: float, pitch_rad: float, *, flip: bool = False, uprig
 
 
 def pitch_of(T_world_eef: Array) -> float:
-    """Returns the downward tilt in rad of a hand pose's approach axis."""
+    """Return the downward tilt [rad] of a hand pose's approach axis."""
     return float(np.arcsin(np.clip(-T_world_eef[2, 2], -1.0, 1.0)))
 
 
 def heading_of(direction: ArrayLike) -> float:
-    """Returns the yaw in rad of a direction's horizontal part."""
+    """Return the yaw [rad] of a direction's horizontal part."""
     d = np.asarray(direction, dtype=float)
     return float(np.arctan2(d[1], d[0]))
 
 
 def interpolate_poses(T_start: Array, T_end: Array, step_m: float = 0.01, step_rad: float = 0.05) -> list[Array]:
-    """Returns poses along the straight line and shortest rotation; the end is included, the start is not."""
+    """Return poses along the straight line and shortest rotation; the end is included, the start is not."""
     offset = T_end[:3, 3] - T_start[:3, 3]
     turn = Rotation.from_matrix(T_end[:3, :3] @ T_start[:3, :3].T).as_rotvec()
     count = max(int(np.ceil(max(np.linalg.norm(offset) / step_m, np.linalg.norm(turn) / step_rad))), 1)

@@ -12,7 +12,8 @@ the graph decides which of its answers are taken (docs/modules.md).
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from llm.answers.conversation import AnswersRefused, Conversation, PlanVerdict, Round
+from llm.client.budget import Budget, Metered, Usage
+from llm.client.transport import ChatReply, ChatRequest, Image, Message, Transport
 from llm.errors import (
     BudgetSpent,
     LlmError,
@@ -25,15 +26,13 @@ from llm.errors import (
 )
 from llm.offline.lexicon import Lexicon, LexiconError
 from llm.offline.planner import OfflinePlanner
-from llm.proposal import Expanded, Proposal
-from llm.proposer import Proposer, propose
-from llm.wire.budget import Budget, Metered, Usage
-from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Transport
+from llm.proposing.proposal import Expanded, Proposal
+from llm.proposing.propose import Proposer, propose
+from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round
 
 if TYPE_CHECKING:
-    from llm.modules.proposer import ModelProposer
-    from llm.wire.cassette import Recorder, Replay
-    from llm.wire.connect import connect
+    from llm.client.recording import Recorder, Replay, connect
+    from llm.proposing.model_proposer import ModelProposer
 
 __all__ = [
     "AnswersRefused",
@@ -71,10 +70,10 @@ __all__ = [
 
 # pydantic is loaded with the first question to a model.
 _PLACES = {
-    "ModelProposer": "llm.modules.proposer",
-    "Recorder": "llm.wire.cassette",
-    "Replay": "llm.wire.cassette",
-    "connect": "llm.wire.connect",
+    "ModelProposer": "llm.proposing.model_proposer",
+    "Recorder": "llm.client.recording",
+    "Replay": "llm.client.recording",
+    "connect": "llm.client.recording",
 }
 
 

@@ -1,12 +1,12 @@
-"""Exceptions of this package: misuse, queries that cannot be turned into a task, and models that do not answer."""
+"""Exceptions of `llm`: misuse of the API, queries that become no task, and models that give no usable reply."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from bddl.syntax.errors import Portable
-from bddl.visible import visible
+from bddl.errors import PicklableError
+from bddl.terminal import escape_control
 
 RefusalCode = Literal[
     "empty",
@@ -29,23 +29,23 @@ RefusalCode = Literal[
     "unproved",
     "model-declined",
 ]
-"""Why a query becomes no task; the further it was understood before something stood in its way, the later it stands."""
+"""Reasons why a query becomes no task, ordered by progress: a later code means that more of it was understood."""
 
 _MOST_LISTED = 12
 
 
-class LlmError(Portable):
-    """Every exception that this package raises on purpose.
+class LlmError(PicklableError):
+    """Base of every exception that this package raises on purpose.
 
     Attributes:
-        usage: What models were used for until then, as JSON, where somebody keeps count.
+        usage: Usage of models until then, as JSON, where it is counted.
     """
 
     usage: Mapping[str, object] | None = None
 
 
 class ProposerError(LlmError, TypeError):
-    """Something was passed as a model that cannot propose anything."""
+    """An object passed as `model` cannot propose anything."""
 
     def __init__(self, model: object) -> None:
         super().__init__(
@@ -57,16 +57,16 @@ class ProposerError(LlmError, TypeError):
 
 
 class RequestError(LlmError, ValueError):
-    """A request to a model is put together wrongly; the message says what it has to be."""
+    """A request to a model is malformed; the message states what it has to be."""
 
 
 class ModelError(LlmError):
-    """A model did not give a usable reply. Its subclasses say why; no message ever holds a key.
+    """A model gave no usable reply. Subclasses give the reason; no message contains a key.
 
-    What a server or a configuration says is shown, and steers no terminal.
+    Texts of servers and configurations are shown with control characters escaped.
 
     Attributes:
-        model: Which model, as it was configured, such as "openai:gpt-5.2" or "replay:run.jsonl".
+        model: The model as configured, such as "openai:gpt-5.2" or "replay:run.jsonl".
         problem: What went wrong, one sentence without its full stop.
         advice: What to do next, or empty.
         attempts: How often the request was sent; a server may have worked, and charge, each time.
@@ -75,17 +75,17 @@ class ModelError(LlmError):
     attempts = 1
 
     def __init__(self, model: str, problem: str, advice: str = "") -> None:
-        self.model, self.problem, self.advice = visible(model), visible(problem), visible(advice)
-        said = f"{self.model}: {self.problem}"
-        super().__init__(f"{said}. {self.advice}" if advice else said)
+        self.model, self.problem, self.advice = escape_control(model), escape_control(problem), escape_control(advice)
+        text = f"{self.model}: {self.problem}"
+        super().__init__(f"{text}. {self.advice}" if advice else text)
 
 
 class ModelConfigError(ModelError, ValueError):
     """A model is not configured: unknown provider or name, missing key or address, or a faulty profile.
 
     Attributes:
-        near: Legal configurations that resemble the one asked for.
-        known: All legal ones.
+        near: Valid configurations that resemble the requested one.
+        known: All valid configurations.
     """
 
     def __init__(
@@ -117,11 +117,11 @@ class BadReply(ModelError):
 
 
 class ReplyTooLong(BadReply):
-    """The answer exceeds the bound in bytes; reading stopped there."""
+    """The answer exceeds the limit in bytes; reading stopped there."""
 
 
 class BudgetSpent(ModelError):
-    """A run's budget does not allow another request; the advice says what was used."""
+    """A run's budget allows no further request; the advice states what was used."""
 
 
 class CassetteError(ModelError):
@@ -129,11 +129,11 @@ class CassetteError(ModelError):
 
 
 class ReplayMissing(CassetteError):
-    """A recording holds no reply to a request, or none any more.
+    """A recording holds no reply to a request, or none that is left.
 
     Attributes:
         digest: The digest of the request.
-        differences: How it differs from the nearest recorded one, a line each.
+        differences: Differences from the nearest recorded request, a line each.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class ReplayMissing(CassetteError):
 
 
 class PicturesMissing(LlmError):
-    """A model is to look at pictures, and there are none; the message says why and what to do."""
+    """A model needs pictures and there are none; the message gives the reason and advice."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -157,13 +157,13 @@ class PicturesMissing(LlmError):
 
 
 class QueryError(LlmError):
-    """A query is understood in no way, or in more than one, or asks for what cannot be done in the scene.
+    """A query has no interpretation, several, or one that cannot be executed in the scene.
 
     Attributes:
-        code: Which of the refusals it is.
-        query: The query as it was given.
-        problem: What stands in the way, one sentence without its full stop.
-        understood: What was understood of it, or empty.
+        code: Kind of refusal.
+        query: The query as given.
+        problem: The obstacle, one sentence without its full stop.
+        understood: The part that was understood, or empty.
         scene: What the scene has, as far as it helps.
         suggestions: Queries that would work.
     """
@@ -189,7 +189,7 @@ class QueryError(LlmError):
             lines.append(f"  understood  {understood}")
         lines.extend(_listing("in scene", self.scene))
         lines.extend(_listing("try", tuple(f'"{text}"' for text in self.suggestions)))
-        super().__init__(visible("\n".join(lines)))
+        super().__init__(escape_control("\n".join(lines)))
 
 
 def _listing(head: str, items: tuple[str, ...]) -> list[str]:
@@ -199,6 +199,6 @@ def _listing(head: str, items: tuple[str, ...]) -> list[str]:
 
 
 def shown_query(query: str) -> str:
-    """Returns the query on one line, cut where it is long."""
+    """Return the query on one line, truncated if it is long."""
     line = " ".join(query.split())
     return line if len(line) <= 120 else f"{line[:117]}..."

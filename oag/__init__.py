@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 # First of all: a foreign `bddl` package ends here, in one sentence.
 from oag import model as model  # isort: skip
-from oag.certificate.certificate import Certificate
-from oag.certificate.certified import recheck
-from oag.checker.recheck import RecheckResult
-from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
-from oag.flows.completion import Completion, complete
-from oag.graph import Edge, Node, ObjectActionGraph, compose, feasible
+from oag.certificate.check import RecheckResult
+from oag.certificate.recheck import recheck
+from oag.certificate.write import Certificate
+from oag.flows import Completion, complete
+from oag.graph import Edge, Node, ObjectActionGraph, compose, feasible, to_dot, to_drawing, to_graphml, to_mermaid
 from oag.model.actions import Action, ActionFlow, flow_from_json, flow_to_json
-from oag.model.categories import Kind, kind_of
-from oag.model.diagnostic import CODES, Diagnostic
-from oag.model.errors import (
+from oag.model.diagnostics import (
+    CODES,
+    Diagnostic,
     EvidenceError,
     FixError,
     FlowError,
@@ -36,20 +35,29 @@ from oag.model.errors import (
     SceneError,
     TaskError,
 )
-from oag.model.primitives import ParameterKind, Primitive, applicable, parameter_kind, parameter_problem
 from oag.model.scene import RobotPose, Scene, SceneObject
-from oag.progression.obligations import Grade, Obligation
-from oag.report import Report, Verdict
-from oag.task.edits import Fix
-from oag.task.task import SimpleTask, Task
+from oag.model.symbols import Kind, ParameterKind, Primitive, applicable, kind_of, parameter_kind, parameter_problem
+from oag.progression import Grade, Obligation
+from oag.task import SimpleTask, Task
+from oag.verify.edits import Fix
+from oag.verify.report import Report, Verdict
 
 if TYPE_CHECKING:
-    from oag.normal_form.canonical import canonical, canonical_digest
-    from oag.revision.admission import Admission, admissible
-    from oag.revision.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
-    from oag.revision.history import History, Iteration
-    from oag.revision.motion import Tolerance, same_flow
-    from oag.revision.records import Attempt, Critique, Hindsight, Revision, change_between
+    from oag.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
+    from oag.normal_form import canonical, canonical_digest
+    from oag.revision import (
+        Admission,
+        Attempt,
+        Critique,
+        Hindsight,
+        History,
+        Iteration,
+        Revision,
+        Tolerance,
+        admissible,
+        change_between,
+        same_flow,
+    )
 
 __all__ = [
     "CODES",
@@ -123,25 +131,25 @@ __all__ = [
 
 # What verifying a plan does not need is loaded when it is first asked for.
 _PLACES = {
-    "Admission": "oag.revision.admission",
-    "Attempt": "oag.revision.records",
-    "Conditioning": "oag.revision.evidence",
-    "Count": "oag.revision.evidence",
-    "Critique": "oag.revision.records",
-    "Evidence": "oag.revision.evidence",
-    "Hindsight": "oag.revision.records",
-    "History": "oag.revision.history",
-    "Iteration": "oag.revision.history",
-    "Revision": "oag.revision.records",
-    "Tolerance": "oag.revision.motion",
-    "admissible": "oag.revision.admission",
-    "canonical": "oag.normal_form.canonical",
-    "canonical_digest": "oag.normal_form.canonical",
-    "chain_evidence": "oag.revision.evidence",
-    "change_between": "oag.revision.records",
-    "clopper_pearson": "oag.revision.evidence",
-    "pooled_evidence": "oag.revision.evidence",
-    "same_flow": "oag.revision.motion",
+    "Admission": "oag.revision",
+    "Attempt": "oag.revision",
+    "Conditioning": "oag.evidence",
+    "Count": "oag.evidence",
+    "Critique": "oag.revision",
+    "Evidence": "oag.evidence",
+    "Hindsight": "oag.revision",
+    "History": "oag.revision",
+    "Iteration": "oag.revision",
+    "Revision": "oag.revision",
+    "Tolerance": "oag.revision",
+    "admissible": "oag.revision",
+    "canonical": "oag.normal_form",
+    "canonical_digest": "oag.normal_form",
+    "chain_evidence": "oag.evidence",
+    "change_between": "oag.revision",
+    "clopper_pearson": "oag.evidence",
+    "pooled_evidence": "oag.evidence",
+    "same_flow": "oag.revision",
 }
 
 

@@ -1,12 +1,12 @@
-"""The object-action graph of a task: what is done to what in which order, over networkx.
+"""The object-action graph of a task, over networkx, and its export: Mermaid, Graphviz, GraphML and JSON lists.
 
 Nodes project into O x A x N+: object, primitive, and the position t in the flow, which restarts at 1 in every subtask.
-Flow edges join successive steps of one subtask; a transfer edge joins the last step of a subtask to the first of the
+Flow edges join successive steps of one subtask. A transfer edge joins the last step of a subtask to the first of the
 next.
 
 A step can directly follow another (`feasible`) when some state lets the first run and leaves a state that lets the
-second run. That depends on the two primitives, on the kinds of their objects and on whether they are one object, and
-on nothing else; so it is a finite table, although the graph over O x A x N+ is not.
+second run. That depends only on the two primitives, the kinds of their objects, and whether they are one object. So it
+is a finite table, although the graph over O x A x N+ is not.
 
 Source: the paper's universal object-action graph G = (V, E), V = O x A x N+, whose edges are "physically or
 semantically feasible transitions", and its scene-specific subgraph.
@@ -14,28 +14,40 @@ semantically feasible transitions", and its scene-specific subgraph.
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from bddl.visible import counted
-from oag.flows.completion import complete
-from oag.model.categories import Kind
-from oag.model.facts import EMPTY, HAND, Condition, Fact, Value, gripping, holding
-from oag.model.jsonfile import Source
-from oag.model.primitives import Parameter, Primitive, applicable
+from bddl.terminal import pluralize
+from oag.flows import complete
+from oag.model.actions import Action
+from oag.model.codec import Source
 from oag.model.scene import Scene
-from oag.report import Report
-from oag.table.library import Clause, Context, effect, requirements
-from oag.task.task import SimpleTask, Task, chosen_scene
-from oag.verify import verify
+from oag.model.symbols import (
+    EMPTY,
+    HAND,
+    Condition,
+    Fact,
+    Kind,
+    Parameter,
+    Primitive,
+    Value,
+    applicable,
+    gripping,
+    holding,
+)
+from oag.primitives.table import Clause, Context, effect, requirements
+from oag.task import SimpleTask, Task, chosen_scene
+from oag.verify.report import Report
+from oag.verify.verify import verify
 
 if TYPE_CHECKING:
     import networkx
 
-_FIRST, _SECOND, _THIRD = "x", "y", "z"  # Names of objects that the question is asked of.
+_FIRST, _SECOND, _THIRD = "x", "y", "z"  # Names of the objects in question.
 
 
 class Node(NamedTuple):
@@ -59,7 +71,7 @@ class Node(NamedTuple):
 class Edge(NamedTuple):
     """One edge; `kind` is "flow" within a subtask and "transfer" between two.
 
-    `feasible` says whether the edge is in E_{S_0}: what the first step does must not exclude what the second needs.
+    `feasible`: the edge is in E_{S_0}, since the effect of the first step does not exclude the needs of the second.
     """
 
     source: Node
@@ -89,7 +101,7 @@ class ObjectActionGraph:
         )
 
     def __repr__(self) -> str:
-        return f"<ObjectActionGraph of {self.task!r} in {self.scene!r}: {counted(len(self.nodes), 'step')}>"
+        return f"<ObjectActionGraph of {self.task!r} in {self.scene!r}: {pluralize(len(self.nodes), 'step')}>"
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -109,14 +121,14 @@ class ObjectActionGraph:
         return graph
 
     def _feasible(self, first: Node, second: Node) -> bool:
-        """Decides whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""
+        """Decide whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""
         one, other = (self.scene.objects.get(node.object) for node in (first, second))
         if one is None or other is None:
             return True
         return feasible(first.primitive, second.primitive, kinds=(one.kind, other.kind), same_object=one is other)
 
     def verify(self) -> Report:
-        """Decides whether the plan reaches its goal; the report is the same on every call."""
+        """Decide whether the plan reaches its goal; the report is the same on every call."""
         return self._report
 
     @cached_property
@@ -125,7 +137,7 @@ class ObjectActionGraph:
 
 
 def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:
-    """Returns the object-action graph of a task; never raises for a wrong plan.
+    """Return the object-action graph of a task; never raises for a wrong plan.
 
     A subtask without a flow gets one by search (`complete`); where none exists, the graph has no nodes for it and
     `verify` says why.
@@ -160,7 +172,7 @@ def _object(subtask: SimpleTask, primitive: Primitive) -> str:
 
 @cache
 def feasible(first: Primitive, second: Primitive, *, kinds: tuple[Kind, Kind], same_object: bool) -> bool:
-    """Decides whether one primitive can directly follow another.
+    """Decide whether one primitive can directly follow another.
 
     Args:
         first: What ran.
@@ -169,8 +181,8 @@ def feasible(first: Primitive, second: Primitive, *, kinds: tuple[Kind, Kind], s
         same_object: Whether that is one object; its two kinds are then equal.
 
     Returns:
-        True when some state satisfies what the first needs and, after what the first does, what the second needs.
-        False for a step that its object's kind rules out, and for a sequence such as RETREAT, GRASP.
+        True when some state meets the needs of the first and, after its effect, those of the second. False for a step
+        that its object's kind rules out, and for a sequence such as RETREAT, GRASP.
     """
     if not all(map(applicable, (first, second), kinds)):
         return False
@@ -180,7 +192,7 @@ def feasible(first: Primitive, second: Primitive, *, kinds: tuple[Kind, Kind], s
 
 
 def _follows(first: Primitive, second: Primitive, before: Context, after: Context, hand: Value) -> bool:
-    """Decides `feasible` for one value of the hand at the start; everything else is free to fit."""
+    """Decide `feasible` for one value of the hand at the start; everything else is free to fit."""
     state: dict[Fact, Value] = {HAND: hand}
     for clause in requirements(first, before, hand):
         if not _admit(clause, state):
@@ -190,7 +202,7 @@ def _follows(first: Primitive, second: Primitive, before: Context, after: Contex
 
 
 def _admit(clause: Clause, state: dict[Fact, Value]) -> bool:
-    """Decides whether a clause can hold in a partial state, and if a single literal was free, fixes it."""
+    """Decide whether a clause can hold in a partial state, and if a single literal was free, fixes it."""
     graded = [condition.grade(state.get(condition.fact)) for condition in clause]
     if len(clause) == 1 and graded[0] is None:
         only: Condition = clause[0]
@@ -199,9 +211,102 @@ def _admit(clause: Clause, state: dict[Fact, Value]) -> bool:
 
 
 def _hands(before: Context, after: Context) -> Iterator[Value]:
-    """Yields what the hand can be doing: nothing, or holding or gripping either object or a third one."""
+    """Yield the possible values of the hand: empty, or holding or gripping either object or a third one."""
     yield EMPTY
     yield holding(_THIRD)
     yield gripping(_THIRD)
     for context in (before, after):
         yield holding(context.target) if context.target_is_item else gripping(context.target)
+
+
+def to_mermaid(graph: ObjectActionGraph) -> str:
+    """Return a Mermaid flowchart: one box a subtask, solid flow edges, dashed transfer edges."""
+    lines = ["flowchart LR"]
+    for index, subtask in enumerate(graph.task.subtasks):
+        lines.append(f'    subgraph T{index + 1}["T{index + 1} {_quoted(subtask.name)}"]')
+        lines.extend(
+            f'        {_name(node)}["{Action(node.primitive, node.parameter)}<br/>{_quoted(node.object)}"]'
+            for node in graph.nodes
+            if node.subtask == index
+        )
+        lines.append("    end")
+    for edge in graph.edges:
+        arrow = "-->" if edge.kind == "flow" else "-.->"
+        lines.append(f"    {_name(edge.source)} {arrow} {_name(edge.target)}")
+    return "\n".join(lines) + "\n"
+
+
+def to_dot(graph: ObjectActionGraph) -> str:
+    """Return the graph in Graphviz's language: a cluster a subtask, dashed transfer edges, infeasible edges red."""
+    lines = ["digraph {", "    rankdir=LR;", '    node [shape=box, style=rounded, fontname="sans-serif"];']
+    for index, subtask in enumerate(graph.task.subtasks):
+        lines += [f"    subgraph cluster_{index + 1} {{", f'        label="T{index + 1} {_escaped(subtask.name)}";']
+        lines.extend(
+            f'        {_name(node)} [label="{Action(node.primitive, node.parameter)}\\n{_escaped(node.object)}"];'
+            for node in graph.nodes
+            if node.subtask == index
+        )
+        lines.append("    }")
+    for edge in graph.edges:
+        style = ["style=dashed"] if edge.kind == "transfer" else []
+        style += [] if edge.feasible else ["color=red"]
+        ending = f" [{', '.join(style)}]" if style else ""
+        lines.append(f"    {_name(edge.source)} -> {_name(edge.target)}{ending};")
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def to_graphml(graph: ObjectActionGraph) -> str:
+    """Return the graph as GraphML, for yEd, Gephi or networkx: nodes named `s1_1`, with their parts as attributes."""
+    import networkx
+
+    drawn = networkx.DiGraph()
+    for node in graph.nodes:
+        parameter = {} if node.parameter is None else {"parameter": str(Action(node.primitive, node.parameter))}
+        drawn.add_node(
+            _name(node), subtask=node.subtask, t=node.t, primitive=node.primitive.name, object=node.object, **parameter
+        )
+    for edge in graph.edges:
+        drawn.add_edge(_name(edge.source), _name(edge.target), kind=edge.kind, feasible=edge.feasible)
+    written = io.BytesIO()
+    networkx.write_graphml(drawn, written)
+    return written.getvalue().decode() + "\n"
+
+
+def to_drawing(graph: ObjectActionGraph) -> dict[str, list[dict[str, object]]]:
+    """Return the nodes and edges as plain data: indices into `nodes`, and names in words.
+
+    Returns:
+        `nodes` with `subtask`, `step` (both from 0), `subtask_name`, `primitive`, `object` and `parameter`; `edges`
+        with `source`, `target`, `kind` and `feasible`.
+    """
+    position = {node: index for index, node in enumerate(graph.nodes)}
+    nodes: list[dict[str, object]] = [
+        {
+            "subtask": node.subtask,
+            "step": node.t - 1,
+            "subtask_name": graph.task.subtasks[node.subtask].name,
+            "primitive": node.primitive.name,
+            "object": node.object,
+            "parameter": list(node.parameter) if isinstance(node.parameter, tuple) else node.parameter,
+        }
+        for node in graph.nodes
+    ]
+    edges: list[dict[str, object]] = [
+        {"source": position[e.source], "target": position[e.target], "kind": e.kind, "feasible": e.feasible}
+        for e in graph.edges
+    ]
+    return {"nodes": nodes, "edges": edges}
+
+
+def _name(node: Node) -> str:
+    return f"s{node.subtask + 1}_{node.t}"
+
+
+def _escaped(text: str) -> str:
+    """Return text that may stand between Graphviz's quotes."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
+
+
+def _quoted(text: str) -> str:
+    """Return text that may stand between Mermaid's quotes."""
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

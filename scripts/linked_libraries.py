@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def linked(library: Path, folders: tuple[Path, ...] = ()) -> dict[str, Path | None]:
-    """Returns every library that `library` needs, its own needs included, and where it is found.
+    """Return every library that `library` needs, its own needs included, and where it is found.
 
     Args:
         library: A shared library.
@@ -34,12 +34,12 @@ def linked(library: Path, folders: tuple[Path, ...] = ()) -> dict[str, Path | No
 
 
 def missing(library: Path, folders: tuple[Path, ...] = ()) -> tuple[str, ...]:
-    """Returns the names of the libraries that `library` needs and that are not found."""
+    """Return the names of the libraries that `library` needs and that are not found."""
     return tuple(sorted(name for name, path in linked(library, folders).items() if path is None))
 
 
 def loading_order(libraries: tuple[Path, ...], folders: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Returns libraries so that each stands after all that it needs.
+    """Return libraries so that each stands after all that it needs.
 
     A library's needs include those of what it needs, so the number of needs grows along every dependency.
     """
@@ -47,5 +47,5 @@ def loading_order(libraries: tuple[Path, ...], folders: tuple[Path, ...]) -> tup
 
 
 def library_folders(root: Path) -> tuple[Path, ...]:
-    """Returns the folders under an unpacked package tree that hold shared libraries."""
+    """Return the folders under an unpacked package tree that hold shared libraries."""
     return tuple(sorted({path.parent for path in root.rglob("*.so*") if path.is_file()}))

@@ -36,7 +36,7 @@ class Sources:
 
 
 def _stanza_lines(stanza: dict[str, str], codename: str) -> list[str]:
-    """Returns one-line entries for a stanza of a .sources file that serves this release, else nothing."""
+    """Return one-line entries for a stanza of a .sources file that serves this release, else nothing."""
     suites, parts = stanza.get("suites", "").split(), stanza.get("components", "").split()
     wrong = codename not in suites or "main" not in parts or stanza.get("enabled", "yes").lower() == "no"
     if wrong or "deb" not in stanza.get("types", "").split():
@@ -49,7 +49,7 @@ def _stanza_lines(stanza: dict[str, str], codename: str) -> list[str]:
 
 
 def _stanzas(text: str) -> list[dict[str, str]]:
-    """Returns the stanzas of a deb822 file as dictionaries with lower-case keys."""
+    """Return the stanzas of a deb822 file as dictionaries with lower-case keys."""
     found: list[dict[str, str]] = []
     for block in re.split(r"\n\s*\n", text):
         stanza: dict[str, str] = {}
@@ -68,7 +68,7 @@ def _stanzas(text: str) -> list[dict[str, str]]:
 
 
 def _one_line_entries(text: str, codename: str) -> list[str]:
-    """Returns the `deb` lines of a sources.list that serve this release, each with its backports twin."""
+    """Return the `deb` lines of a sources.list that serve this release, each with its backports twin."""
     found: list[str] = []
     for line in text.splitlines():
         match = re.match(r"deb\s+(\[[^]]*\]\s+)?(\S+)\s+(\S+)\s+(.*)", line.strip())
@@ -83,7 +83,7 @@ def _one_line_entries(text: str, codename: str) -> list[str]:
 
 
 def read_sources(folder: Path = _SYSTEM_SOURCES) -> Sources:
-    """Returns the distribution's sources of this machine.
+    """Return the distribution's sources of this machine.
 
     Raises:
         AptUnavailable: when this is no Debian-like system or its sources cannot be read.
@@ -109,7 +109,7 @@ class PrivateApt:
     """apt with its state under `folder`."""
 
     def __init__(self, folder: Path) -> None:
-        """Writes the private configuration.
+        """Write the private configuration.
 
         Raises:
             AptUnavailable: as `read_sources` does.
@@ -142,7 +142,7 @@ class PrivateApt:
             raise AptUnavailable(f"apt-get update brought no package lists: {_last_words(done.stderr)}")
 
     def candidate(self, package: str, suite: str | None = None) -> str | None:
-        """Returns the version that apt would fetch, or None when no source has the package."""
+        """Return the version that apt would fetch, or None when no source has the package."""
         shown = self._run("policy", *(["-t", suite] if suite else []), package).stdout
         match = re.search(r"Candidate:\s*(\S+)", shown)
         return match[1] if match and match[1] != "(none)" else None
@@ -168,19 +168,19 @@ class PrivateApt:
         return fetched
 
     def close(self) -> None:
-        """Removes the private state."""
+        """Remove the private state."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def unpack(packages: tuple[Path, ...], into: Path) -> None:
-    """Unpacks package files into a folder; none of their install scripts run."""
+    """Unpack package files into a folder; none of their install scripts run."""
     into.mkdir(parents=True, exist_ok=True)
     for package in packages:
         subprocess.run(["dpkg-deb", "-x", str(package), str(into)], check=True, stdin=subprocess.DEVNULL)
 
 
 def _configuration(folder: Path) -> str:
-    """Returns the apt configuration that keeps every write under `folder`.
+    """Return the apt configuration that keeps every write under `folder`.
 
     It is read after the system's own, so proxies and certificates set there stay in force.
     """
@@ -205,7 +205,7 @@ APT::Sandbox::User "";
 
 
 def _last_words(text: str) -> str:
-    """Returns the errors of an apt run, or its last line."""
+    """Return the errors of an apt run, or its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith(("E:", "W: Failed"))]
     return " ".join(errors[:2] or lines[-1:]) or "no reason given"

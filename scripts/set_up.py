@@ -40,13 +40,13 @@ class SetUpFailed(RuntimeError):
 
 
 def say(words: str) -> None:
-    """Writes one line for the person who runs the set-up."""
+    """Write one line for the person who runs the set-up."""
     sys.stdout.write(f"[set-up] {words}\n")
     sys.stdout.flush()
 
 
 def fingerprint() -> str:
-    """Returns a hash of all that decides what is installed; another value means another set-up."""
+    """Return a hash of all that decides what is installed; another value means another set-up."""
     digest = hashlib.sha256(f"{ROOT}\n{sys.version_info[:2]}\n".encode())
     for path in [ROOT / "pyproject.toml", CONSTRAINTS, *sorted((ROOT / "scripts").glob("*.py"))]:
         digest.update(path.read_bytes())
@@ -54,20 +54,20 @@ def fingerprint() -> str:
 
 
 def installed() -> str:
-    """Returns the level that is installed, whatever has changed since then; empty where there is none."""
+    """Return the level that is installed, whatever has changed since then; empty where there is none."""
     words = STAMP.read_text(encoding="utf-8").split() if STAMP.is_file() and PYTHON.exists() else []
     return words[1] if len(words) == 2 and words[1] in LEVELS else ""
 
 
 def enough(level: str) -> bool:
-    """Decides whether what is installed is of today's files, and of this level or a later one."""
+    """Decide whether what is installed is of today's files, and of this level or a later one."""
     if not installed() or LEVELS.index(installed()) < LEVELS.index(level):
         return False
     return STAMP.read_text(encoding="utf-8").split()[0] == fingerprint()
 
 
 def run(command: list[str], what: str) -> None:
-    """Runs one command of the set-up.
+    """Run one command of the set-up.
 
     Raises:
         SetUpFailed: when it fails; its own words stand on the terminal by then.
@@ -78,12 +78,12 @@ def run(command: list[str], what: str) -> None:
 
 
 def pip(*arguments: str) -> list[str]:
-    """Returns the command line of the environment's pip."""
+    """Return the command line of the environment's pip."""
     return [str(PYTHON), "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments]
 
 
 def usable() -> bool:
-    """Tells whether `.venv` was made here, for this Python, and has pip; then only what changed is installed."""
+    """Tell whether `.venv` was made here, for this Python, and has pip; then only what changed is installed."""
     described = ENVIRONMENT / "pyvenv.cfg"
     if not described.is_file() or f" {ENVIRONMENT}\n" not in described.read_text(encoding="utf-8"):
         return False
@@ -93,7 +93,7 @@ def usable() -> bool:
 
 
 def make_environment() -> None:
-    """Makes an empty environment with pip in `.venv`."""
+    """Make an empty environment with pip in `.venv`."""
     shutil.rmtree(ENVIRONMENT, ignore_errors=True)
     plain = [sys.executable, "-m", "venv", str(ENVIRONMENT)]
     done = subprocess.run(plain, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
@@ -151,7 +151,7 @@ def install(packages: list[str]) -> None:
 
 
 def set_up(level: str) -> None:
-    """Does all steps in order and leaves the stamp.
+    """Do all steps in order and leaves the stamp.
 
     Args:
         level: What is to be installed at least; what is there already stays.
@@ -181,7 +181,7 @@ def set_up(level: str) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Returns 0 when the checkout is ready at a level, by default `all`; 2 when it cannot be made ready here."""
+    """Return 0 when the checkout is ready at a level, by default `all`; 2 when it cannot be made ready here."""
     level = arguments[0] if arguments else "all"
     try:
         if level not in LEVELS:

@@ -25,13 +25,13 @@ PACKAGES = {
 
 
 def say(words: str) -> None:
-    """Writes one line for the person who runs the set-up."""
+    """Write one line for the person who runs the set-up."""
     sys.stdout.write(f"[libraries] {words}\n")
     sys.stdout.flush()
 
 
 def import_problem(module: str) -> str:
-    """Returns why a module cannot be imported in a fresh process, or ""."""
+    """Return why a module cannot be imported in a fresh process, or ""."""
     command = [sys.executable, "-W", "ignore", "-c", f"import {module}"]
     done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
     return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["the process died"])[-1]
@@ -69,7 +69,7 @@ def lay_beside(site_packages: Path, state: Path) -> tuple[str, ...]:
 
 
 def main() -> int:
-    """Returns 0 when SAPIEN can be imported, 1 otherwise."""
+    """Return 0 when SAPIEN can be imported, 1 otherwise."""
     problem = import_problem("sapien")
     spec = importlib.util.find_spec("sapien")
     if not problem or spec is None or spec.origin is None:

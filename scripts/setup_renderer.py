@@ -16,20 +16,20 @@ from pathlib import Path
 from linked_libraries import library_folders, linked, loading_order, missing
 from private_apt import AptUnavailable, PrivateApt, unpack
 
-from executor.machine import self_check, vulkan
+from executor.system import self_check, vulkan
 
 PACKAGE = "mesa-vulkan-drivers"
 DRIVER = "libvulkan_lvp.so"
 
 
 def say(words: str) -> None:
-    """Writes one line for the person who runs the set-up."""
+    """Write one line for the person who runs the set-up."""
     sys.stdout.write(f"[renderer] {words}\n")
     sys.stdout.flush()
 
 
 def fetch_driver(apt: PrivateApt, into: Path) -> str:
-    """Unpacks lavapipe and what it needs; returns the driver's version.
+    """Unpack lavapipe and what it needs; returns the driver's version.
 
     Raises:
         AptUnavailable: when no source has a recent enough version.
@@ -54,7 +54,7 @@ def fetch_driver(apt: PrivateApt, into: Path) -> str:
 
 
 def keep_what_is_needed(unpacked: Path, prefix: Path, version: str) -> None:
-    """Copies the driver and its private libraries to `prefix`, and writes both manifests.
+    """Copy the driver and its private libraries to `prefix`, and writes both manifests.
 
     Args:
         unpacked: The unpacked packages.
@@ -119,7 +119,7 @@ def install(prefix: Path, state: Path) -> None:
 
 
 def drawing_problem() -> str:
-    """Returns why nothing can be drawn, or "" when a picture was drawn."""
+    """Return why nothing can be drawn, or "" when a picture was drawn."""
     found = vulkan.find_renderer()
     if not found:
         return found.why
@@ -128,7 +128,7 @@ def drawing_problem() -> str:
 
 
 def main() -> int:
-    """Returns 0 when pictures can be drawn, 1 otherwise; `--optional` makes that 0 too."""
+    """Return 0 when pictures can be drawn, 1 otherwise; `--optional` makes that 0 too."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--force", action="store_true", help="install the private driver in any case")
     parser.add_argument("--optional", action="store_true", help="go on without cameras when there is no driver")

@@ -49,13 +49,13 @@ def install_torch(python: Path, constraints: Path) -> str:
 
 
 def _succeeds(command: list[str]) -> bool:
-    """Tells whether a command ends well; its output is of no interest, since another way is tried then."""
+    """Tell whether a command ends well; its output is of no interest, since another way is tried then."""
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     return done.returncode == 0
 
 
 def _pinned(name: str, constraints: Path) -> str:
-    """Returns the line of the constraints file that pins a package.
+    """Return the line of the constraints file that pins a package.
 
     Raises:
         ValueError: when there is none.

@@ -240,7 +240,7 @@ Place = tuple[str, int, int]
 
 
 def needs(parts: tuple[Part, ...], goal: tuple[Condition, ...], kinds: Kinds) -> Iterator[tuple[Place, Any, Any]]:
-    """Yields every place of a plan with what decides it and, for a step, what comes after it."""
+    """Yield every place of a plan with what decides it and, for a step, what comes after it."""
     for index, part in enumerate(parts):
         yield ("init", index, -1), lambda w, p=part: all(meets(w, c, kinds) for c in p.init), None
         for step, action in enumerate(part.flow):

@@ -92,7 +92,7 @@ def single_changes(original: dict[str, Any], replacements: tuple[Any, ...] = REP
 
 
 def _add(data: Any, path: tuple[Any, ...]) -> bool:
-    """Adds an unknown field to the mapping at a place, or an item to the list there; False when there is neither."""
+    """Add an unknown field to the mapping at a place, or an item to the list there; False when there is neither."""
     at = data
     for key in path:
         at = at[key]
@@ -115,7 +115,7 @@ def forgeries(draw: st.DrawFn, original: dict[str, Any], most: int = 3) -> dict[
 
 
 def _any_change(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
-    """Replaces, deletes or doubles one value, swaps it with another of its list, or adds something beside it."""
+    """Replace, deletes or doubles one value, swaps it with another of its list, or adds something beside it."""
     # Every field is as likely as every other, however much it holds.
     field = draw(st.sampled_from(sorted(data)))
     path = draw(st.sampled_from(paths({field: data[field]})))

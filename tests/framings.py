@@ -7,10 +7,10 @@ from itertools import product
 from typing import Any
 
 import bddl
-from oag.checker import plan
-from oag.checker.cases import Rejected
-from oag.model.facts import known_as
-from oag.table.state import facts_of
+from oag.certificate import check_plan
+from oag.certificate.check_plan import Rejected
+from oag.model.symbols import known_as
+from oag.primitives.state import facts_of
 from tests.forgeries import rehashed
 
 _BROKEN = (KeyError, IndexError, TypeError, AttributeError, ValueError, Rejected, bddl.BDDLError)
@@ -62,7 +62,7 @@ def _survey(data: dict[str, Any]) -> list[tuple[list[Any], int, list[list[str]]]
     """Every place of a plan, with its time and what it reads, as far as it can be followed."""
     found = []
     try:
-        run = plan.PlanRun(data)
+        run = check_plan.PlanRun(data)
         for place, wanted in run.places():
             facts = [list(fact) for fact in facts_of(wanted, data["scene"]["objects"])]
             found.append((list(place), run.time, facts))
@@ -77,7 +77,7 @@ def _fitting(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
     links: list[list[Any]] = []
     try:
         assumed = [entry for entry in data["assumptions"] if entry["kind"] == "assumed"]
-        run = plan.PlanRun(data, [(entry["time"], entry["fact"], entry["value"]) for entry in assumed])
+        run = check_plan.PlanRun(data, [(entry["time"], entry["fact"], entry["value"]) for entry in assumed])
         settled = [entry["consumer"] for entry in data["cases"]]
         for place, wanted in run.places():
             if data["failure"] not in (None, list(place)):

@@ -34,7 +34,7 @@ class Mutant:
 
 
 def _paths(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yields the place of every value below the root."""
+    """Yield the place of every value below the root."""
     members = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in members:
         yield (*path, key)
@@ -53,7 +53,7 @@ def _put(data: Any, path: tuple[Any, ...], value: Any) -> str:
 
 
 def _place(rng: random.Random, data: Any, fits: Callable[[tuple[Any, ...], Any], bool] = lambda *_: True) -> Any:
-    """Returns one place that fits; None when there is none."""
+    """Return one place that fits; None when there is none."""
     places = [path for path in _paths(data) if fits(path, _at(data, path))]
     return rng.choice(places) if places else None
 
@@ -197,7 +197,7 @@ _TEXT_EDITS = (_double_key, _cut, _damage, _bury)
 
 
 def mutant(number: int) -> Mutant:
-    """Returns the mutant of a number; an equal number gives an equal one."""
+    """Return the mutant of a number; an equal number gives an equal one."""
     rng = random.Random(number)
     task_path, scene_path = rng.choice(PAIRS)
     texts = [task_path.read_text(encoding="utf-8"), scene_path.read_text(encoding="utf-8")]
@@ -217,5 +217,5 @@ def mutant(number: int) -> Mutant:
 
 
 def mutants(count: int, first: int = 0) -> Iterator[Mutant]:
-    """Yields so many mutants, from a number on."""
+    """Yield so many mutants, from a number on."""
     return map(mutant, range(first, first + count))

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 
 import oag
-from executor.cli.main import run
+from executor.cli.app import run
 from tests.hostile_files import Mutant
 
 
@@ -17,7 +17,7 @@ class WentWrong(AssertionError):
 
 
 def write(mutant: Mutant, folder: Path) -> tuple[Path, Path]:
-    """Returns the files of a mutant: the task and the scene."""
+    """Return the files of a mutant: the task and the scene."""
     paths = folder / "task.json", folder / "scene.json"
     for path, text in zip(paths, (mutant.task, mutant.scene), strict=True):
         path.write_text(text, encoding="utf-8", errors="surrogatepass")
@@ -25,7 +25,7 @@ def write(mutant: Mutant, folder: Path) -> tuple[Path, Path]:
 
 
 def read_through(mutant: Mutant, folder: Path) -> str:
-    """Returns what became of a mutant: a verdict, or the name of the typed error.
+    """Return what became of a mutant: a verdict, or the name of the typed error.
 
     Raises:
         WentWrong: What was written cannot be read back, or the certificate does not stand.
@@ -56,7 +56,7 @@ def read_through(mutant: Mutant, folder: Path) -> str:
 
 
 def typed(mutant: Mutant, folder: Path) -> None:
-    """Opens the files of a mutant by the commands that read them.
+    """Open the files of a mutant by the commands that read them.
 
     Raises:
         WentWrong: A command ended otherwise than by 0, 1 or 2, or without a word.
@@ -80,7 +80,7 @@ def typed(mutant: Mutant, folder: Path) -> None:
 
 
 def _again(value: object) -> dict[str, object]:
-    """Returns JSON data as it is after it was written and read."""
+    """Return JSON data as it is after it was written and read."""
     found: dict[str, object] = json.loads(json.dumps(value, allow_nan=False))
     return found
 

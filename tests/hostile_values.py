@@ -10,7 +10,7 @@ _LONG = "x" * 5000
 
 
 def strange_text(rng: random.Random) -> str:
-    """Returns a text that is no name, or another one than the file needs."""
+    """Return a text that is no name, or another one than the file needs."""
     name = rng.choice(("glass_0", "table_0", "refrigerator_0", "apple_0", "open", "scene"))
     return rng.choice(
         (
@@ -67,7 +67,7 @@ def strange_text(rng: random.Random) -> str:
 
 
 def strange_number(rng: random.Random) -> Any:
-    """Returns a number at the edge of what numbers are, or a truth value."""
+    """Return a number at the edge of what numbers are, or a truth value."""
     return rng.choice(
         (
             0,
@@ -94,7 +94,7 @@ def strange_number(rng: random.Random) -> Any:
 
 
 def strange_value(rng: random.Random) -> Any:
-    """Returns a value of any type."""
+    """Return a value of any type."""
     return rng.choice(
         (
             strange_text(rng),

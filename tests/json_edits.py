@@ -7,7 +7,7 @@ from typing import Any
 
 
 def altered(data: dict[str, Any], path: tuple[Any, ...], value: Any) -> dict[str, Any]:
-    """Returns the data with the value at one place replaced; `...` deletes it."""
+    """Return the data with the value at one place replaced; `...` deletes it."""
     result = copy.deepcopy(data)
     at: Any = result
     for key in path[:-1]:

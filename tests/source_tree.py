@@ -33,7 +33,7 @@ class Import:
 
 
 def files() -> tuple[Path, ...]:
-    """Returns every file of the checkout that is not built, downloaded or hidden by tools, sorted."""
+    """Return every file of the checkout that is not built, downloaded or hidden by tools, sorted."""
     return tuple(sorted(_walk(ROOT)))
 
 
@@ -50,7 +50,7 @@ def _walk(folder: Path) -> Iterator[Path]:
 
 @cache
 def modules(*packages: str) -> Mapping[str, Path]:
-    """Returns dotted module name -> file for all modules of the packages; a package is named by its folder."""
+    """Return dotted module name -> file for all modules of the packages; a package is named by its folder."""
     found = {}
     for package in packages or PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -61,13 +61,13 @@ def modules(*packages: str) -> Mapping[str, Path]:
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    """Returns the syntax tree of a file."""
+    """Return the syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 
 @cache
 def first_party_imports(module: str, path: Path) -> tuple[Import, ...]:
-    """Returns what a module imports from the project's own packages, `if TYPE_CHECKING` blocks included."""
+    """Return what a module imports from the project's own packages, `if TYPE_CHECKING` blocks included."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     found = []
     for node, at_top in _statements(tree_of(path)):
@@ -83,7 +83,7 @@ def first_party_imports(module: str, path: Path) -> tuple[Import, ...]:
 
 
 def _statements(tree: ast.Module) -> Iterator[tuple[ast.stmt, bool]]:
-    """Yields every statement, and whether it stands outside of all functions."""
+    """Yield every statement, and whether it stands outside of all functions."""
     waiting: list[tuple[ast.AST, bool]] = [(tree, True)]
     while waiting:
         parent, at_top = waiting.pop()
@@ -97,7 +97,7 @@ def _statements(tree: ast.Module) -> Iterator[tuple[ast.stmt, bool]]:
 
 
 def _absolute_base(node: ast.ImportFrom, package: str) -> str:
-    """Returns the absolute dotted name before `import` of a from-import, relative ones resolved."""
+    """Return the absolute dotted name before `import` of a from-import, relative ones resolved."""
     if node.level == 0:
         return node.module or ""
     kept = package.split(".")[: len(package.split(".")) - node.level + 1]

@@ -10,9 +10,9 @@ import pytest
 
 import llm
 import oag
-from executor.evolution.record import Evolution
-from executor.results.episode import Episode
-from executor.scenes.reading import load_scene
+from executor.data.episode import Episode
+from executor.rollouts.evolution_record import Evolution
+from executor.scenes.file import load_scene
 from tests.executor.recordings import invented_rollout
 from tests.source_tree import PACKAGES, ROOT
 
@@ -53,7 +53,7 @@ LAZY = [package for package in PACKAGES if hasattr(importlib.import_module(packa
 
 
 def _names_for_type_checkers(package: str) -> dict[str, tuple[str, str]]:
-    """Returns what a package imports for type checkers only: for each name, its module and its name there."""
+    """Return what a package imports for type checkers only: for each name, its module and its name there."""
     source = (ROOT / package / "__init__.py").read_text(encoding="utf-8")
     guarded = [node for node in ast.parse(source).body if isinstance(node, ast.If)]
     imports = [line for node in guarded for line in node.body if isinstance(line, ast.ImportFrom)]

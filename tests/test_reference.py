@@ -14,7 +14,7 @@ from tests.source_tree import PACKAGES, ROOT
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Builds the reference as `make reference` does, and returns its folder."""
+    """Build the reference as `make reference` does, and returns its folder."""
     folder = tmp_path_factory.mktemp("reference")
     line = [sys.executable, "-m", "pdoc", "-d", "google", "-o", str(folder), *PACKAGES]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=600)

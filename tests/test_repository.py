@@ -6,7 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from executor.machine import extras
+from executor.system import extras
 from tests.source_tree import ROOT, files
 
 MESHES_AND_MEDIA = {".stl", ".dae", ".obj", ".glb", ".gltf", ".ply", ".usd", ".mp4", ".h5", ".hdf5", ".parquet"}
@@ -23,7 +23,7 @@ MACHINE_PATH = re.compile(r"(?<![\w.~$}{-])/(?:root|home|work|mnt|Users)/\w")
 
 
 def texts() -> dict[Path, str]:
-    """Returns path -> text of every text file of the repository."""
+    """Return path -> text of every text file of the repository."""
     found = {}
     for path in files():
         try:

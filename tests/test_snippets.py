@@ -16,14 +16,14 @@ SNIPPET = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def snippets(page: Path) -> list[str]:
-    """Returns the pieces of Python of a page; of a dialogue with the interpreter, what was typed."""
+    """Return the pieces of Python of a page; of a dialogue with the interpreter, what was typed."""
     found = SNIPPET.findall(page.read_text(encoding="utf-8"))
     typed = doctest.DocTestParser().get_examples
     return ["".join(line.source for line in typed(text)) if ">>> " in text else text for text in found]
 
 
 def bound(tree: ast.AST) -> set[str]:
-    """Returns the names that a piece gives a meaning."""
+    """Return the names that a piece gives a meaning."""
     names: set[str] = set()
     for node in ast.walk(tree):
         match node:

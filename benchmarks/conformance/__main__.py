@@ -25,7 +25,7 @@ from benchmarks.conformance.registry import CHECKS
 
 
 def main() -> int:
-    """Runs the checks that were asked for; returns the exit code."""
+    """Run the checks that were asked for; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.conformance", description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="+", choices=sorted(CHECKS), default=list(CHECKS), metavar="CHECK")
     parser.add_argument("--seed", type=int, default=0)

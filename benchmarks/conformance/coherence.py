@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import bddl
-from bddl.solver import Solver, smt_text, solve
+from bddl.smt import Solver, smt_text, solve
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
 from benchmarks.conformance.goal_states import draw
@@ -58,7 +58,7 @@ class _Tally:
 
 
 def check_coherence(context: Context) -> Result:
-    """Compares progress with truth, and the reference's reward with truth, on the same states."""
+    """Compare progress with truth, and the reference's reward with truth, on the same states."""
     names = sorted(context.corpus)[:: 10 if context.quick else 1]
     tally = _Tally()
     with GoalPeer(context.interpreter, SCRIPT) as peer:
@@ -105,7 +105,7 @@ def _coherent(
 
 
 def _completions(goal: bddl.CompiledGoal, found: list[bddl.Option], source: random.Random) -> Iterator[int]:
-    """Yields, for each option, a state in which it holds and everything else is random."""
+    """Yield, for each option, a state in which it holds and everything else is random."""
     places = {atom: index for index, atom in enumerate(goal.atoms)}
     for option in found:
         values = [source.random() < 0.5 for _ in goal.atoms]
@@ -115,7 +115,7 @@ def _completions(goal: bddl.CompiledGoal, found: list[bddl.Option], source: rand
 
 
 def _options(name: str, problem: bddl.Problem, objects: dict[str, str], tally: _Tally) -> list[bddl.Option]:
-    """Returns the first options of a goal, after checking them: each implies it, none contains another, in order."""
+    """Return the first options of a goal, after checking them: each implies it, none contains another, in order."""
     true = {atom for atom in problem.init if isinstance(atom, bddl.Atom)}
     seconds, found = _timed(lambda: list(islice(bddl.options(problem.goal, objects), OPTIONS)))
     start_seconds, from_start = _timed(
@@ -143,7 +143,7 @@ def _options(name: str, problem: bddl.Problem, objects: dict[str, str], tally: _
 def _reference(
     name: str, problem: bddl.Problem, peer: GoalPeer, states: list[int], progress: bddl.GoalProgress, tally: _Tally
 ) -> None:
-    """Asks the reference for its options and its rewards, and compares these with what it calls true."""
+    """Ask the reference for its options and its rewards, and compares these with what it calls true."""
     about = peer.ask("ground", activity=name, atoms=[atom.label for atom in progress.atoms])
     assert isinstance(about, dict)
     tally.reference_ground_seconds[name] = about["seconds"]
@@ -169,7 +169,7 @@ def _reference(
 
 
 def _timed(work: Callable[[], _Answer]) -> tuple[float, _Answer]:
-    """Returns the least time that some work took, and its answer."""
+    """Return the least time that some work took, and its answer."""
     best = float("inf")
     for _ in range(TIMES):
         begin = time.perf_counter()

@@ -85,7 +85,7 @@ Check: TypeAlias = Callable[[Context], Result]
 
 
 def reference_interpreter() -> Path:
-    """Returns the Python of the reference's environment, which is made when it is not there."""
+    """Return the Python of the reference's environment, which is made when it is not there."""
     python = ENVIRONMENT / "bin" / "python"
     if not python.exists():
         print(f"[conformance] installing {' '.join(REFERENCE)} into {ENVIRONMENT}", file=sys.stderr)
@@ -95,7 +95,7 @@ def reference_interpreter() -> Path:
 
 
 def load_corpus(peer: GoalPeer) -> dict[str, str]:
-    """Returns the text of every activity of the reference's installation."""
+    """Return the text of every activity of the reference's installation."""
     corpus = peer.ask("corpus")
     if not isinstance(corpus, dict) or len(corpus) < 1000:
         raise RuntimeError(f"the reference's installation has no corpus of activities: {json.dumps(corpus)[:80]}")

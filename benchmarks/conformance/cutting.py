@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 
 def listed(words: str) -> tuple[str, ...]:
-    """Returns the words of a text that single spaces part."""
+    """Return the words of a text that single spaces part."""
     return tuple(words.split(" "))
 
 
@@ -54,7 +54,7 @@ class Definition:
         return [name.text for line in self.object_lines() for name in line.names]
 
     def object_lines(self) -> list[ObjectLine]:
-        """Returns the declared names by category, in order."""
+        """Return the declared names by category, in order."""
         lines: list[ObjectLine] = []
         names: list[Form] = []
         items = iter(self.sections[":objects"].items[1:])
@@ -67,7 +67,7 @@ class Definition:
         return lines
 
     def walk(self, section: str) -> Iterator[Form]:
-        """Yields the forms inside a section, outer ones first."""
+        """Yield the forms inside a section, outer ones first."""
         pending = self.sections[section].items[:0:-1]
         while pending:
             form = pending.pop()
@@ -76,7 +76,7 @@ class Definition:
                 pending.extend(reversed(form.items))
 
     def atoms(self, section: str) -> list[Form]:
-        """Returns the atoms of a section."""
+        """Return the atoms of a section."""
         return [
             form
             for form in self.walk(section)
@@ -84,7 +84,7 @@ class Definition:
         ]
 
     def binders(self) -> list[Form]:
-        """Returns the binders of the goal's quantifiers."""
+        """Return the binders of the goal's quantifiers."""
         return [
             item
             for form in self.walk(":goal")
@@ -94,12 +94,12 @@ class Definition:
         ]
 
     def source(self, form: Form) -> str:
-        """Returns the text of a form."""
+        """Return the text of a form."""
         return self.text[form.start : form.end]
 
 
 def cut(text: str) -> Definition:
-    """Returns the definition that a well-formed text holds."""
+    """Return the definition that a well-formed text holds."""
     tokens = [Form(found.group(), found.start(), found.end()) for found in _TOKEN.finditer(text)]
     stack: list[Form] = [Form("", 0, len(text))]
     for token in tokens:

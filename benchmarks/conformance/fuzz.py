@@ -82,7 +82,7 @@ LIBERO_TEXT = """\
 
 
 def check_fuzz(context: Context) -> Result:
-    """Reads, checks, analyses, corrects and lays out random texts in every profile, and reads deep and long ones."""
+    """Read, checks, analyses, corrects and lays out random texts in every profile, and reads deep and long ones."""
     inputs = QUICK_INPUTS if context.quick else INPUTS
     outcomes: Counter[str] = Counter()
     escaped: list[str] = []
@@ -114,7 +114,7 @@ def check_fuzz(context: Context) -> Result:
 
 
 def fuzzed(corpus: Sequence[str], rng: random.Random) -> Iterator[str]:
-    """Yields texts without end: heaps of tokens, damaged activities, spliced activities, and noise."""
+    """Yield texts without end: heaps of tokens, damaged activities, spliced activities, and noise."""
     while True:
         form = rng.randrange(4)
         if form == 0:
@@ -131,7 +131,7 @@ def fuzzed(corpus: Sequence[str], rng: random.Random) -> Iterator[str]:
 
 
 def _damaged(text: str, rng: random.Random) -> str:
-    """Returns a text with a few words put in, taken out or doubled."""
+    """Return a text with a few words put in, taken out or doubled."""
     for _ in range(rng.randrange(1, 6)):
         start = rng.randrange(len(text) + 1)
         end = min(len(text), start + rng.randrange(12))
@@ -140,7 +140,7 @@ def _damaged(text: str, rng: random.Random) -> str:
 
 
 def libero_texts(context: Context) -> list[str]:
-    """Returns LIBERO's files when there is a folder with them, else one text in their format, each a hundred times.
+    """Return LIBERO's files when there is a folder with them, else one text in their format, each a hundred times.
 
     A hundred, since BEHAVIOR's activities are many more.
     """
@@ -150,7 +150,7 @@ def libero_texts(context: Context) -> list[str]:
 
 
 def use_everything(text: str, profile: str) -> None:
-    """Gives a text to every function that takes one; none may raise anything but BDDLError.
+    """Give a text to every function that takes one; none may raise anything but BDDLError.
 
     Raises:
         RuntimeError: What was read is not what is read of its print.
@@ -189,7 +189,7 @@ def _outcome(text: str, profile: str, escaped: list[str]) -> str:
 
 
 def _deep(escaped: list[str]) -> float:
-    """Returns how long a deep goal takes to be read, printed and read again."""
+    """Return how long a deep goal takes to be read, printed and read again."""
     goal = "(not " * DEPTH + "(open ?door.n.01_1)" + ")" * DEPTH
     text = (
         "(define (problem deep-0) (:domain omnigibson) (:objects door.n.01_1 - door.n.01) "
@@ -206,7 +206,7 @@ def _deep(escaped: list[str]) -> float:
 
 
 def _long(escaped: list[str]) -> float:
-    """Returns how long many objects take to be read."""
+    """Return how long many objects take to be read."""
     names = " ".join(f"door.n.01_{number}" for number in range(OBJECTS))
     text = (
         f"(define (problem long-0) (:domain omnigibson) (:objects {names} - door.n.01) (:init (open door.n.01_7)) "

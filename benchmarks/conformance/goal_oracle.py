@@ -16,7 +16,7 @@ def oracle(
     objects: Mapping[str, str],
     bound: Mapping[str, str] | None = None,
 ) -> bool:
-    """Returns the truth of a formula by its definition; pairs are matched by networkx."""
+    """Return the truth of a formula by its definition; pairs are matched by networkx."""
     bound = bound or {}
     if isinstance(formula, bddl.Atom):
         return state[bddl.Atom(formula.predicate, tuple(bound.get(name, name) for name in formula.args))]

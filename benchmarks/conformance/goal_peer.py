@@ -43,7 +43,7 @@ class GoalPeer:
         self._process.communicate()
 
     def ask(self, do: str, **request: object) -> Any:
-        """Returns the answer to one request.
+        """Return the answer to one request.
 
         Raises:
             RuntimeError: The reference failed at it.
@@ -55,7 +55,7 @@ class GoalPeer:
         return json.loads(line)
 
     def problems(self) -> dict[str, bddl.Problem]:
-        """Returns every activity of the reference's installation, read by this project as the reference reads it."""
+        """Return every activity of the reference's installation, read by this project as the reference reads it."""
         paths = self.ask("list")
         return {
             name: bddl.parse(Path(path).read_text(encoding="utf-8"), profile="behavior-compat")

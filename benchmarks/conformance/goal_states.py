@@ -6,13 +6,13 @@ import random
 from collections.abc import Iterator
 
 import bddl
-from bddl.semantics.ground import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some
+from bddl.grounding import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some
 
 SATISFYING = 8
 
 
 def draw(goal: bddl.CompiledGoal, root: GroundNode, source: random.Random, states: int) -> Iterator[int]:
-    """Yields states of all densities, then states made to satisfy the goal, upon backgrounds of several densities."""
+    """Yield states of all densities, then states made to satisfy the goal, upon backgrounds of several densities."""
     width = len(goal.atoms)
     for number in range(states):
         density = number / max(1, states - 1)
@@ -29,7 +29,7 @@ def draw(goal: bddl.CompiledGoal, root: GroundNode, source: random.Random, state
 
 
 def make_true(node: GroundNode, wanted: bool, values: list[bool], source: random.Random) -> None:
-    """Sets atoms so that the node gets the wanted value, choosing at random; a later choice may undo an earlier one."""
+    """Set atoms so that the node gets the wanted value, choosing at random; a later choice may undo an earlier one."""
     match node:
         case Leaf(atom=atom):
             values[atom] = wanted

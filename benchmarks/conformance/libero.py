@@ -25,7 +25,7 @@ BROKEN = {
 
 
 def check_libero(context: Context) -> Result:
-    """Reads every file below the folder, compares with LIBERO's parser where it lies there too, and prints it back."""
+    """Read every file below the folder, compares with LIBERO's parser where it lies there too, and prints it back."""
     if context.libero is None:
         return Result((Measure("LIBERO's files", "not read: --libero FOLDER gives them"),))
     paths = sorted(context.libero.rglob("*.bddl"))
@@ -55,7 +55,7 @@ def check_libero(context: Context) -> Result:
 
 
 def _broken() -> list[Measure]:
-    """Returns whether the texts that break LIBERO's parser are read, or refused with a place."""
+    """Return whether the texts that break LIBERO's parser are read, or refused with a place."""
     right = 0
     for head, legal in BROKEN.values():
         try:
@@ -75,7 +75,7 @@ def _read(text: str) -> bddl.LiberoProblem | None:
 
 
 def _as_libero(problem: bddl.LiberoProblem) -> dict[str, Any]:
-    """Returns a problem in the form that LIBERO's parser gives; it lower-cases everything."""
+    """Return a problem in the form that LIBERO's parser gives; it lower-cases everything."""
     return {
         "problem_name": problem.name.lower(),
         "fixtures": _by_type(problem.fixtures),
@@ -96,7 +96,7 @@ def _as_libero(problem: bddl.LiberoProblem) -> dict[str, Any]:
 
 
 def _comparable(theirs: dict[str, Any]) -> dict[str, Any]:
-    """Returns what LIBERO's parser gave, without the parts that it fills with constants."""
+    """Return what LIBERO's parser gave, without the parts that it fills with constants."""
     kept = {key: value for key, value in theirs.items() if key != "scene_properties"}
     kept["regions"] = {
         key: {part: region[part] for part in ("target", "ranges", "yaw_rotation")}
@@ -106,5 +106,5 @@ def _comparable(theirs: dict[str, Any]) -> dict[str, Any]:
 
 
 def _by_type(things: tuple[bddl.TypedObject, ...]) -> dict[str, list[str]]:
-    """Returns names by type; as in LIBERO's parser, of two lines with one type the later one counts."""
+    """Return names by type; as in LIBERO's parser, of two lines with one type the later one counts."""
     return {kind: [thing.name for thing in group] for kind, group in groupby(things, key=lambda thing: thing.category)}

@@ -17,7 +17,7 @@ _INSTRUCTION = re.compile(r"\(\s*:language\b[^\n]*", re.IGNORECASE)
 
 
 def libero_mutants(name: str, text: str, seed: int, edits: int = EDITS) -> Iterator[Mutant]:
-    """Yields texts with one parenthesis deleted, and as many with one inserted beside a parenthesis.
+    """Yield texts with one parenthesis deleted, and as many with one inserted beside a parenthesis.
 
     The line of the instruction is left alone, since an instruction may hold parentheses of its own.
 
@@ -41,7 +41,7 @@ def libero_mutants(name: str, text: str, seed: int, edits: int = EDITS) -> Itera
 
 
 def libero_measures(texts: Mapping[str, str], seed: int) -> tuple[tuple[Measure, ...], dict[str, object]]:
-    """Returns how many mutants of LIBERO's files are accepted and located, and everything behind the figures."""
+    """Return how many mutants of LIBERO's files are accepted and located, and everything behind the figures."""
     counts: Counter[str] = Counter()
     elsewhere: list[dict[str, object]] = []
     for name, text in texts.items():

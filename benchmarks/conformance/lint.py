@@ -48,7 +48,7 @@ NAMED: Mapping[str, frozenset[str]] = MappingProxyType(
 
 
 def check_lint(context: Context) -> Result:
-    """Runs the analyser over the corpus and compares what it finds with what is known."""
+    """Run the analyser over the corpus and compares what it finds with what is known."""
     names = sorted(context.corpus)
     if context.quick:
         names = sorted({*names[::20], *(name for known in NAMED.values() for name in known)})
@@ -68,7 +68,7 @@ def check_lint(context: Context) -> Result:
 
 
 def _measure(code: str, where: Mapping[str, int], *, whole: bool) -> Measure:
-    """Returns the figure of one kind; a sample is compared by name only."""
+    """Return the figure of one kind; a sample is compared by name only."""
     findings, activities = KNOWN.get(code, (0, 0))
     named = NAMED.get(code)
     holds = named is None or set(where) == named

@@ -39,7 +39,7 @@ _Maker = Callable[[Definition, random.Random], _Edits | None]
 
 
 def mutants(activity: str, text: str, seed: int) -> Iterator[Mutant]:
-    """Yields one mutant of each kind that the activity allows.
+    """Yield one mutant of each kind that the activity allows.
 
     Args:
         activity: Name of the activity.
@@ -55,7 +55,7 @@ def mutants(activity: str, text: str, seed: int) -> Iterator[Mutant]:
 
 
 def _applied(text: str, edits: _Edits) -> tuple[str, tuple[int, ...]]:
-    """Returns the edited text and the lines that the edits touched, in its own count."""
+    """Return the edited text and the lines that the edits touched, in its own count."""
     pieces: list[str] = []
     position = length = 0
     places: list[tuple[int, int]] = []
@@ -77,7 +77,7 @@ def _applied(text: str, edits: _Edits) -> tuple[str, tuple[int, ...]]:
 
 
 def _misspelt(word: str, legal: frozenset[str], rng: random.Random) -> str:
-    """Returns the word with one slip that makes it no legal word."""
+    """Return the word with one slip that makes it no legal word."""
     while True:
         spot = rng.randrange(1, len(word))
         slip = rng.choice(("drop", "double", "change", "swap"))
@@ -113,7 +113,7 @@ def _unknown_predicate(section: str) -> _Maker:
 
 
 def _checked_atoms(definition: Definition, section: str) -> list[Form]:
-    """Returns the atoms of a section without those about rooms, which the reference never looks at."""
+    """Return the atoms of a section without those about rooms, which the reference never looks at."""
     return [atom for atom in definition.atoms(section) if atom.head != "inroom"]
 
 

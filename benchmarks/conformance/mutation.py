@@ -95,13 +95,13 @@ def _measures(total: Counter[str], counts: dict[str, Counter[str]], escaped: lis
 
 
 def _libero_texts(context: Context) -> dict[str, str]:
-    """Returns LIBERO's files below the folder that was given, in a quick run every so many."""
+    """Return LIBERO's files below the folder that was given, in a quick run every so many."""
     paths = sorted(context.libero.rglob("*.bddl")) if context.libero is not None else []
     return {str(path): path.read_text(encoding="utf-8") for path in paths[:: QUICK_STEP if context.quick else 1]}
 
 
 def _verified(context: Context) -> frozenset[str]:
-    """Returns the activities that pass the reference's own verification as they are."""
+    """Return the activities that pass the reference's own verification as they are."""
     judged: dict[str, Any] = {
         name: context.peer.ask("judge", activity=name, text=text) for name, text in context.legal.items()
     }
@@ -109,7 +109,7 @@ def _verified(context: Context) -> frozenset[str]:
 
 
 def _first_error(mutant: Mutant, escaped: list[str]) -> bddl.Diagnostic | None:
-    """Returns the first diagnostic of strict mode that is an error, or None when the mutant is accepted."""
+    """Return the first diagnostic of strict mode that is an error, or None when the mutant is accepted."""
     try:
         bddl.parse(mutant.text, profile="behavior")
     except bddl.BDDLError as error:

@@ -9,7 +9,7 @@ from benchmarks.conformance.context import ILLEGAL, Context, Measure, Result
 
 
 def check_reading(context: Context) -> Result:
-    """Compares what is read in compatible mode, and says what strict mode accepts."""
+    """Compare what is read in compatible mode, and says what strict mode accepts."""
     unequal: list[str] = []
     rejected: dict[str, tuple[str, int, int]] = {}
     for name, text in context.corpus.items():
@@ -44,7 +44,7 @@ def check_reading(context: Context) -> Result:
 
 
 def check_round_trip(context: Context) -> Result:
-    """Prints what was read and reads it again, names of problems included."""
+    """Print what was read and reads it again, names of problems included."""
     failed = [
         name
         for name, text in context.corpus.items()
@@ -85,14 +85,14 @@ def check_round_trip(context: Context) -> Result:
 
 
 def _survives(problem: bddl.Problem, profile: str) -> bool:
-    """Decides whether printing and reading gives the same problem and the same text again."""
+    """Decide whether printing and reading gives the same problem and the same text again."""
     printed = bddl.format(problem)
     again = bddl.parse(printed, profile=profile)
     return again == problem and again.name == problem.name and bddl.format(again) == printed
 
 
 def as_reference(problem: bddl.Problem) -> dict[str, Any]:
-    """Returns a problem as the reference's lists, question marks left out."""
+    """Return a problem as the reference's lists, question marks left out."""
     objects: dict[str, list[str]] = {}
     for item in problem.objects:
         objects.setdefault(item.category, []).append(item.name)
@@ -106,7 +106,7 @@ def as_reference(problem: bddl.Problem) -> dict[str, Any]:
 
 
 def as_list(formula: bddl.Formula) -> list[Any]:
-    """Returns a formula as nested lists of words, as the reference has it."""
+    """Return a formula as nested lists of words, as the reference has it."""
     words = {bddl.Not: "not", bddl.And: "and", bddl.Or: "or", bddl.Imply: "imply", bddl.ForAll: "forall"}
     words |= {bddl.Exists: "exists", bddl.ForN: "forn", bddl.ForPairs: "forpairs", bddl.ForNPairs: "fornpairs"}
     if isinstance(formula, bddl.Atom):
@@ -120,7 +120,7 @@ def as_list(formula: bddl.Formula) -> list[Any]:
 
 
 def without_marks(read: Any) -> dict[str, Any]:
-    """Returns what the reference read in the form of `as_reference`, question marks left out."""
+    """Return what the reference read in the form of `as_reference`, question marks left out."""
     return {
         "objects": read.get("objects"),
         "order": list(read.get("objects", ())),

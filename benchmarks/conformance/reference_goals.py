@@ -54,7 +54,7 @@ class Lookup:
         self._classes: dict[str, type] = {}
 
     def get_predicate_class(self, name: str) -> type:
-        """Returns the class of a predicate, as the reference asks its backends."""
+        """Return the class of a predicate, as the reference asks its backends."""
         if name not in self._classes:
             self._classes[name] = self._made(name)
         return self._classes[name]
@@ -91,19 +91,19 @@ class Goal:
         self.conditions = get_goal_conditions(conditions, self.backend, scope, generate_ground_options=False)
 
     def true_facts(self, state: str) -> set[tuple[object, ...]]:
-        """Returns the facts that are true in a state."""
+        """Return the facts that are true in a state."""
         bits = int(state, 16)
         return {fact for index, fact in enumerate(self.facts) if bits >> index & 1}
 
     def evaluate(self, state: str) -> str:
-        """Returns a digit for each condition: 1 where it holds."""
+        """Return a digit for each condition: 1 where it holds."""
         self.backend.true = self.true_facts(state)
         _, found = evaluate_goal_conditions(self.conditions)
         satisfied = set(found["satisfied"])
         return "".join("1" if number in satisfied else "0" for number in range(len(self.conditions)))
 
     def seconds(self, states: list[str]) -> float:
-        """Returns how long evaluating all conditions in all states took, the best of three times."""
+        """Return how long evaluating all conditions in all states took, the best of three times."""
         prepared = [self.true_facts(state) for state in states]
         best = float("inf")
         for _ in range(3):
@@ -115,7 +115,7 @@ class Goal:
 
 
 def answer(request: dict[str, Any], goals: dict[str, Goal]) -> object:
-    """Does what a request asks for."""
+    """Do what a request asks for."""
     activity = request.get("activity", "")
     match request["do"]:
         case "list":

@@ -21,7 +21,7 @@ sys.stdout = sys.stderr
 
 
 def load(path: str) -> ModuleType:
-    """Returns LIBERO's parser, without the packages around it, which need a simulator."""
+    """Return LIBERO's parser, without the packages around it, which need a simulator."""
     spec = importlib.util.spec_from_file_location("libero_parser", path)
     if spec is None or spec.loader is None:
         raise FileNotFoundError(path)

@@ -20,13 +20,7 @@ from typing import Any
 # Run as a script, this folder is where Python looks first.
 from reference_goals import ANSWERS, Lookup, Thing
 
-from bddl.activity import (
-    Conditions,
-    get_goal_conditions,
-    get_ground_goal_state_options,
-    get_object_scope,
-    get_reward,
-)
+from bddl.activity import Conditions, get_goal_conditions, get_ground_goal_state_options, get_object_scope, get_reward
 
 
 class Rewarded:
@@ -50,7 +44,7 @@ class Rewarded:
         self.facts = [] if self.error else [(atom[0], *[scope[name] for name in atom[1:]]) for atom in atoms]
 
     def rewards(self, states: list[str]) -> list[float]:
-        """Returns the reward in each state."""
+        """Return the reward in each state."""
         found: list[float] = []
         for state in states:
             bits = int(state, 16)
@@ -60,7 +54,7 @@ class Rewarded:
 
 
 def answer(request: dict[str, Any], known: dict[str, Rewarded]) -> object:
-    """Does what a request asks for."""
+    """Do what a request asks for."""
     activity = request["activity"]
     if request["do"] == "ground":
         known[activity] = Rewarded(activity, request["atoms"])

@@ -51,12 +51,12 @@ class Backend:
     """A backend that knows the predicates of the domain with their arities."""
 
     def get_predicate_class(self, name: str) -> type:
-        """Returns the class of a predicate, as the reference asks its backends."""
+        """Return the class of a predicate, as the reference asks its backends."""
         return CLASSES[name]
 
 
 def parsed(text: str) -> Any:
-    """Returns name, objects, init and goal; each caller gets lists of its own, since the checks change them."""
+    """Return name, objects, init and goal; each caller gets lists of its own, since the checks change them."""
     return parse_problem("", 0, DOMAIN, predefined_problem=text)
 
 
@@ -69,7 +69,7 @@ def compile_text(text: str) -> None:
 
 
 def verify(activity: str, text: str) -> None:
-    """Runs the reference's offline checks of one activity."""
+    """Run the reference's offline checks of one activity."""
     _, objects, init, goal = parsed(text)
     checks.object_list_correctly_formatted(text)
     checks.all_objects_appropriate(objects, init, goal)
@@ -90,7 +90,7 @@ def verify(activity: str, text: str) -> None:
 
 
 def passes(step: Callable[[], object]) -> bool:
-    """Decides whether a step raises nothing."""
+    """Decide whether a step raises nothing."""
     try:
         step()
     except Exception:
@@ -99,7 +99,7 @@ def passes(step: Callable[[], object]) -> bool:
 
 
 def judge(activity: str, text: str) -> dict[str, bool]:
-    """Returns which steps accept a text; a step that is reached only after a failure accepts nothing."""
+    """Return which steps accept a text; a step that is reached only after a failure accepts nothing."""
     found = {"parse": passes(lambda: parsed(text))}
     found["compile"] = found["parse"] and passes(lambda: compile_text(text))
     found["verify"] = found["compile"] and passes(lambda: verify(activity, text))
@@ -107,7 +107,7 @@ def judge(activity: str, text: str) -> dict[str, bool]:
 
 
 def round_trip(activity: str, text: str) -> dict[str, bool]:
-    """Returns whether printing and reading again gives the same, and whether the name is kept."""
+    """Return whether printing and reading again gives the same, and whether the name is kept."""
     name, objects, init, goal = parsed(text)
     try:
         printed = construct_bddl_from_parsed(activity, 0, objects, init, goal)
@@ -118,7 +118,7 @@ def round_trip(activity: str, text: str) -> dict[str, bool]:
 
 
 def read(text: str) -> dict[str, Any]:
-    """Returns what the reference reads."""
+    """Return what the reference reads."""
     try:
         name, objects, init, goal = parsed(text)
     except Exception as error:
@@ -127,7 +127,7 @@ def read(text: str) -> dict[str, Any]:
 
 
 def full_check(text: str) -> None:
-    """Parses, compiles and verifies; what fails is of no account."""
+    """Parse, compiles and verifies; what fails is of no account."""
     judge("", text)
 
 
@@ -139,7 +139,7 @@ STEPS: dict[str, Callable[[str], object]] = {
 
 
 def seconds(what: str, texts: list[str]) -> float:
-    """Returns how long a step takes for all texts."""
+    """Return how long a step takes for all texts."""
     step = STEPS[what]
     begin = time.perf_counter()
     for text in texts:
@@ -148,7 +148,7 @@ def seconds(what: str, texts: list[str]) -> float:
 
 
 def corpus() -> dict[str, str]:
-    """Returns the text of every activity."""
+    """Return the text of every activity."""
     found = {}
     for name in sorted(os.listdir(ACTIVITY_CONFIGS_PATH)):
         path = os.path.join(ACTIVITY_CONFIGS_PATH, name, "problem0.bddl")
@@ -159,7 +159,7 @@ def corpus() -> dict[str, str]:
 
 
 def answer(request: dict[str, Any]) -> object:
-    """Does what a request asks for."""
+    """Do what a request asks for."""
     match request["do"]:
         case "corpus":
             return corpus()

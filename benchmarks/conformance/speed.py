@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import bddl
-from bddl.syntax.profiles import PROFILES
+from bddl.dialects import PROFILES
 from benchmarks.conformance.context import Context, Measure, Result
 
 ROUNDS = 5
@@ -91,7 +91,7 @@ def _ours(texts: Sequence[str], profile: bddl.Profile) -> float:
 
 
 def _cold(text: str) -> float:
-    """Returns how long a new process takes; modules are compiled already, as they are wherever one has run before."""
+    """Return how long a new process takes; modules are compiled already, as they are wherever one has run before."""
     with tempfile.TemporaryDirectory() as compiled:
         environment = {**os.environ, "PYTHONPYCACHEPREFIX": compiled}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -47,7 +47,7 @@ class Outcome:
 
 
 def check_truth(context: Context) -> Result:
-    """Compares all activities on random states of the context's seed."""
+    """Compare all activities on random states of the context's seed."""
     outcome = Outcome()
     states = QUICK_STATES if context.quick else STATES
     with GoalPeer(context.interpreter) as peer:
@@ -122,7 +122,7 @@ def _compare(
 
 
 def largest_pairing(goal: bddl.Formula, objects: Mapping[str, str]) -> int:
-    """Returns how many pairs the largest `forpairs` of a goal asks for."""
+    """Return how many pairs the largest `forpairs` of a goal asks for."""
     categories = list(objects.values())
     return max(
         min(categories.count(binder.category) for binder in node.binders) if node.number is None else node.number

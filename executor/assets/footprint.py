@@ -1,7 +1,7 @@
-"""Free places: what things take up of a floor, how far others are from that, and the floors that things have.
+"""Footprints on the floor, gaps between them, and the floors of regions.
 
-Whoever looks for a place asks `gaps_m` what is in the way there: scenes as they are laid out, for boxes with a heading
-(`Footprint`), and the planner of motions, for things of which the heading is still open (`Disc`).
+Every search for a free place asks `gaps_m` for obstacles. Scene layout asks with boxes of a known heading
+(`Footprint`), the motion planner with objects whose heading is still open (`Disc`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Self
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from executor.assets.asset_geometry import corners, joint_transform, outline
 from executor.assets.library import asset_for
 from executor.assets.model import Region, Shape
-from executor.assets.transforms import corners, joint_transform, outline
 from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
 from oag import SceneObject
 
@@ -28,8 +28,8 @@ EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
 """Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
 
 _UPRIGHT = 0.9  # Of a hinge's axis.
-_LEVEL_M = 0.01  # A top is level within this; meshes are not quite.
-_TOUCH_M = 1e-6  # Rounding: one thing may stand on another.
+_LEVEL_M = 0.01  # Tolerance of a level top; meshes are not exactly level.
+_TOUCH_M = 1e-6  # Rounding tolerance: one object may stand on another.
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class Footprint:
     """A rectangle on the floor, extruded between two heights.
 
     Attributes:
-        x_m, y_m: Its middle in the world.
+        x_m, y_m: Its centre in the world.
         yaw_rad: Heading of its own x axis.
-        half_x_m, half_y_m: Half its sides.
-        low_m, high_m: Heights between which the thing is.
+        half_x_m, half_y_m: Half of its sides.
+        low_m, high_m: Bottom and top of the object.
     """
 
     x_m: float
@@ -53,14 +53,14 @@ class Footprint:
 
     @classmethod
     def of(cls, obj: SceneObject) -> Self:
-        """Returns the footprint of an upright object's bounding box."""
+        """Return the footprint of an upright object's bounding box."""
         x, y, z = obj.position
         length, width, height = obj.extent_m
         return cls(x, y, yaw_of(obj), length / 2, width / 2, z - height / 2, z + height / 2)
 
     @classmethod
     def around(cls, centre_m: Array, half_m: Array) -> Self:
-        """Returns the footprint of a box along the world's axes: its centre and half extents (3,)."""
+        """Return the footprint of a box along the world's axes: its centre and half extents (3,)."""
         (x, y, z), (half_x, half_y, half_z) = centre_m.tolist(), half_m.tolist()
         return cls(x, y, 0.0, half_x, half_y, z - half_z, z + half_z)
 
@@ -72,9 +72,9 @@ class Footprint:
         return np.asarray(signs * [self.half_x_m, self.half_y_m] @ R.T + [self.x_m, self.y_m])
 
     def gap_m(self, other: Footprint) -> float:
-        """Returns the gap between two rectangles, negative where they overlap, whatever their heights.
+        """Return the gap between two rectangles, negative where they overlap, at any heights.
 
-        It is the largest gap along any of their sides' directions: never more than the true distance.
+        It is the largest gap along any direction of their sides: never more than the true distance.
         """
         mine, theirs = self.corners_m, other.corners_m
         gaps = []
@@ -85,7 +85,7 @@ class Footprint:
         return max(gaps)
 
     def depth_m(self, other: Footprint) -> float:
-        """Returns how deep two extruded rectangles overlap, 0 where they do not."""
+        """Return the overlap depth of two extruded rectangles, 0 without overlap."""
         height_m = min(self.high_m, other.high_m) - max(self.low_m, other.low_m)
         reach_m = math.hypot(self.half_x_m, self.half_y_m) + math.hypot(other.half_x_m, other.half_y_m)
         if height_m <= 0.0 or math.hypot(self.x_m - other.x_m, self.y_m - other.y_m) > reach_m:
@@ -95,12 +95,12 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """What a thing may take up, whichever way it is turned.
+    """The space of an object at any heading.
 
     Attributes:
-        x_m, y_m: Its middle in the world.
-        radius_m: Of the disc.
-        low_m, high_m: Heights between which the thing is.
+        x_m, y_m: Its centre in the world.
+        radius_m: Radius of the disc.
+        low_m, high_m: Bottom and top of the object.
     """
 
     x_m: float
@@ -110,7 +110,7 @@ class Disc:
     high_m: float
 
     def gap_m(self, other: Footprint) -> float:
-        """Returns the distance to a rectangle, negative where they overlap, whatever their heights."""
+        """Return the distance to a rectangle, negative where they overlap, at any heights."""
         c, s = math.cos(other.yaw_rad), math.sin(other.yaw_rad)
         x, y = self.x_m - other.x_m, self.y_m - other.y_m
         beyond = abs(c * x + s * y) - other.half_x_m, abs(c * y - s * x) - other.half_y_m
@@ -118,11 +118,11 @@ class Disc:
 
 
 def gaps_m(mine: Footprint | Disc, others: Mapping[str, Footprint]) -> Iterator[tuple[str, float]]:
-    """Yields which others share heights with a thing, each with its gap to it, negative where they overlap.
+    """Yield the objects that share heights with a given one, each with its gap to it, negative where they overlap.
 
     Args:
-        mine: What the thing takes up, or would take up.
-        others: id -> what others take up.
+        mine: The footprint of the given object, actual or intended.
+        others: id -> footprint.
     """
     for name, other in others.items():
         if mine.low_m < other.high_m - _TOUCH_M and other.low_m < mine.high_m - _TOUCH_M:
@@ -130,7 +130,7 @@ def gaps_m(mine: Footprint | Disc, others: Mapping[str, Footprint]) -> Iterator[
 
 
 def solid_parts(obj: SceneObject) -> list[Footprint]:
-    """Returns the box of every part of an upright object that collides, joints shut."""
+    """Return the box of every colliding part of an upright object, joints shut."""
     asset = asset_for(obj)
     offset_of = {joint.child: np.asarray(joint.position_m) for joint in asset.joints}
     R = rotation_z(yaw_of(obj))
@@ -142,9 +142,9 @@ def solid_parts(obj: SceneObject) -> list[Footprint]:
 
 
 def top_outlines(obj: SceneObject) -> list[tuple[float, Array]]:
-    """Returns for every part of an object that collides the height of its top and the outline (N, 2) of that.
+    """Return the top's height and outline (N, 2) of every colliding part of an object.
 
-    What tapers to a line or a point, such as a ball, has no top.
+    A part that tapers to a line or a point, such as a ball, has no top.
     """
     found = []
     for link in asset_for(obj).links:
@@ -161,17 +161,17 @@ def top_outlines(obj: SceneObject) -> list[tuple[float, Array]]:
 
 
 def edge_margin_m(body: Footprint, tops: Iterable[Array], middle_m: Array) -> float:
-    """Returns how far within the edges of what it stands on a thing's middle is, negative beyond them.
+    """Return the distance of an object's centre from the edges of its supports, negative beyond the edges.
 
-    Between two tops that both carry it the thing stands, too.
+    An object between two supports that both touch it counts as supported.
 
     Args:
-        body: The thing.
+        body: The object.
         tops: Outlines (N, 2) of the tops under it, as of `top_outlines`.
-        middle_m: (2,) the middle of its weight in the plan.
+        middle_m: (2,) its centre of mass in the plan.
 
     Returns:
-        The distance; minus infinity where it touches none of the tops.
+        The distance [m]; minus infinity where it touches none of the tops.
     """
     touched = [shared for top in tops if len(shared := _shared(body.corners_m[::-1], top))]
     if not touched or (ring := _ring(np.concatenate(touched))) is None:
@@ -183,7 +183,7 @@ def edge_margin_m(body: Footprint, tops: Iterable[Array], middle_m: Array) -> fl
 
 
 def _shared(first: Array, second: Array) -> Array:
-    """Returns the corners (N, 2) of what two convex outlines (N, 2), counter-clockwise, have in common."""
+    """Return the corners (N, 2) of the intersection of two convex outlines (N, 2), counter-clockwise."""
     points = first
     for start, end in zip(second, np.roll(second, -1, axis=0), strict=True):
         if not len(points):
@@ -201,7 +201,7 @@ def _shared(first: Array, second: Array) -> Array:
 
 
 def _ring(points: Array) -> Array | None:
-    """Returns the corners of the hull of points (N, 2), counter-clockwise; None where it has no area."""
+    """Return the hull's corners of points (N, 2), counter-clockwise; None for a hull without area."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
@@ -209,12 +209,12 @@ def _ring(points: Array) -> Array | None:
 
 
 def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint]:
-    """Returns boxes of the parts of an upright object's doors as they swing on upright hinges.
+    """Return boxes of an upright object's doors as they swing on vertical hinges.
 
     Args:
         obj: The object.
-        most_rad: How far each door is opened, unless it ends before.
-        steps: In how many steps.
+        most_rad: Largest opening angle of each door, within its limits.
+        steps: Number of steps.
     """
     asset = asset_for(obj)
     links = {link.name: link for link in asset.links}
@@ -229,31 +229,31 @@ def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint
 
 
 def _part(shape: Shape, T: Array) -> Footprint:
-    """Returns the box of a shape of a link whose pose (4, 4) in the world is upright."""
+    """Return the box of a shape of a link whose pose (4, 4) in the world is upright."""
     low, high = corners(shape, np.eye(3))
     half_x, half_y, half_z = (float(value) for value in (high - low) / 2)
     x, y, z = (float(value) for value in T[:3, :3] @ (np.asarray(shape.position_m) + (low + high) / 2) + T[:3, 3])
     return Footprint(x, y, math.atan2(T[1, 0], T[0, 0]), half_x, half_y, z - half_z, z + half_z)
 
 
-def deepest_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> float:
-    """Returns how deep two things overlap, given the boxes of their parts; 0 where they do not."""
+def overlap_depth_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> float:
+    """Return the overlap depth of two objects from the boxes of their parts; 0 without overlap."""
     return max((a.depth_m(b) for a, b in itertools.product(first, second)), default=0.0)
 
 
 def open_fraction(obj: SceneObject) -> float:
-    """Returns how far an object's doors or drawers stand open at the start, 0 to 1 of their range."""
+    """Return the open fraction of an object's doors or drawers at the start, 0 to 1 of their range."""
     value = obj.parameters.get("open_fraction", 0.0)
     return float(value) if isinstance(value, int | float) else 0.0
 
 
 def link_frame(obj: SceneObject, link: str, fraction: float | None = None) -> Array:
-    """Returns the (4, 4) pose of an object's link in the world.
+    """Return the (4, 4) pose of an object's link in the world.
 
     Args:
         obj: The object.
         link: Name of the link.
-        fraction: How far the joint that moves it stands open, 0 to 1 of its range; by default as at the start.
+        fraction: Open fraction of its joint, 0 to 1 of the range; by default that at the start.
     """
     T = transform_from_quaternion(obj.position, obj.orientation)
     joint = next((joint for joint in asset_for(obj).joints if joint.child == link), None)
@@ -263,12 +263,12 @@ def link_frame(obj: SceneObject, link: str, fraction: float | None = None) -> Ar
 
 
 def region_frame(obj: SceneObject, region: Region) -> tuple[Array, Array]:
-    """Returns the (4, 4) pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
+    """Return the (4, 4) world pose of the centre of a region's floor, and the floor's half sides (2,)."""
     floor = transform(np.eye(3), region.floor_m)
     return link_frame(obj, region.link) @ floor, np.asarray(region.half_extents_m[:2])
 
 
 def yaw_of(obj: SceneObject) -> float:
-    """Returns the heading in rad of an object's own x axis."""
+    """Return the heading [rad] of an object's own x axis."""
     w, x, y, z = obj.orientation
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

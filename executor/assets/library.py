@@ -1,7 +1,17 @@
-"""Every model that a scene object can name, with the ranges that it varies in, and how an object gets its geometry.
+"""The model library, the geometry of a scene object, and the resistance of its doors and drawers.
 
-The models come from their families in `executor.assets.models`; a scene object that names none is built by the family
-of its category, and one that names an imported asset is that asset.
+Models come from their families in `executor.assets.families`. A scene object without a model is built by the family of
+its category. A model `imported/NAME` is an imported asset.
+
+Doors and drawers resist with dry friction, and refrigerators with a gasket over the first degrees. Both are given as
+forces at the handle, perpendicular to its path, as a spring balance would read. The handle's lever turns them into
+joint torques. The friction is constant over the whole range, whatever the joint carries. The engine's own friction
+coefficient is zero, because it multiplies the load in the joint: the same 0.3 asks 42 N of one door and 2 N of another.
+A gasket pulls with its full force where the door is shut. The force fades to zero at `GASKET_REACH_M` of the handle's
+path.
+
+Source of the ranges: readings of a spring balance at household doors and drawers; 22 N is the maximum that the ADA's
+rule 404.2.9 allows for an interior door. A refrigerator resists with friction and gasket together.
 """
 
 from __future__ import annotations
@@ -10,15 +20,70 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
+import numpy as np
+
 from bddl import near_names
-from executor.assets.imports.stored import PREFIX, imported_asset
-from executor.assets.model import Asset
-from executor.assets.models import appliances, cabinets, cold_storage, containers, food, furniture, tableware, toys
-from executor.assets.parameters import SAME_AS_WIDTH, AssetError, Builder, ModelEntry, Option, Quantity, Range
-from executor.assets.parts.layout import HANDLE_PARAMETERS, HINGE
-from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE, with_resistance
-from executor.assets.transforms import scaled
+from executor.assets.asset_geometry import scaled
+from executor.assets.families import appliances, furniture, items
+from executor.assets.families import appliances as cold_storage
+from executor.assets.families import furniture as cabinets
+from executor.assets.families.casework import HANDLE_PARAMETERS, HINGE
+from executor.assets.importers.store import PREFIX, imported_asset
+from executor.assets.model import Asset, Handle, Joint
+from executor.assets.parameters import (
+    SAME_AS_WIDTH,
+    AssetError,
+    Builder,
+    ChoiceParameter,
+    ModelEntry,
+    NumericParameter,
+    Range,
+    number,
+)
 from oag import Kind, SceneObject, kind_of
+
+HANDLE_FORCE = NumericParameter("handle_force_n", 15.0, 10.0, 30.0)
+GASKET_FORCE = NumericParameter("gasket_force_n", 10.0, 5.0, 15.0)
+MOST_FORCE_N = 200.0
+"""Largest force of either in a scene; this robot cannot open that, and fails by stalling or slipping."""
+
+GASKET_REACH_M = 0.03  # Handle travel at which rubber and magnet have come loose; some 3 degrees.
+_HAS_GASKET = ("refrigerator", "fridge", "freezer")
+
+
+def with_resistance(obj: SceneObject, asset: Asset) -> Asset:
+    """Return an asset with the joint resistance that an object specifies; joints without a handle stay as they are.
+
+    Args:
+        obj: Its parameters `handle_force_n` and `gasket_force_n` [N] apply to each of its handles. By default the
+            friction is 15 N, and the gasket 10 N for refrigerators and freezers, and 0 for others.
+        asset: The object's geometry.
+
+    Raises:
+        AssetError: One of the parameters is not a number from 0 to 200.
+    """
+    if not asset.handles:
+        return asset
+    gasket_n = GASKET_FORCE.default if any(word in obj.category.lower() for word in _HAS_GASKET) else 0.0
+    force_n = number(obj, HANDLE_FORCE.name, HANDLE_FORCE.default, 0.0, MOST_FORCE_N)
+    gasket_n = number(obj, GASKET_FORCE.name, gasket_n, 0.0, MOST_FORCE_N)
+    handle_of = {handle.joint: handle for handle in asset.handles}
+
+    def resisting(joint: Joint) -> Joint:
+        if joint.name not in handle_of:
+            return joint
+        lever = lever_of(joint, handle_of[joint.name])
+        return replace(joint, friction=force_n * lever, gasket=gasket_n * lever, gasket_reach=GASKET_REACH_M / lever)
+
+    return replace(asset, joints=tuple(resisting(joint) for joint in asset.joints))
+
+
+def lever_of(joint: Joint, handle: Handle) -> float:
+    """Return a handle's travel per unit of its joint: [m/rad] for a hinge, 1 for a slide."""
+    if joint.kind == "prismatic":
+        return 1.0
+    return float(np.linalg.norm(np.cross(joint.axis, handle.position_m)))
+
 
 _HANDLE = (*HANDLE_PARAMETERS, HANDLE_FORCE)
 _COLD = "electric_refrigerator.n.01"
@@ -29,7 +94,7 @@ _SHELVES = (cabinets.SHELVES, *_HANDLE)
 _DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *_HANDLE)
 _RACKS = (appliances.RACKS, *_HANDLE)
 _TOP = (furniture.TOP_THICKNESS,)
-_BEAR_LENGTH, _BEAR_HEIGHT = (Range(ratio, ratio, of_width=True) for ratio in (toys.BEAR_LENGTH, toys.BEAR_HEIGHT))
+_BEAR_LENGTH, _BEAR_HEIGHT = (Range(ratio, ratio, of_width=True) for ratio in (items.BEAR_LENGTH, items.BEAR_HEIGHT))
 _Length = Range | tuple[float, float]
 
 
@@ -41,7 +106,7 @@ def _entry(
     length: _Length,
     width: _Length,
     height: _Length,
-    *parameters: Quantity | Option,
+    *parameters: NumericParameter | ChoiceParameter,
 ) -> ModelEntry:
     x, y, z = (size if isinstance(size, Range) else Range(*size) for size in (length, width, height))
     return ModelEntry(model, category, synset, build, x, y, z, parameters)
@@ -52,10 +117,10 @@ _ENTRIES = (
     _entry("upright_one_door", "refrigerator", "refrigerator.n.01", cold_storage.refrigerator,
            (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT,
            HANDLE_FORCE, GASKET_FORCE),
-    _entry("tumbler", "water_glass", "water_glass.n.02", tableware.water_glass,
+    _entry("tumbler", "water_glass", "water_glass.n.02", items.water_glass,
            SAME_AS_WIDTH, (0.060, 0.080), (0.09, 0.14)),
-    _entry("red_apple", "apple", "apple.n.01", food.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
-    _entry("porcelain_bowl", "bowl", "bowl.n.01", tableware.bowl, SAME_AS_WIDTH, (0.14, 0.20), (0.05, 0.07)),
+    _entry("red_apple", "apple", "apple.n.01", items.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
+    _entry("porcelain_bowl", "bowl", "bowl.n.01", items.bowl, SAME_AS_WIDTH, (0.14, 0.20), (0.05, 0.07)),
     _entry("fridge_one_door", "refrigerator", _COLD, cold_storage.fridge_one_door,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, (1.15, 1.45), HINGE, *_FRIDGE),
     _entry("fridge_top_freezer", "refrigerator", _COLD, cold_storage.fridge_top_freezer,
@@ -97,59 +162,59 @@ _ENTRIES = (
     _entry("bed_single", "bed", "bed.n.01", furniture.bed, (1.90, 2.05), (0.90, 1.30), (0.80, 1.00)),
     _entry("sofa_two_seats", "sofa", "sofa.n.01", furniture.sofa, (0.80, 0.92), (1.35, 1.75), (0.74, 0.86)),
     _entry("chair_wooden", "chair", "chair.n.01", furniture.chair, (0.40, 0.46), (0.40, 0.45), (0.80, 0.92)),
-    _entry("cup", "cup", "cup.n.01", tableware.cup, SAME_AS_WIDTH, (0.060, 0.080), (0.070, 0.100), tableware.CUP_COLOR),
-    _entry("mug", "mug", "mug.n.04", tableware.mug,
-           Range(1.35, 1.50, of_width=True), (0.070, 0.085), (0.080, 0.100), tableware.CUP_COLOR),
-    _entry("bottle", "bottle", "bottle.n.01", containers.bottle,
-           SAME_AS_WIDTH, (0.055, 0.075), (0.18, 0.26), containers.NECK, containers.SHOULDER),
-    _entry("medicine_bottle", "medicine_bottle", "pill_bottle.n.01", containers.medicine_bottle,
+    _entry("cup", "cup", "cup.n.01", items.cup, SAME_AS_WIDTH, (0.060, 0.080), (0.070, 0.100), items.CUP_COLOR),
+    _entry("mug", "mug", "mug.n.04", items.mug,
+           Range(1.35, 1.50, of_width=True), (0.070, 0.085), (0.080, 0.100), items.CUP_COLOR),
+    _entry("bottle", "bottle", "bottle.n.01", items.bottle,
+           SAME_AS_WIDTH, (0.055, 0.075), (0.18, 0.26), items.NECK, items.SHOULDER),
+    _entry("medicine_bottle", "medicine_bottle", "pill_bottle.n.01", items.medicine_bottle,
            SAME_AS_WIDTH, (0.034, 0.055), (0.06, 0.10)),
-    _entry("can", "can", "can.n.01", containers.can,
-           SAME_AS_WIDTH, (0.052, 0.066), (0.090, 0.125), containers.CAN_COLOR),
-    _entry("orange", "orange", "orange.n.01", food.orange, SAME_AS_WIDTH, (0.060, 0.085), SAME_AS_WIDTH),
-    _entry("half_apple", "half_apple", "half__apple.n.01", food.half_apple,
+    _entry("can", "can", "can.n.01", items.can,
+           SAME_AS_WIDTH, (0.052, 0.066), (0.090, 0.125), items.CAN_COLOR),
+    _entry("orange", "orange", "orange.n.01", items.orange, SAME_AS_WIDTH, (0.060, 0.085), SAME_AS_WIDTH),
+    _entry("half_apple", "half_apple", "half__apple.n.01", items.half_apple,
            SAME_AS_WIDTH, (0.055, 0.085), Range(0.45, 0.52, of_width=True)),
-    _entry("plate", "plate", "plate.n.04", tableware.plate, SAME_AS_WIDTH, (0.17, 0.25), (0.016, 0.024)),
-    _entry("carton", "box", "box.n.01", containers.carton,
-           (0.060, 0.120), (0.040, 0.060), (0.060, 0.160), containers.BOX_COLOR),
-    _entry("open_box", "box", "box.n.01", containers.open_box,
-           (0.140, 0.240), (0.120, 0.180), (0.060, 0.100), containers.BOX_COLOR, containers.BOX_WALL),
-    _entry("die", "die", "die.n.01", toys.die, SAME_AS_WIDTH, (0.030, 0.055), SAME_AS_WIDTH, toys.DIE_COLOR),
-    _entry("book_upright", "book", "hardback.n.01", toys.book,
-           (0.10, 0.13), (0.024, 0.042), (0.15, 0.19), toys.BOOK_COLOR),
-    _entry("book_lying", "book", "hardback.n.01", toys.book,
-           (0.18, 0.24), (0.12, 0.16), (0.020, 0.045), toys.BOOK_COLOR),
-    _entry("teddy_bear", "teddy_bear", "teddy.n.01", toys.teddy_bear,
-           _BEAR_LENGTH, (0.090, 0.150), _BEAR_HEIGHT, toys.FUR),
+    _entry("plate", "plate", "plate.n.04", items.plate, SAME_AS_WIDTH, (0.17, 0.25), (0.016, 0.024)),
+    _entry("carton", "box", "box.n.01", items.carton,
+           (0.060, 0.120), (0.040, 0.060), (0.060, 0.160), items.BOX_COLOR),
+    _entry("open_box", "box", "box.n.01", items.open_box,
+           (0.140, 0.240), (0.120, 0.180), (0.060, 0.100), items.BOX_COLOR, items.BOX_WALL),
+    _entry("die", "die", "die.n.01", items.die, SAME_AS_WIDTH, (0.030, 0.055), SAME_AS_WIDTH, items.DIE_COLOR),
+    _entry("book_upright", "book", "hardback.n.01", items.book,
+           (0.10, 0.13), (0.024, 0.042), (0.15, 0.19), items.BOOK_COLOR),
+    _entry("book_lying", "book", "hardback.n.01", items.book,
+           (0.18, 0.24), (0.12, 0.16), (0.020, 0.045), items.BOOK_COLOR),
+    _entry("teddy_bear", "teddy_bear", "teddy.n.01", items.teddy_bear,
+           _BEAR_LENGTH, (0.090, 0.150), _BEAR_HEIGHT, items.FUR),
 )
 # fmt: on
 LIBRARY: Mapping[str, ModelEntry] = MappingProxyType({entry.model: entry for entry in _ENTRIES})
 """Every model by its name."""
 FAMILIES: Mapping[str, Builder] = MappingProxyType(
     {
-        "apple": food.apple,
-        "bear": toys.teddy_bear,
-        "book": toys.book,
-        "bottle": containers.bottle,
-        "bowl": tableware.bowl,
-        "box": containers.carton,
+        "apple": items.apple,
+        "bear": items.teddy_bear,
+        "book": items.book,
+        "bottle": items.bottle,
+        "bowl": items.bowl,
+        "box": items.carton,
         "cabinet": cabinets.cabinet,
-        "can": containers.can,
+        "can": items.can,
         "counter": cabinets.cabinet,
         "countertop": cabinets.cabinet,
-        "cup": tableware.cup,
+        "cup": items.cup,
         "desk": furniture.table,
-        "die": toys.die,
+        "die": items.die,
         "dishwasher": appliances.dishwasher,
         "floor": furniture.floor,
         "fridge": cold_storage.refrigerator,
-        "glass": tableware.water_glass,
+        "glass": items.water_glass,
         "microwave": appliances.microwave,
-        "mug": tableware.mug,
+        "mug": items.mug,
         "nightstand": cabinets.nightstand,
-        "orange": food.orange,
+        "orange": items.orange,
         "oven": appliances.oven,
-        "plate": tableware.plate,
+        "plate": items.plate,
         "refrigerator": cold_storage.refrigerator,
         "shelf": furniture.shelf,
         "table": furniture.table,
@@ -157,9 +222,9 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "wardrobe": cabinets.wardrobe,
     }
 )
-"""The last known word of a category, and what builds an object of it that names no model."""
-# Their every length follows the extent, so that building them at their final size is the same but for rounding.
-_EXACT = (food.apple, tableware.water_glass)
+"""Last known word of a category -> builder of its objects without a model."""
+# All their lengths scale with the extent, so that building them at their final size differs by rounding only.
+_EXACT = (items.apple, items.water_glass)
 
 
 class ModelNotFound(LookupError):
@@ -172,10 +237,10 @@ class ModelNotFound(LookupError):
 
 
 def entry(model: str) -> ModelEntry:
-    """Returns the library's entry of a model.
+    """Return the library's entry of a model.
 
     Raises:
-        ModelNotFound: When there is none of that name; the message has near ones.
+        ModelNotFound: No model has that name; the message suggests near ones.
     """
     if model not in LIBRARY:
         raise ModelNotFound(model)
@@ -183,30 +248,29 @@ def entry(model: str) -> ModelEntry:
 
 
 def sample(model: str, seed: int, object_id: str | None = None) -> SceneObject:
-    """Returns a variation of a model that stands on the floor at the origin; equal seeds give equal ones.
+    """Draw a variation of a model that stands on the floor at the origin; equal seeds give equal variations.
 
     Raises:
-        ModelNotFound: When the library has no such model.
+        ModelNotFound: The library has no such model.
     """
     return entry(model).sample(seed, object_id)
 
 
 def kind(item: ModelEntry) -> Kind:
-    """Returns how the robot deals with things of a model: articulated fixture, support or item."""
+    """Return the kind of a model's objects: articulated fixture, support or item."""
     return kind_of(item.category, item.width.low)
 
 
 def asset_for(obj: SceneObject) -> Asset:
-    """Returns an object's geometry: links, joints, handles and regions at its final size.
+    """Return an object's geometry: links, joints, handles and regions at its final size.
 
     Args:
-        obj: A scene object. Its `model` names an entry of the library, or an imported asset (`imported/NAME`); where
-            there is none of that name, the last known word of its category names the family (a `bottom_cabinet` is
-            a cabinet). Its extent and parameters shape it.
+        obj: A scene object. Its `model` names an entry of the library, or an imported asset (`imported/NAME`). For any
+            other model, the last known word of its category names the family (a `bottom_cabinet` is a cabinet). Its
+            extent and parameters shape it.
 
     Raises:
-        AssetError: When no family builds the category, or the object's size or a parameter is not one it can
-            build.
+        AssetError: No family builds the category, or the family cannot build the object's size or a parameter.
     """
     if obj.model.startswith(PREFIX):
         return with_resistance(obj, imported_asset(obj))
@@ -218,7 +282,7 @@ def asset_for(obj: SceneObject) -> Asset:
 def _at_size(obj: SceneObject, family: Builder) -> Asset:
     if obj.kind is not Kind.ITEM or len(set(obj.scale)) > 1 or family in _EXACT:
         return family(obj)
-    # A smaller mug has thinner walls: it is built at its own size, and then everything shrinks alike.
+    # A smaller mug has thinner walls: build it at its original size, then scale all of it.
     return scaled(family(replace(obj, scale=(1.0, 1.0, 1.0))), obj.scale[0])
 
 

@@ -1,7 +1,7 @@
-"""What an asset is: links with shapes, joints, and the places where a robot can hold it or put things.
+"""Asset data: links with shapes, joints, handles, and regions where things can be put.
 
-Pure data, no simulator. `executor.assets.build` turns an `Asset` into SAPIEN bodies, the planner reads its handles
-and regions, the detectors read its regions and joints; all three see the same numbers.
+The module is pure data and needs no simulator. `executor.assets.build` turns an `Asset` into SAPIEN bodies, the planner
+reads its handles and regions, and the detectors read its regions and joints. All three use the same numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 LEAST_TRAVEL: Mapping[str, float] = MappingProxyType({"revolute": 0.2, "prismatic": 0.02})
-"""What moves by less, in rad (11 degrees) or m, is no door and no drawer."""
+"""Least range of a door or a drawer, [rad] (11 degrees) or [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,17 +25,17 @@ class Shape:
     """One convex primitive of a link, with its own friction and density.
 
     Attributes:
-        kind: "box" (size_m = half extents), "cylinder" (size_m = radius, half length; axis z), "sphere"
-            (size_m = radius,), "convex" (physics only: the hull of `vertices_m`) or "mesh" (visual only:
-            `vertices_m` and `triangles`).
-        size_m: Dimensions in metres, as above.
+        kind: "box" (size_m = half extents), "cylinder" (size_m = radius, half length; axis z), "sphere" (size_m =
+            radius,), "convex" (physics only: the hull of `vertices_m`) or "mesh" (visual only: `vertices_m` and
+            `triangles`).
+        size_m: Dimensions [m], as above.
         position_m: Centre in the link frame.
         orientation: Quaternion w x y z in the link frame.
         color: Linear RGB in [0, 1], with an optional alpha.
         friction: Static and dynamic friction coefficient.
         density_kg_m3: Density, used for mass and inertia of dynamic bodies and moving links.
-        collides: Whether the physics sees it.
-        visible: Whether cameras see it.
+        collides: Whether it takes part in physics.
+        visible: Whether cameras show it.
     """
 
     kind: Literal["box", "cylinder", "sphere", "convex", "mesh"]
@@ -63,16 +63,15 @@ class Link:
 class Joint:
     """A revolute or prismatic joint between the root link and a moving link.
 
-    At position 0 the moving link's frame coincides with (`position_m`, axes of the parent); the joint turns about or
+    At position 0 the moving link's frame coincides with (`position_m`, axes of the parent). The joint turns about or
     slides along `axis` (unit vector in the parent frame), and positive motion opens it.
 
     Attributes:
-        limits: Lower and upper position, in rad (revolute) or m (prismatic); the lower one is "shut".
-        friction: What it takes to move it, in N m (revolute) or N (prismatic): dry friction, the same at any speed and
-            under any load.
-        gasket: What pulls it shut besides where it is shut, in the same unit.
-        gasket_reach: Position, in rad or m from the lower limit, where that has faded to nothing.
-        balanced: Whether springs carry the moving link's weight, as those of an oven's door do.
+        limits: Lower and upper position, [rad] (revolute) or [m] (prismatic); the lower one is "shut".
+        friction: Dry friction, [N m] (revolute) or [N] (prismatic), independent of speed and load.
+        gasket: Closing force or torque at the shut position, in the same unit.
+        gasket_reach: Position above the lower limit, [rad] or [m], at which the gasket's force reaches zero.
+        balanced: Whether springs carry the moving link's weight, as in an oven's door.
     """
 
     name: str
@@ -89,21 +88,21 @@ class Joint:
 
     @property
     def opens(self) -> bool:
-        """Whether it moves far enough for a door or a drawer."""
+        """Whether its range suffices for a door or a drawer."""
         return self.limits[1] - self.limits[0] >= LEAST_TRAVEL[self.kind]
 
     def fraction(self, position: float) -> float:
-        """Returns how far the joint is open at a position, 0 to 1 of its range."""
+        """Return the open fraction of the joint's range at a position, 0 to 1."""
         low, high = self.limits
         return (position - low) / (high - low)
 
     def pull(self, position: float) -> float:
-        """Returns what the gasket pulls with at a position: 0 or negative, in N m or N."""
+        """Return the gasket's force at a position: 0 or negative, [N m] or [N]."""
         away = position - self.limits[0]
         return -self.gasket * max(1.0 - max(away, 0.0) / self.gasket_reach, 0.0) if self.gasket else 0.0
 
     def position(self, fraction: float) -> float:
-        """Returns the position, in rad or m, at which the joint is open by a fraction of its range."""
+        """Return the position, [rad] or [m], at an open fraction of the joint's range."""
         low, high = self.limits
         return low + fraction * (high - low)
 
@@ -142,8 +141,8 @@ class Region:
         link: The link that carries it.
         center_m: Centre of the box in the link frame.
         half_extents_m: Half extents of the box in the link frame.
-        opening: Unit vector, in the link frame, that points out through the open side (hand enters against it).
-        joint: The joint that shuts it, or None for an open container or a surface.
+        opening: Unit vector, in the link frame, that points out through the open side (the hand enters against it).
+        joint: The joint that closes it, or None for an open container or a surface.
     """
 
     name: str
@@ -156,27 +155,27 @@ class Region:
 
     @property
     def floor_m(self) -> Vector:
-        """The middle of the supporting surface, in the link frame."""
+        """Centre of the supporting surface, in the link frame."""
         x, y, z = self.center_m
         return x, y, z - self.half_extents_m[2]
 
     @property
     def height_m(self) -> float:
-        """From the supporting surface to the top of the box."""
+        """Height from the supporting surface to the top of the box."""
         return 2 * self.half_extents_m[2]
 
 
 @dataclass(frozen=True, slots=True)
 class Rim:
-    """The wall of a round hollow thing, which two fingers can hold: one inside, one outside.
+    """The wall of a round hollow object, which two fingers can grasp from inside and outside.
 
     Attributes:
-        center_m: Middle of the circle along which the wall's upper edge runs, in the root frame.
-        radius_m: Of that circle, to the middle of the wall.
-        thickness_m: Of the wall.
-        slope_rad: How far the wall leans outwards: 0 stands upright.
+        center_m: Centre of the circle along which the wall's upper edge runs, in the root frame.
+        radius_m: Radius of that circle, to the middle of the wall.
+        thickness_m: Thickness of the wall.
+        slope_rad: Outward lean of the wall; 0 is vertical.
         depth_m: Length of the wall, from its upper edge down along it.
-        sides: How many flat pieces the wall has; the first one faces the root frame's +x.
+        sides: Number of flat pieces of the wall; the first one faces the root frame's +x.
     """
 
     center_m: Vector
@@ -189,21 +188,21 @@ class Rim:
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """An object family's geometry for one concrete object, at its final size.
+    """Geometry of one concrete object, at its final size.
 
     Attributes:
         category: Scene category, such as "refrigerator".
         motion: "static", "dynamic" (one free rigid body) or "articulated" (root fixed to the world).
         links: Root first.
-        extent_m: Bounding box of the whole thing, joints shut; the root frame's origin is the centre of this box.
-        symmetric_about_z: True when turning it about its own z changes nothing (glass, apple, bowl).
+        extent_m: Bounding box of the whole object, joints shut; the root frame's origin is the centre of this box.
+        symmetric_about_z: True if a turn about its own z changes nothing (glass, apple, bowl).
         graspable_width_m: Horizontal width between the fingers, or None where the library does not grasp it.
-        grasp_axes: Horizontal unit vectors, in the root frame, that the fingers can close along; none where all
+        grasp_axes: Horizontal unit vectors, in the root frame, along which the fingers can close; empty if all
             directions are alike.
-        grasp_point_m: What the fingers close around, in the root frame; beside the middle of the box for a mug,
-            whose ear belongs to the box.
-        rim: The wall that it can be held by where it is too wide to be closed around, or None.
-        angular_damping: Damping of a dynamic body's rotation in 1/s (stands in for rolling resistance).
+        grasp_point_m: Centre of the grasp, in the root frame. A mug's ear belongs to its box, so that the grasp point
+            is off the box's centre.
+        rim: Graspable wall of an object that is too wide for the fingers, or None.
+        angular_damping: Damping of a dynamic body's rotation [1/s]; it stands in for rolling resistance.
     """
 
     category: str
@@ -220,11 +219,11 @@ class Asset:
     synset: str = ""
     grasp_axes: tuple[Vector, ...] = ()
     grasp_point_m: Vector = (0.0, 0.0, 0.0)
-    # Not shown, since the names of imported assets hash what is.
+    # Not in the repr, whose hash identifies imported assets.
     rim: Rim | None = field(default=None, repr=False)
 
     def joint(self, name: str) -> Joint:
-        """Returns a joint by its name.
+        """Return a joint by its name.
 
         Raises:
             KeyError: The asset has no joint of that name; the message lists those that it has.

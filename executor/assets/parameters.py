@@ -1,7 +1,7 @@
-"""What a model is and the ranges of its size and parameters.
+"""Entries of the model library, and the ranges of their sizes and parameters.
 
-A range is declared once. Reading a parameter checks against it, drawing a variation draws from it, and the table of
-the documentation prints it.
+Each range is declared once. It validates a parameter on reading, bounds a drawn variation, and appears in the
+documentation's table.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bddl.syntax.errors import Portable
+from bddl.errors import PicklableError
 from executor.assets.model import Asset, Vector
 from oag import SceneObject
 
 _DIGITS = 3  # Drawn lengths are whole millimetres.
 
 
-class AssetError(Portable, ValueError):
-    """A scene object cannot be built: its category, its size or a parameter is not one that a family knows."""
+class AssetError(PicklableError, ValueError):
+    """A scene object cannot be built: no family accepts its category, its size or a parameter."""
 
     def __init__(self, obj: SceneObject, problem: str, legal: str = "") -> None:
-        # What is wrong and what would be right, without saying again of what.
+        # The problem and the legal values, without the object's name.
         self.words = problem + (f"; {legal}" if legal else "")
         super().__init__(f"object {obj.id} ({obj.category}): {self.words}")
 
 
 def number(obj: SceneObject, name: str, default: float, low: float, high: float) -> float:
-    """Returns a numeric parameter.
+    """Return a numeric parameter.
 
     Raises:
-        AssetError: When it is no number between `low` and `high`.
+        AssetError: The value is not a number between `low` and `high`.
     """
     value = obj.parameters.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
@@ -41,10 +41,10 @@ def number(obj: SceneObject, name: str, default: float, low: float, high: float)
 
 
 def require_size(obj: SceneObject, smallest_m: Vector) -> Vector:
-    """Returns the object's extent (x, y, z) in metres.
+    """Return the object's extent (x, y, z) [m].
 
     Raises:
-        AssetError: When an axis is shorter than the family needs for its parts.
+        AssetError: An axis is shorter than the family's minimum.
     """
     for axis, value, least in zip("xyz", obj.extent_m, smallest_m, strict=True):
         if value < least:
@@ -55,19 +55,19 @@ def require_size(obj: SceneObject, smallest_m: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A range of lengths in metres, or of multiples of the object's width (its y extent)."""
+    """A range of lengths [m], or of multiples of the object's width (its y extent)."""
 
     low: float
     high: float
     of_width: bool = False
 
     def draw(self, rng: np.random.Generator, width_m: float = 1.0) -> float:
-        """Returns a length in metres from the range, to the millimetre where it is not tied to the width."""
+        """Draw a length [m] from the range, rounded to millimetres unless it depends on the width."""
         value = float(rng.uniform(self.low, self.high))
         return value * width_m if self.of_width else round(value, _DIGITS)
 
     def clipped(self, value_m: float, width_m: float = 1.0) -> float:
-        """Returns the length in metres of the range that is nearest to some length."""
+        """Return a length [m] clipped to the range."""
         unit = width_m if self.of_width else 1.0
         return min(max(value_m, self.low * unit), self.high * unit)
 
@@ -80,13 +80,13 @@ SAME_AS_WIDTH = Range(1.0, 1.0, of_width=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class NumericParameter:
     """A numeric parameter of a scene object, such as a height in metres or a number of shelves.
 
     Attributes:
         name: Key in the object's `parameters`; its ending names the unit.
-        default: What it is where the object does not say.
-        low, high: What the family can build.
+        default: Value for objects without this parameter.
+        low, high: Limits that the family can build.
         whole: True for counts.
     """
 
@@ -97,18 +97,18 @@ class Quantity:
     whole: bool = False
 
     def read(self, obj: SceneObject) -> float:
-        """Returns the object's value.
+        """Return the object's value.
 
         Raises:
-            AssetError: When it is no number of the range.
+            AssetError: The value is not a number in the range.
         """
         return number(obj, self.name, self.default, self.low, self.high)
 
     def count(self, obj: SceneObject) -> int:
-        """Returns the object's value as a whole number.
+        """Return the object's value as a whole number.
 
         Raises:
-            AssetError: When it is no whole number of the range.
+            AssetError: The value is not a whole number in the range.
         """
         value = self.read(obj)
         if value != round(value):
@@ -117,7 +117,7 @@ class Quantity:
         return round(value)
 
     def draw(self, rng: np.random.Generator) -> float | int:
-        """Returns a value from the range."""
+        """Draw a value from the range."""
         if self.whole:
             return int(rng.integers(round(self.low), round(self.high) + 1))
         return round(float(rng.uniform(self.low, self.high)), _DIGITS)
@@ -127,17 +127,17 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Option:
-    """A parameter that is one of a few words; the first one is the default."""
+class ChoiceParameter:
+    """A parameter with a fixed set of words; the first one is the default."""
 
     name: str
     words: tuple[str, ...]
 
     def read(self, obj: SceneObject) -> str:
-        """Returns the object's value.
+        """Return the object's value.
 
         Raises:
-            AssetError: When it is none of the words.
+            AssetError: The value is not one of the words.
         """
         value = obj.parameters.get(self.name, self.words[0])
         if value not in self.words:
@@ -146,7 +146,7 @@ class Option:
         return str(value)
 
     def draw(self, rng: np.random.Generator) -> str:
-        """Returns one of the words."""
+        """Draw one of the words."""
         return self.words[int(rng.integers(len(self.words)))]
 
     def __str__(self) -> str:
@@ -161,12 +161,12 @@ class ModelEntry:
     """One model of the library.
 
     Attributes:
-        model: The name that a scene object's `model` gives.
+        model: Name in a scene object's `model`.
         category: Category of a scene object of this model; `oag.kind_of` reads its kind from it.
         synset: BEHAVIOR's name of the category.
         build: The family's builder.
         length, width, height: Ranges of the extent along the object's own x, y and z.
-        parameters: What shapes it besides its size.
+        parameters: Further parameters that shape it.
     """
 
     model: str
@@ -176,10 +176,10 @@ class ModelEntry:
     length: Range
     width: Range
     height: Range
-    parameters: tuple[Quantity | Option, ...] = ()
+    parameters: tuple[NumericParameter | ChoiceParameter, ...] = ()
 
     def sample(self, seed: int, object_id: str | None = None) -> SceneObject:
-        """Returns a variation of the model that stands on the floor at the origin; equal seeds give equal ones.
+        """Draw a variation of the model that stands on the floor at the origin; equal seeds give equal variations.
 
         Args:
             seed: Any integer from 0.

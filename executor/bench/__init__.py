@@ -1,1 +1,0 @@
-"""Success rates over many units, resumable, beside the paper's main table."""

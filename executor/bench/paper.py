@@ -1,4 +1,4 @@
-"""What the paper printed: its main table, and the flows that its planner wrote before any evolution."""
+"""Printed results of the paper: its main table, and its planner's flows before any evolution."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PaperRow:
     """One row of the paper's main table.
 
     Attributes:
-        method: Who was measured.
+        method: The method.
         cells: Family -> success rate and subtask-level score in percent; families without numbers are absent.
     """
 
@@ -31,7 +31,7 @@ class PaperRow:
 
 
 def main_table() -> tuple[PaperRow, ...]:
-    """Returns the rows of the paper's main table that have numbers, as printed; its fifth says "fail" or "success"."""
+    """Return the rows of the paper's main table that have numbers, as printed; its fifth has "fail" or "success"."""
     rows = _read("main_comparison.json")["rows"]
     return tuple(
         PaperRow(row["method"], {key: tuple(cell) for key, cell in row.items() if key != "method" and cell})
@@ -40,12 +40,12 @@ def main_table() -> tuple[PaperRow, ...]:
 
 
 def families_with_flows() -> tuple[str, ...]:
-    """Returns the families whose initial flows the paper prints."""
+    """Return the families whose initial flows the paper prints."""
     return tuple(sorted(key for key in _read("initial_flows.json") if key != "source"))
 
 
 def with_paper_flows(task: Task, family: str) -> Task:
-    """Returns a task with the paper's initial flows, numbers verbatim, in place of its own.
+    """Replace a task's flows by the paper's initial flows, numbers verbatim.
 
     Raises:
         NoPaperFlow: The paper prints none for the family, or for another number of subtasks.

@@ -1,4 +1,4 @@
-"""What a benchmark consists of: units with names for people, and ids that change when their outcome may."""
+"""Units of a benchmark: names for people, and ids that change when outcomes may change."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from executor.machine.files import content_key, json_text
-from executor.scenes import household, long_horizon
-from executor.scenes.pair import UNCHANGED, Changes, ScenePair
+from executor.scenes.generators import household, long_horizon
+from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
+from executor.system.files import content_key, json_text
 from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-bench-unit/1"
@@ -37,20 +37,20 @@ BASELINES: dict[Baseline, str] = {
     "sampled-grasp": "like RoboGen (own code)",
     "one-demonstration": "like MimicGen (own code)",
 }
-"""What is done in the executor's place -> what the table calls it."""
+"""Baseline -> its label in the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class BenchSetting:
-    """How the units of one row of the table are run.
+    """Setting of one row of the table.
 
     Attributes:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
-        evolve: Whether flows that fail are revised.
-        views: Whether three cameras' pictures are drawn of every success.
-        keep_sizes: Whether what is taken keeps its size.
+        evolve: Whether failing flows are revised.
+        views: Whether pictures of three cameras are rendered for every success.
+        keep_sizes: Whether handled things keep their sizes.
         full_size: Whether the robot is of full size.
-        baseline: What is done in the executor's place, where that is measured.
+        baseline: Baseline in place of the executor.
     """
 
     flows: Flows = "planned"
@@ -62,14 +62,14 @@ class BenchSetting:
 
     @property
     def name(self) -> str:
-        """A short name, fit for files."""
+        """Short name that is valid in file names."""
         words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes, "full-size": self.full_size}
         own = [self.flows] if self.baseline is None else [self.baseline]
-        return "-".join([*own, *(word for word, said in words.items() if said)])
+        return "-".join([*own, *(word for word, enabled in words.items() if enabled)])
 
     @property
     def label(self) -> str:
-        """What the row is called in the table."""
+        """Label of the row in the table."""
         own = "planned flows" if self.flows == "planned" else "paper's flows"
         if self.baseline is not None:
             own = BASELINES[self.baseline]
@@ -79,7 +79,7 @@ class BenchSetting:
             "own sizes": self.keep_sizes,
             "full-size robot": self.full_size,
         }
-        return " + ".join([f"here: {own}", *(word for word, said in words.items() if said)])
+        return " + ".join([f"here: {own}", *(word for word, enabled in words.items() if enabled)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +88,9 @@ class Unit:
 
     Attributes:
         family: "T1" to "T6".
-        seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
+        seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position of the pair in its set; None for T1 to T4.
-        setting: How it is run.
+        setting: Its setting.
     """
 
     family: Family
@@ -100,28 +100,28 @@ class Unit:
 
     @property
     def name(self) -> str:
-        """A name for people, unique within one version of the program."""
+        """Human-readable name, unique within one version of the program."""
         pair = f"{self.seed:06d}" if self.index is None else f"{self.seed:06d}-{self.index:03d}"
         return f"{self.family}-{pair}-{self.setting.name}"
 
     def id(self, version: str) -> str:
-        """Returns a key that is equal when scene, task, seed, setting and everything that decides the outcome are.
+        """Return a key that is equal when scene, task, seed, setting and all other inputs of the outcome are.
 
-        Scene and task follow from family, seed and index by code and data, which the version is a hash of.
+        Scene and task follow from family, seed and index by code and data, which the version stands for.
         """
         parts = [SCHEMA, version, self.family, str(self.seed), str(self.index), self.setting.name]
         return content_key(*parts)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the unit as plain data."""
+        """Return the unit as plain data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Unit:
-        """Returns the unit that `to_json` gave.
+        """Parse the unit that `to_json` returned.
 
         Raises:
-            ValueError: It did not give this.
+            ValueError: It is no such data.
         """
         unit = adapter(cls).validate_python(value)
         if (unit.index is None) is not (unit.family in LONG_HORIZON):
@@ -136,9 +136,9 @@ class Series:
     Attributes:
         family: "T1" to "T6".
         seed: Seed of the first episode, or of the first set of pairs.
-        episodes: How many units.
-        setting: How they are run.
-        version: Hash of the program that ran them.
+        episodes: Number of units.
+        setting: Their setting.
+        version: Version of the program.
     """
 
     family: Family
@@ -148,7 +148,7 @@ class Series:
     version: str
 
     def units(self) -> Iterator[Unit]:
-        """Yields the units in order; those of T5 and T6 go through one set of pairs after the other."""
+        """Yield the units in order; those of T5 and T6 go through one set of pairs after the other."""
         if self.family in LONG_HORIZON:
             for seed in range(self.seed, self.seed + self.episodes):
                 yield Unit(self.family, seed, None, self.setting)
@@ -159,15 +159,15 @@ class Series:
             yield Unit(self.family, self.seed + beyond, indices[place], self.setting)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the series as plain data."""
+        """Return the series as plain data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Series:
-        """Returns the series that `to_json` gave.
+        """Parse the series that `to_json` returned.
 
         Raises:
-            ValueError: It did not give this.
+            ValueError: It is no such data.
         """
         return adapter(cls).validate_python(value)
 
@@ -179,20 +179,20 @@ def pair_of(
     *,
     keep_sizes: bool = False,
     full_size: bool = False,
-    changes: Changes = UNCHANGED,
+    changes: LayoutChanges = UNCHANGED,
 ) -> ScenePair:
-    """Returns a scene-task pair; equal arguments give equal pairs.
+    """Return a scene-task pair; equal arguments give equal pairs.
 
     Args:
         family: "T1" to "T6".
-        seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
+        seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
         keep_sizes: Whether nothing is scaled to the gripper.
         full_size: Whether the robot is of full size.
-        changes: How it differs from what the seed alone gives.
+        changes: Deviations from what the seed alone gives.
 
     Raises:
-        NotDrawn: No room could be made of this seed.
+        NotDrawn: No room could be drawn for this seed.
     """
     if index is None:
         return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
@@ -201,7 +201,7 @@ def pair_of(
 
 @cache
 def indices_of(family: str) -> tuple[int, ...]:
-    """Returns the positions of a household family's pairs in a set, in order."""
+    """Return the indices of a household family's pairs in a set, in order."""
     wishes = [wish for layout in household.layouts() for wish in layout.wishes]
     return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
 

@@ -1,4 +1,4 @@
-"""Runs one unit: makes its scene, rolls the task out, and returns what is worth keeping."""
+"""Run one unit: make its scene, roll the task out, and return the result as plain data."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any
 
 from executor.bench.paper import with_paper_flows
 from executor.bench.units import Unit, outcome_version, pair_of
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
-from executor.machine.files import content_key, json_text
-from executor.records.rollout import PlanRefused, Rollout, SubtaskRecord
-from executor.rollouts.running import failure_of, rollout
+from executor.records import PlanRefused, Rollout, SubtaskRecord
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.pair import ScenePair
+from executor.system.files import content_key, json_text
 from oag import ObjectActionGraph, compose
-from oag.task.sizes import handled_sizes
+from oag.sizes import resized_targets
 
 _MB = 1024 * 1024
 _PAGES = Path("/proc/self/statm")
@@ -28,7 +28,7 @@ _PAGES = Path("/proc/self/statm")
 
 @dataclass
 class Stopwatch:
-    """Wall time by what it was spent on.
+    """Wall time by part.
 
     Attributes:
         spent_s: Part -> seconds.
@@ -38,17 +38,17 @@ class Stopwatch:
     _began: float = field(default_factory=time.perf_counter)
 
     def lap(self, part: str) -> None:
-        """Books the time since the last lap under a name."""
+        """Add the time since the last lap to a part."""
         now = time.perf_counter()
         self.spent_s[part] = self.spent_s.get(part, 0.0) + now - self._began
         self._began = now
 
 
 def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
-    """Returns a unit's scene-task pair and the composed task, its flows being those that the unit asks for.
+    """Return a unit's scene-task pair and the composed task, with the unit's flows.
 
     Raises:
-        NoPaperFlow: The unit asks for flows that the paper does not print.
+        NoPaperFlow: The unit requests flows that the paper does not print.
     """
     setting = unit.setting
     pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, full_size=setting.full_size)
@@ -57,10 +57,10 @@ def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
 
 
 def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Rollout, Evolution | None]:
-    """Returns what happened in the physics, and the story of the revisions where flows evolve.
+    """Execute a unit: the rollout, and its revisions where flows evolve.
 
     Raises:
-        PlanRefused: The plan is not proved, so nothing was moved.
+        PlanRefused: The plan is not proved, so nothing moved.
     """
     if not unit.setting.evolve:
         return rollout(graph, pair.scene, unit.seed, vary=False), None
@@ -79,13 +79,13 @@ def run_unit(
     ready: tuple[ScenePair, ObjectActionGraph] | None = None,
     run: Execute = execute,
 ) -> dict[str, Any]:
-    """Returns one unit's result as plain data; a rollout that fails is a result like any other.
+    """Run one unit and return its result as plain data; a failed rollout is a result, too.
 
     Args:
-        unit: What to run.
-        draw: Called with every success; what it returns is kept as `pictures`.
-        ready: What to do and where, when it is not what `prepare` gives.
-        run: What does it.
+        unit: The unit.
+        draw: Called with every success; its result is kept as `pictures`.
+        ready: Pair and graph, if they are not those of `prepare`.
+        run: Executes the unit.
     """
     watch = Stopwatch()
     pair, graph = ready or prepare(unit)
@@ -97,7 +97,7 @@ def run_unit(
         "scene_hash": content_key(json_text(pair.scene.to_json())),
         "task_hash": content_key(json_text(graph.task.to_json())),
         "subtask_names": [subtask.name for subtask in graph.task.subtasks],
-        "scaled": [change.to_json() for change in handled_sizes(graph.task, pair.scene)],
+        "scaled": [change.to_json() for change in resized_targets(graph.task, pair.scene)],
     }
     try:
         done, story = run(unit, pair, graph)
@@ -106,7 +106,7 @@ def run_unit(
         failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}
         return {**result, "ended": "failed", "failure": failure, "wall_s": watch.spent_s, **_memory()}
     watch.lap("rollout")
-    result |= described(done) | {"taken_twice": len(done.detours)}
+    result |= describe_rollout(done) | {"taken_twice": len(done.detours)}
     if story is not None:
         result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
     if draw is not None and done.succeeded:
@@ -118,8 +118,8 @@ def run_unit(
     return {**result, "wall_s": watch.spent_s, **_memory()}
 
 
-def described(done: Rollout) -> dict[str, Any]:
-    """Returns what a unit's file keeps of a rollout."""
+def describe_rollout(done: Rollout) -> dict[str, Any]:
+    """Return a rollout's entries in a unit's file."""
     return {
         "ended": "succeeded" if done.succeeded else "failed",
         "failure": _failure(done),
@@ -161,27 +161,27 @@ def _subtask(record: SubtaskRecord) -> dict[str, Any]:
 
 
 def _memory() -> dict[str, Any]:
-    """Returns the process's memory now, after everything of the unit was let go of, and the most it ever had."""
+    """Return the process's memory now, after the unit is released, and its peak."""
     gc.collect()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     try:
         resident = int(_PAGES.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
-        # Only Linux tells what is in use now.
+        # Only Linux reports the present memory.
         resident = peak
     return {"rss_mb": round(resident / _MB, 1), "peak_rss_mb": round(peak / _MB, 1)}
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class UnitReplay:
     """A unit that was run again.
 
     Attributes:
         pair: Its scene and task.
         graph: The composed task.
-        rollout: What happened this time.
+        rollout: The new rollout.
         story: The revisions, where flows evolve.
-        recorded: What the benchmark had kept of it.
+        recorded: The unit's record in the benchmark.
     """
 
     pair: ScenePair
@@ -192,13 +192,13 @@ class Replayed:
 
     @property
     def same(self) -> bool | None:
-        """Whether the states are equal, to the last bit; None when the benchmark has no states to compare with."""
+        """Whether the states are equal, bit by bit; None when the benchmark has no states to compare."""
         recorded = self.recorded.get("state_hash")
         return None if recorded is None else bool(recorded == self.rollout.state_hash)
 
     @property
     def verdict(self) -> str:
-        """The comparison in a sentence."""
+        """The comparison as a sentence."""
         if self.same is None:
             return f"the unit {self.recorded['ended']} when it was measured, so there are no states to compare with"
         if self.same:
@@ -209,16 +209,16 @@ class Replayed:
         return f"OTHER states than when it was measured: {why}"
 
 
-def replay(recorded: Mapping[str, Any]) -> Replayed:
-    """Returns what comes of a unit when it is run again.
+def replay(recorded: Mapping[str, Any]) -> UnitReplay:
+    """Run a unit again.
 
     Args:
         recorded: The unit's file.
 
     Raises:
-        PlanRefused: The plan is not proved; nothing was moved then either.
+        PlanRefused: The plan is not proved; nothing moved then either.
     """
     unit = Unit.from_json(recorded)
     pair, graph = prepare(unit)
     done, story = execute(unit, pair, graph)
-    return Replayed(pair, graph, done, story, recorded)
+    return UnitReplay(pair, graph, done, story, recorded)

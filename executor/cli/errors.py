@@ -1,8 +1,8 @@
-"""Every exception as a person at a terminal sees it: exit code and one clear message.
+"""Map every exception to an exit code and one clear message.
 
 Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
 also a mistake of this program, of which `--debug` shows the traceback; 2 misuse or bad input; 3 the disk is full; 130
-Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what shells say of other commands, too.
+Ctrl-C; 141 the reader of the output is gone, as after `| head`: as for other commands in a shell.
 """
 
 from __future__ import annotations
@@ -10,53 +10,53 @@ from __future__ import annotations
 import errno
 from dataclasses import dataclass
 
-from bddl.files import no_room
+from bddl.files import is_disk_full
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
 # By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
 BAD_INPUT_ERRORS = frozenset(
     {
-        "bddl.syntax.diagnostic.BDDLError",
-        "executor.assets.imports.asset_folder.ImportRefused",
+        "bddl.diagnostics.BDDLError",
+        "executor.assets.importers.files.ImportRefused",
         "executor.assets.parameters.AssetError",
         "executor.bench.paper.NoPaperFlow",
-        "executor.bench.presence.BenchBusy",
-        "executor.bench.store.NotABench",
-        "executor.datasets.formats.export.ExportExists",
-        "executor.datasets.formats.selection.NothingToExport",
-        "executor.datasets.store.NotADataset",
+        "executor.bench.campaign.BenchBusy",
+        "executor.bench.campaign.NotABench",
+        "executor.data.formats.export.ExportExists",
+        "executor.data.formats.selection.NothingToExport",
+        "executor.data.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",
-        "executor.policies.trained.NotAPolicy",
-        "executor.world.detectors.UnknownObject",
-        "executor.machine.vulkan.RendererNotFound",
-        "executor.machine.extras.MissingExtra",
-        "executor.photo.refusal.PhotoRefused",
-        "executor.cli.fault_words.BadFault",
-        "executor.world.faults.FaultUnfit",
-        "executor.pictures.render.BadPictureSize",
-        "executor.robot.description.RobotDataMissing",
-        "executor.records.rollout.MissingFlow",
-        "executor.results.run_folder.FolderUnusable",
-        "executor.results.run_folder.ResultsExist",
+        "executor.learn.policy_record.NotAPolicy",
+        "executor.sim.detectors.UnknownObject",
+        "executor.system.vulkan.RendererNotFound",
+        "executor.system.extras.MissingExtra",
+        "executor.photo.errors.PhotoRefused",
+        "executor.cli.commands.evolve.BadFault",
+        "executor.sim.faults.FaultUnfit",
+        "executor.sim.render.pool.BadPictureSize",
+        "executor.sim.robot.description.RobotDataMissing",
+        "executor.records.MissingFlow",
+        "executor.reports.run_folder.FolderUnusable",
+        "executor.reports.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
         "executor.scenes.vary.SeedError",
         "executor.scenes.vary.VariationError",
         "llm.errors.LlmError",
-        "oag.model.errors.OagError",
+        "oag.model.diagnostics.OagError",
     }
 )
 FAILURE_ERRORS = frozenset(
     {
-        "executor.datasets.work.NotPlannable",
-        "executor.photo.refusal.RoomRefused",
-        "executor.pictures.render.RenderFailed",
-        "executor.records.rollout.PlanRefused",
+        "executor.data.work.NotPlannable",
+        "executor.photo.errors.RoomRefused",
+        "executor.sim.render.pool.RenderFailed",
+        "executor.records.PlanRefused",
         "executor.scenes.pair.NotDrawn",
-        "executor.pictures.video.VideoFailed",
-        "executor.machine.workers.pool.WorkersUnusable",
-        "llm.answers.conversation.AnswersRefused",
+        "executor.sim.render.frames.VideoFailed",
+        "executor.system.workers.WorkersUnusable",
+        "llm.structured.conversation.AnswersRefused",
         "llm.errors.BadReply",
         "llm.errors.BudgetSpent",
         "llm.errors.ModelRefused",
@@ -82,7 +82,7 @@ class BadOption(ValueError):
 
 
 def check(good: bool, option: str, value: object, expected: str) -> None:
-    """Refuses an option's value that is not good.
+    """Refuse an option's value that is not good.
 
     Raises:
         BadOption: It is not.
@@ -98,7 +98,7 @@ class Ending:
     Attributes:
         code: Exit code.
         kind: Short name of the error, for `--json`.
-        message: For a person.
+        message: Message for a person.
         expected: False for a mistake of this program.
     """
 
@@ -109,7 +109,7 @@ class Ending:
 
 
 def explain(error: BaseException) -> Ending:
-    """Returns how a command ends after an exception."""
+    """Return the ending of a command for an exception."""
     if isinstance(error, KeyboardInterrupt):
         return Ending(INTERRUPTED, "interrupted", str(error) or "interrupted")
     if isinstance(error, BrokenPipeError):
@@ -138,9 +138,9 @@ def explain(error: BaseException) -> Ending:
 
 
 def _full_disk(error: BaseException | None) -> OSError | None:
-    """Returns the system's word that nothing more can be written, where an exception was caused by it."""
+    """Return the system's error that nothing more can be written, if it caused an exception."""
     while error is not None:
-        if isinstance(error, OSError) and no_room(error):
+        if isinstance(error, OSError) and is_disk_full(error):
             return error
         error = error.__cause__
     return None

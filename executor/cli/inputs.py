@@ -6,15 +6,15 @@ from pathlib import Path
 
 from executor.cli.errors import BadOption
 from executor.cli.output import tell_notes
-from executor.scenes.reading import converted
+from executor.scenes.file import load_with_notes
 from oag import Scene, Task
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
-    """Refuses to replace a file, unless that is what was asked for.
+    """Refuse to replace a file, unless forced.
 
     Raises:
-        BadOption: When the file exists and `force` is false, or the path is a folder.
+        BadOption: The file exists and `force` is false, or the path is a folder.
     """
     if path.is_dir():
         raise BadOption(option, path, "a file, not a folder")
@@ -23,24 +23,24 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
 
 
 def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
-    """Returns a task file's task and its scene.
+    """Return a task file's task and its scene.
 
     Args:
         task_path: The task's file.
-        scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` beside the task.
+        scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` in the task's folder.
 
     Raises:
         TaskError: When the task's file is missing or malformed.
         SceneError, SceneNotFound: When the scene is.
-        BadOption: When no scene is named and none lies beside the task.
+        BadOption: When no scene is named and none lies in the task's folder.
     """
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
-    found = converted(scene if scene is not None else _scene_beside(task_path))
+    found = load_with_notes(scene if scene is not None else _default_scene(task_path))
     tell_notes(found.notes)
     return Task.from_json(task_path, scene=found.scene), found.scene
 
 
-def _scene_beside(task_path: Path) -> Path:
+def _default_scene(task_path: Path) -> Path:
     for candidate in (task_path.with_name(f"{task_path.stem}_scene.json"), task_path.with_name("scene.json")):
         if candidate.is_file():
             return candidate

@@ -1,4 +1,4 @@
-"""Where words go: results to standard output, everything else to standard error.
+"""Print results on standard output, everything else on standard error.
 
 Much of what is printed was written by others: scenes, tasks, models, benchmarks' folders. All of it goes through here,
 and nothing in it steers the terminal.
@@ -13,16 +13,16 @@ from contextlib import contextmanager
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from bddl.visible import visible
-from executor.machine.files import json_text
+from bddl.terminal import escape_control
+from executor.system.files import json_text
 
 
 class _Terminal(Console):
-    """A console on which only the program's own styles and moving lines have escape sequences."""
+    """A console on which only the program's own styles and moving lines emit escape sequences."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for text, style, control in super().render(renderable, options):
-            yield Segment(text if control else visible(text), style, control)
+            yield Segment(text if control else escape_control(text), style, control)
 
     def on_broken_pipe(self) -> None:
         # Rich would end the process with the code of a failure.
@@ -35,44 +35,44 @@ ERR = _Terminal(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 def say(text: str, style: str | None = None) -> None:
-    """Prints a line of the result."""
+    """Print a line of the result on standard output."""
     with _standard_output():
         OUT.print(text, style=style, markup=False)
 
 
 def tell(text: str, style: str | None = None) -> None:
-    """Prints a line beside the result, such as progress or a warning."""
+    """Print a line on standard error, such as progress or a warning."""
     ERR.print(text, style=style, markup=False)
 
 
 def tell_notes(notes: Iterable[str]) -> None:
-    """Prints what a reader of the result has to know, a line each, beside the result."""
+    """Print notes about the result on standard error, a line each."""
     for note in notes:
         tell(f"note: {note}")
 
 
 def tell_warnings(warnings: Iterable[object]) -> None:
-    """Prints what will not go as it is written, a line each, on standard error."""
+    """Print warnings on standard error, a line each."""
     for warning in warnings:
         tell(f"warning: {warning}", style="yellow")
 
 
 def print_text(text: str) -> None:
-    """Prints a finished text on standard output, what its encoding lacks as an escape."""
+    """Print a finished text on standard output, with escapes for what its encoding lacks."""
     encoding = sys.stdout.encoding or "utf-8"
     with _standard_output():
-        sys.stdout.write(visible(text).encode(encoding, "backslashreplace").decode(encoding))
+        sys.stdout.write(escape_control(text).encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
 
 
 def print_json(value: object) -> None:
-    """Prints one JSON object on standard output."""
+    """Print one JSON object on standard output."""
     print_text(json_text(value) + "\n")
 
 
 @contextmanager
 def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """Gives a function that is told how many of a number of things are done, and shows it.
+    """Provide a function that shows how many of a number of things are done.
 
     Args:
         what: What is counted, such as "drawing pictures".
@@ -90,7 +90,7 @@ def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int],
 
 @contextmanager
 def _standard_output() -> Iterator[None]:
-    """Gives errors of writing the name of what could not be written, such as a file on a full disk."""
+    """Name standard output in write errors, such as those of a full disk."""
     try:
         yield
     except OSError as problem:

@@ -1,4 +1,11 @@
-"""All of it in order: files are read, the room is levelled, walls are found, things are fitted, a scene is made."""
+"""From a photograph to a scene: read the inputs, level the picture, find walls, fit the room, make the scene.
+
+    photo -> inputs (picture, depth, camera, boxes) -> geometry (floor, walls) -> fitting (furniture, then items) ->
+        scene
+
+Frames: a camera looks along +z, x right, y down, as in OpenCV. The level frame has its origin on the floor under the
+camera, z up, and x where the camera looks; the reconstructed scene is in it.
+"""
 
 from __future__ import annotations
 
@@ -9,117 +16,115 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from executor.photo.fitting.rim import levelled_by_rim
-from executor.photo.inputs.agreement import depth_doubts
-from executor.photo.inputs.annotations import Detections, Detector, LeftOut, Sighting
-from executor.photo.inputs.camera import Intrinsics, read_camera
-from executor.photo.inputs.captures import is_capture, read_capture
-from executor.photo.inputs.depth import Depth, DepthSource
-from executor.photo.inputs.picture import Photograph, read_picture
-from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
-from executor.photo.refusal import PhotoRefused
-from executor.photo.room.reconstruct import FittedRoom, reconstruct
-from executor.photo.scene import MadeScene, scene_of
-from executor.photo.space.floor import FloorSeen, observe
-from executor.photo.space.level import (
+from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.rim import level_by_rim
+from executor.photo.geometry.level import (
+    find_board,
     find_upright,
     flat_observation,
-    levelled_by_board,
-    levelled_by_height,
-    levelled_by_length,
+    level_by_board,
+    level_by_height,
+    level_by_length,
+    observe_by_height,
+    read_length,
+    scale_by_board,
+    scale_by_length,
 )
-from executor.photo.space.observation import Observation
-from executor.photo.space.rescale import observe_by_height
-from executor.photo.space.walls import find_walls
-from executor.photo.tidy import SAME_HEIGHT_M
-from executor.photo.variations import RoomVariation, variations_of
+from executor.photo.geometry.observation import FloorPlane, Observation, observe
+from executor.photo.geometry.walls import find_walls
+from executor.photo.inputs.annotations import Detection, Detections, Detector, LeftOut
+from executor.photo.inputs.consistency import depth_doubts
+from executor.photo.inputs.depth import Depth, DepthSource, is_capture, read_capture
+from executor.photo.inputs.picture import Intrinsics, Photograph, read_camera, read_picture
+from executor.photo.room.reconstruct import FittedRoom, reconstruct
+from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
 
-Told = Callable[[str], None]
+OnProgress = Callable[[str], None]
 
-_ABOUT_M = 0.1  # Between a thing and its top by sight, where one of them may have been fitted better since.
-_HARDLY_SEEN = 0.01  # Of the picture, the box of what a room may do without.
+_ABOUT_M = 0.1  # Between an object and its top without exact depth: one of them may have been fitted better since.
+_LEAST_BOX_SHARE = 0.01  # Share of the picture below which an object may be left out.
 
 
 @dataclass(frozen=True)
-class Given:
-    """What a reconstruction is made of.
+class PhotoInput:
+    """Input of a reconstruction.
 
     Attributes:
-        name: Of the scene.
+        name: Name of the scene.
         picture, camera, detections: As they were read.
-        depth: As it was read; None where the picture is all there is.
-        seen, floor: The picture in the level frame, and what levels it.
-        left_out: What was found and the library has nothing for.
-        find_more: Whether what nobody has boxed is searched for.
-        doubts: What speaks against the depth or the boxes being of this picture, in sentences.
+        depth: As it was read; None without depth.
+        observation, floor: The picture in the level frame, and the floor that levels it.
+        left_out: Detections for which the library has no model.
+        find_more: Whether objects without a box are searched for.
+        doubts: Evidence that depth or boxes do not belong to this picture, as sentences.
     """
 
     name: str
     picture: Photograph
     depth: Depth | None
     camera: Intrinsics
-    detections: tuple[Sighting, ...]
-    seen: Observation
-    floor: FloorSeen
+    detections: tuple[Detection, ...]
+    observation: Observation
+    floor: FloorPlane
     left_out: tuple[LeftOut, ...] = ()
     find_more: bool = False
     doubts: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
-        """Hash of everything that a reconstruction depends on: another one makes another scene."""
+        """Hash of everything that determines a reconstruction."""
         scale = None if self.depth is not None else (self.floor.up.tolist(), self.floor.height_m)
-        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale, self.find_more)
+        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale, self.find_more)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
-            json.dumps(told).encode(),
+            json.dumps(settings).encode(),
         )
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
 @dataclass(frozen=True)
-class Result:
-    """A reconstruction with what it came from and what became of it.
+class PhotoResult:
+    """A reconstruction with its input and its scene.
 
     Attributes:
         given: The input.
-        found: The things, and what was left out.
+        found: The fitted room, and what was left out.
         made: The scene.
         varied: The same room with the next best models.
-        took_s: step -> seconds.
+        took_s: step -> duration [s].
     """
 
-    given: Given
+    given: PhotoInput
     found: FittedRoom
     made: MadeScene
     varied: tuple[RoomVariation, ...]
     took_s: Mapping[str, float]
 
     @property
-    def seen(self) -> Observation:
+    def observation(self) -> Observation:
         """The picture in the level frame."""
-        return self.given.seen
+        return self.given.observation
 
     @property
-    def floor(self) -> FloorSeen:
+    def floor(self) -> FloorPlane:
         """The floor."""
         return self.given.floor
 
 
 @dataclass(frozen=True)
-class GivenBeside:
-    """What is given beside a picture.
+class AuxiliaryInputs:
+    """Inputs beside the picture.
 
     Attributes:
-        detect: Finds things in it: in a file, by a network, by asking a model; with depth it may be left out.
-        depth: Gives it its depth; None for a recording, which has its own, and where there is none.
-        camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
-        frame: Which moment of a recording.
-        length, board: What gives the scale, see `executor.photo.inputs.scale`.
-        camera_height_m: Of the camera above the floor, which gives its scale to a picture without depth, or with depth
-            that a network has guessed.
-        find_more: Whether what nobody has boxed is searched for, too; needed with depth where no boxes are given.
+        detect: Detector: a file, a network or a model; optional with depth.
+        depth: Source of the depth; None for a recording, which has its own, and without depth.
+        camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration or the picture's EXIF.
+        frame: Frame of a recording.
+        length, board: Sources of the scale, see `executor.photo.geometry.level`.
+        camera_height_m: Height of the camera above the floor. It gives the scale to a picture without depth, or to
+            depth that a network guesses.
+        find_more: Whether objects without a box are searched for; needed with depth if no boxes are given.
     """
 
     detect: Detector | None = None
@@ -132,50 +137,50 @@ class GivenBeside:
     find_more: bool = False
 
 
-def read_given(picture: Path, beside: GivenBeside) -> Given:
-    """Returns what the files of a photograph say.
+def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
+    """Read and check all inputs of a photograph.
 
     Args:
-        picture: The picture, or a recording (see `executor.photo.inputs.captures`).
-        beside: What is given beside it.
+        picture: The picture, or a recording (see `executor.photo.inputs.depth`).
+        auxiliary: The other inputs.
 
     Raises:
         PhotoRefused: One of them cannot be used.
-        MissingExtra: What reads one of them is not installed.
+        MissingExtra: A library that reads one of them is not installed.
         OSError: A file cannot be read.
-        ModelError, AnswersRefused: Whoever is asked for boxes gives no usable answer.
+        ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
     """
-    shown, measured, intrinsics = _sensed(picture, beside)
-    if beside.detect is None and measured is None:
+    shown, measured, intrinsics = _sensed(picture, auxiliary)
+    if auxiliary.detect is None and measured is None:
         hint = "give --boxes, --detector or --model, or --depth, or both"
         raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
-    if beside.detect is None and not beside.find_more:
+    if auxiliary.detect is None and not auxiliary.find_more:
         hint = "give --boxes, --detector or --model, or have things searched for in its depths by --find-more"
         raise PhotoRefused("boxes", picture, "has no boxes", hint)
-    # A network's depth is of the picture, and bent.
+    # A network's depth belongs to the picture, and is distorted.
     doubts: tuple[str, ...] = ()
-    if measured is not None and not measured.bend_share:
+    if measured is not None and not measured.depth_distortion:
         doubts = depth_doubts(shown, measured, intrinsics)
-    if measured is not None and beside.board is not None:
-        measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
-    if measured is not None and beside.length is not None:
-        measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
-    # A network takes its time and a model its price: all that is given beside them has been read by now, and with depth
-    # the floor has been found.
-    level: tuple[Observation, FloorSeen] | None = None
-    if measured is not None and beside.camera_height_m is not None:
-        measured, seen, floor = observe_by_height(shown, measured, intrinsics, beside.camera_height_m)
-        level = seen, floor
+    if measured is not None and auxiliary.board is not None:
+        measured = scale_by_board(measured, find_board(auxiliary.board, shown, intrinsics))
+    if measured is not None and auxiliary.length is not None:
+        measured = scale_by_length(measured, intrinsics, read_length(auxiliary.length))
+    # A network is slow and a model costs: all other inputs have been read by now, and with depth the floor has been
+    # found.
+    level: tuple[Observation, FloorPlane] | None = None
+    if measured is not None and auxiliary.camera_height_m is not None:
+        measured, observation, floor = observe_by_height(shown, measured, intrinsics, auxiliary.camera_height_m)
+        level = observation, floor
     elif measured is not None:
         level = observe(shown, measured, intrinsics)
-    found = Detections(()) if beside.detect is None else beside.detect(shown)
-    if beside.detect is not None and not found.things:
+    found = Detections(()) if auxiliary.detect is None else auxiliary.detect(shown)
+    if auxiliary.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
     if level is None:
-        floor = _levelled(shown, intrinsics, found.things, beside)
+        floor = _levelled(shown, intrinsics, found.things, auxiliary)
         level = flat_observation(shown, intrinsics, floor), floor
-    return Given(
+    return PhotoInput(
         picture.stem,
         shown,
         measured,
@@ -183,59 +188,65 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         found.things,
         *level,
         found.left_out,
-        beside.find_more,
+        auxiliary.find_more,
         (*doubts, *found.doubts),
     )
 
 
-def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
-    """Returns what is known of the floor without depth."""
-    if beside.board is not None:
-        return levelled_by_board(find_board(beside.board, picture, camera))
-    if beside.camera_height_m is not None:
-        return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
-    if beside.length is not None:
-        return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
-    return levelled_by_rim(picture, camera, things)
+def _levelled(
+    picture: Photograph, camera: Intrinsics, things: tuple[Detection, ...], auxiliary: AuxiliaryInputs
+) -> FloorPlane:
+    """Return the floor of a picture without depth."""
+    if auxiliary.board is not None:
+        return level_by_board(find_board(auxiliary.board, picture, camera))
+    if auxiliary.camera_height_m is not None:
+        return level_by_height(find_upright(picture, camera), auxiliary.camera_height_m)
+    if auxiliary.length is not None:
+        return level_by_length(find_upright(picture, camera), camera, read_length(auxiliary.length))
+    return level_by_rim(picture, camera, things)
 
 
-def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
+def _sensed(picture: Path, auxiliary: AuxiliaryInputs) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
-        if beside.depth is not None:
+        if auxiliary.depth is not None:
             raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth and --depth-model")
-        capture = read_capture(picture, beside.frame)
-        own = capture.camera if beside.camera is None else None
-        return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)
-    if beside.frame is not None:
+        capture = read_capture(picture, auxiliary.frame)
+        own = capture.camera if auxiliary.camera is None else None
+        return capture.picture, capture.depth, own or read_camera(auxiliary.camera, capture.picture)
+    if auxiliary.frame is not None:
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    intrinsics = read_camera(beside.camera, shown)
-    return shown, None if beside.depth is None else beside.depth(shown), intrinsics
+    intrinsics = read_camera(auxiliary.camera, shown)
+    return shown, None if auxiliary.depth is None else auxiliary.depth(shown), intrinsics
 
 
-def reconstructed(given: Given, told: Told = lambda words: None, *, variations: bool = True) -> Result:
-    """Returns the scene of a photograph.
+def reconstruct_scene(
+    given: PhotoInput, on_progress: OnProgress = lambda words: None, *, variations: bool = True
+) -> PhotoResult:
+    """Reconstruct the scene of a photograph.
 
     Args:
         given: The input.
-        told: Is told what has been found, in sentences.
+        on_progress: Called with sentences about the progress.
         variations: Whether the next best models are made rooms of as well.
 
     Raises:
         PhotoRefused: Nothing is recognised.
     """
     began = time.perf_counter()
-    seen, floor = given.seen, given.floor
+    observation, floor = given.observation, given.floor
     for doubt in given.doubts:
-        told(doubt)
-    walls = () if given.depth is None else find_walls(seen, given.detections)
+        on_progress(doubt)
+    walls = () if given.depth is None else find_walls(observation, given.detections)
     walled = time.perf_counter()
-    told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    found = reconstruct(seen, given.detections, walls, told, floor.spread_share, find_more=given.find_more)
+    on_progress(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
+    found = reconstruct(
+        observation, given.detections, walls, on_progress, floor.spread_share, find_more=given.find_more
+    )
     fitted = time.perf_counter()
     _require_things(given, found)
-    same_height_m = SAME_HEIGHT_M if seen.is_exact else _ABOUT_M
-    found, made = scene_of(found, given.name, _HARDLY_SEEN * seen.z_m.size, same_height_m=same_height_m)
+    same_height_m = SAME_HEIGHT_M if observation.is_exact else _ABOUT_M
+    found, made = scene_of(found, given.name, _LEAST_BOX_SHARE * observation.z_m.size, same_height_m=same_height_m)
     _require_things(given, found)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()
@@ -245,11 +256,11 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
         "settling": settled - fitted,
         "variations": time.perf_counter() - settled,
     }
-    return Result(given, found, made, varied, took)
+    return PhotoResult(given, found, made, varied, took)
 
 
-def _require_things(given: Given, found: FittedRoom) -> None:
-    """Refuse a room of which nothing is left."""
+def _require_things(given: PhotoInput, found: FittedRoom) -> None:
+    """Refuse a room without any object."""
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)

@@ -1,41 +1,251 @@
-"""The reconstruction as a scene of this project, with where every value comes from, and what physics says of it."""
+"""The scene of a reconstruction: overlaps resolved, provenance of every value, settled in physics, variations.
+
+Source of the variations: the paper has three variations of each reconstruction, of the three assets that match best;
+the first of them is the reconstruction itself.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executor.assets.footprint import Footprint
-from executor.photo.fitting.body import Guess
+from executor.assets.footprint import Footprint, region_frame, swept_parts
+from executor.assets.library import asset_for
+from executor.geometry import rotation_z
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
+from executor.photo.fitting.likelihood import AT_WALLS
+from executor.photo.geometry.walls import Wall
+from executor.photo.room.estimate import EQUAL_M, is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
-from executor.photo.room.supports import EQUAL_M, is_on_one, tops_of
-from executor.photo.space.walls import Wall
-from executor.photo.tidy import SAME_HEIGHT_M, tidied
-from executor.scenes.furnishing.furnish import furnished
-from executor.scenes.plausible import flaws
-from executor.scenes.settle import Unsettled, settle
-from oag import Scene, SceneError, SceneObject
-from oag.model.scenefile import about_z
+from executor.scenes.file import complete_scene
+from executor.scenes.validation import Unsettled, issues, settle
+from oag import Kind, Scene, SceneError, SceneObject, kind_of
+from oag.model.scene_rules import about_z
 
-_WALL_M, _THINNEST_M = 0.08, 0.02  # What is behind a wall that is looked over may stand against it.
-_NEARER_M = 0.02  # So much a wall may be nearer than it was seen, where what is behind it leaves no room.
-_ACROSS, _CORNER_M = 0.9, 0.3  # Walls meet about square to each other; so far behind a face ends are seen.
+SAME_HEIGHT_M = 0.02
+"""Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
+
+_ROUNDS = 4
+_CLEARANCE_M = 0.001
+_SHAVED_M = 0.08
+"""Two pieces in a row that overlap by less are both made narrower: their sides were misjudged."""
+
+_OPENED_RAD, _SWING_STEPS = math.pi / 2, 16  # As doors are opened where people live.
+_NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at 5 m.
+_PARALLEL = math.sin(math.radians(8.0))
+_EDGE_M, _EDGE_STEPS = 0.004, 24
+_HIGHER_M = 0.002
+_FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
+_REPORTED_M = 0.005
+
+
+def resolve_overlaps(
+    guesses: Mapping[str, PoseHypothesis], walls: Sequence[Wall], same_height_m: float = SAME_HEIGHT_M
+) -> tuple[dict[str, PoseHypothesis], list[str]]:
+    """Move and shrink hypotheses until none overlap; report moves of more than half a centimetre as sentences.
+
+    Args:
+        guesses: id -> pose hypothesis.
+        walls: The walls.
+        same_height_m: Tolerance between an object and the top that it stands on.
+    """
+    room = dict(guesses)
+    large = [key for key, one in room.items() if not _is_item(one) and one.bottom_m == 0.0]
+    small = [key for key in room if key not in large]
+    for key in large:
+        if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
+            room[key] = _aligned(room[key], walls)
+    for _ in range(_ROUNDS):
+        for key in large:
+            room[key] = _out_of_walls(room[key], walls)
+        for number, key in enumerate(large):
+            for other in large[number + 1 :]:
+                room[key], room[other] = _apart(room[key], room[other])
+    for key, other in itertools.permutations(large, 2):
+        room[other] = _clear_of_doors(room[key], room[other])
+    for key in small:
+        room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key}, same_height_m)
+    for _ in range(_ROUNDS):
+        for number, key in enumerate(small):
+            for other in small[number + 1 :]:
+                if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
+                    room[key], room[other] = _pushed(room[key], room[other])
+    notes = []
+    for key, one in room.items():
+        before = guesses[key]
+        moved_m = math.dist((one.x_m, one.y_m, one.bottom_m), (before.x_m, before.y_m, before.bottom_m))
+        grown_m = max(abs(a - b) for a, b in zip(one.size_m, before.size_m, strict=True))
+        if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
+            notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
+    return room, notes
+
+
+def _is_item(guess: PoseHypothesis) -> bool:
+    return kind_of(guess.entry.category, guess.size_m[1]) is Kind.ITEM
+
+
+def _footprint(guess: PoseHypothesis) -> Footprint:
+    return Footprint.of(guess.as_object())
+
+
+def _shifted(guess: PoseHypothesis, by: np.ndarray) -> PoseHypothesis:
+    return replace(guess, x_m=guess.x_m + float(by[0]), y_m=guess.y_m + float(by[1]))
+
+
+def _aligned(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesis:
+    """Align a piece with a nearly parallel wall: the rest is noise. Round objects have no corners there."""
+    for wall in walls:
+        turned = math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)
+        if abs(turned) < _NOISE_RAD or is_round(guess.entry):
+            return replace(guess, yaw_rad=guess.yaw_rad - turned)
+    return guess
+
+
+def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesis:
+    for wall in walls:
+        corners = _footprint(guess).corners_m
+        side = corners @ wall.along
+        if side.max() < wall.span_m[0] or side.min() > wall.span_m[1]:
+            continue
+        nearest, farthest = float((corners @ wall.normal).max()), float((corners @ wall.normal).min())
+        into_m = wall.offset_m + _CLEARANCE_M - farthest
+        # An object wholly behind a wall is in the next room, visible over the wall.
+        if into_m > 0.0 and nearest > wall.offset_m:
+            guess = _shifted(guess, into_m * wall.normal)
+    return guess
+
+
+def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+    """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
+    deep_m = _footprint(first).depth_m(_footprint(second))
+    if deep_m <= 0.0:
+        return first, second
+    aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
+    away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
+    in_row = _stand_alike(first, second)
+    # Where one of them is turned a little, its corner is deeper in the other one than its side.
+    over_m = max((first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)), deep_m) + _CLEARANCE_M
+    if in_row and over_m < _SHAVED_M:
+        sign = math.copysign(1.0, float(away @ aside))
+        return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
+    return _pushed(first, second)
+
+
+def _stand_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
+    """Return whether two pieces stand as in a row."""
+    turned = first.yaw_rad - second.yaw_rad
+    return abs(math.sin(turned)) < _PARALLEL and math.cos(turned) > 0
+
+
+def _clear_of_doors(guess: PoseHypothesis, other: PoseHypothesis) -> PoseHypothesis:
+    """Narrow another piece of a row if a door swings into its side.
+
+    The piece with the door often hides that side.
+    """
+    near_m = (guess.size_m[1] + other.size_m[1]) / 2 + _SHAVED_M
+    away = np.array([other.x_m - guess.x_m, other.y_m - guess.y_m])
+    aside = np.array([-math.sin(other.yaw_rad), math.cos(other.yaw_rad)])
+    if not _stand_alike(guess, other) or abs(float(away @ aside)) > near_m:
+        return other
+    side, theirs = -math.copysign(1.0, float(away @ aside)), _footprint(other)
+    into_m = max(
+        (_reach_m(part, theirs, side) for part in swept_parts(guess.as_object(), _OPENED_RAD, _SWING_STEPS)),
+        default=0.0,
+    )
+    return _narrower(other, into_m + _CLEARANCE_M, side) if 0.0 < into_m < _SHAVED_M else other
+
+
+def _reach_m(part: Footprint, other: Footprint, side: float) -> float:
+    """Return how far a part reaches into an object from one side, +1 its own +y; 0 if it does not."""
+    if part.depth_m(other) <= 0.0:
+        return 0.0
+    along = np.linspace(part.corners_m, np.roll(part.corners_m, 1, axis=0), _EDGE_STEPS).reshape(-1, 2)
+    local = (along - [other.x_m, other.y_m]) @ rotation_z(other.yaw_rad)[:2, :2]
+    inside = (np.abs(local) < [other.half_x_m, other.half_y_m]).all(axis=1)
+    return float((other.half_y_m - side * local[inside, 1]).max(initial=0.0))
+
+
+def _narrower(guess: PoseHypothesis, by_m: float, side: float) -> PoseHypothesis:
+    """Narrow a piece on one side, +1 its own +y; move it by what its model does not allow."""
+    length, width, height = guess.size_m
+    least = guess.entry.width.low
+    cut = min(by_m, max(0.0, width - least))
+    aside = np.array([-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)])
+    # The rest is moved.
+    smaller = replace(guess, size_m=(length, width - cut, height))
+    return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
+
+
+def _pushed(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
+    """Move the smaller of two objects along the axis of least overlap."""
+    a, b = _footprint(first), _footprint(second)
+    if a.depth_m(b) <= 0.0:
+        return first, second
+    second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
+    least: tuple[float, np.ndarray] | None = None
+    for yaw in (a.yaw_rad, b.yaw_rad):
+        for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
+            mine, theirs = a.corners_m @ axis, b.corners_m @ axis
+            for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
+                if least is None or over_m < least[0]:
+                    least = float(over_m), direction
+    if least is None:
+        return first, second
+    by = (least[0] + _CLEARANCE_M) * least[1]
+    return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
+
+
+def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
+    """Return whether an object stands above another's bottom and within its outline: in a bowl, on a plate."""
+    mine, theirs = _footprint(thing), _footprint(other)
+    return thing.bottom_m > other.bottom_m + _HIGHER_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
+
+
+def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float) -> PoseHypothesis:
+    """Move an object wholly onto the top or board that it stands on, at exactly its height."""
+    best: tuple[float, PoseHypothesis] | None = None
+    for other in others.values():
+        if _is_item(other):
+            continue
+        carrier = other.as_object()
+        for region in asset_for(carrier).regions:
+            T, half = region_frame(carrier, region)
+            if abs(float(T[2, 3]) - guess.bottom_m) > same_height_m:
+                continue
+            turn = T[:2, :2]
+            local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
+            own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
+            c, s = abs(math.cos(own)), abs(math.sin(own))
+            reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
+            free = np.maximum(half - reach - _EDGE_M, 0.0)
+            inside = np.clip(local, -free, free)
+            by_m = float(np.linalg.norm(inside - local))
+            if by_m < _FARTHEST_M and (best is None or by_m < best[0]):
+                x, y = turn @ inside + T[:2, 3]
+                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
+    return guess if best is None else best[1]
+
+
+_WALL_M, _THINNEST_M = 0.08, 0.02  # Objects behind a low wall may stand against it.
+_NEARER_M = 0.02  # Error of a wall's distance, if an object behind it leaves no room.
+_ACROSS, _CORNER_M = 0.9, 0.3  # Walls meet about square; tolerance of ends behind a face.
 _DIGITS = 4
-_CLEAR_M = 0.001
+_BEHIND_CLEARANCE_M = 0.001
 
 
 @dataclass(frozen=True)
 class MadeScene:
-    """What became of a reconstruction.
+    """The scene of a reconstruction.
 
     Attributes:
-        scene: The scene, settled in physics where `refused` is empty; None where not even the form holds.
-        refused: Why it is no scene that can be worked in; empty when it is one.
-        notes: What was moved, in sentences.
-        settled_m: id -> how far physics moved it.
+        scene: The scene, settled in physics if `refused` is empty; None if even its form is invalid.
+        refused: Why the scene is unusable; empty if it is usable.
+        notes: What was moved, as sentences.
+        settled_m: id -> how far physics moved the object.
     """
 
     scene: Scene | None
@@ -47,18 +257,18 @@ class MadeScene:
 def scene_of(
     found: FittedRoom, name: str, hardly_px: float, *, same_height_m: float = SAME_HEIGHT_M
 ) -> tuple[FittedRoom, MadeScene]:
-    """Returns what is in the scene of a reconstruction, and that: without overlaps, with facts, settled in physics.
+    """Return the room that fits in a scene, and its scene: without overlaps, with facts, settled in physics.
 
-    What stands on nothing is left out. Where no such room can be, and can without one thing that is hardly seen or that
-    nobody has put a box around, that is left out, too.
+    Objects on nothing are left out. If no scene is possible, but one is without a hardly visible or unboxed object,
+    that object is left out too.
 
     Args:
         found: The fits.
-        name: Of the scene.
-        hardly_px: Area of the largest box of what is hardly seen.
-        same_height_m: Between a thing and the top that it is taken to stand on.
+        name: Name of the scene.
+        hardly_px: Largest box area of a hardly visible object.
+        same_height_m: Tolerance between an object and the top that it stands on.
     """
-    while hanging := _hanging(found, tidied(found.guesses, found.walls, same_height_m)[0]):
+    while hanging := _hanging(found, resolve_overlaps(found.guesses, found.walls, same_height_m)[0]):
         for thing in [one for one in found.things if one.id in hanging]:
             problem = f"nothing was found that it stands on, {100 * hanging[thing.id]:.0f} cm above the floor"
             found = found.without(thing, problem)
@@ -75,29 +285,29 @@ def scene_of(
 
 
 def made_of(
-    found: FittedRoom, guesses: Mapping[str, Guess], name: str, *, same_height_m: float = SAME_HEIGHT_M
+    found: FittedRoom, guesses: Mapping[str, PoseHypothesis], name: str, *, same_height_m: float = SAME_HEIGHT_M
 ) -> MadeScene:
-    """Returns the scene of some guesses.
+    """Make a scene of pose hypotheses.
 
     Args:
-        found: The walls, and the boxes that the guesses are of.
-        guesses: id -> guess.
-        name: Of the scene.
-        same_height_m: Between a thing and the top that it is taken to stand on.
+        found: The walls and detections.
+        guesses: id -> pose hypothesis.
+        name: Name of the scene.
+        same_height_m: Tolerance between an object and the top that it stands on.
     """
-    guesses, notes = tidied(guesses, found.walls, same_height_m)
+    guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m)
     if hanging := _hanging(found, guesses):
         listed = ", ".join(f"{key} {100 * height_m:.0f} cm above the floor" for key, height_m in hanging.items())
         return MadeScene(None, f"nothing is under {listed}", tuple(notes), {})
     names = {thing.id: thing.detection.name_as(guesses[thing.id].entry) for thing in found.things}
     data = scene_json(guesses, found.walls, name, names)
     try:
-        made = furnished(data)
+        made = complete_scene(data)
     except SceneError as problem:
         return MadeScene(None, str(problem), tuple(notes), {})
     if made.scene is None:
         return MadeScene(None, "; ".join(made.problems), tuple(notes), {})
-    errors = [str(flaw) for flaw in flaws(made.scene) if flaw.error]
+    errors = [str(issue) for issue in issues(made.scene) if issue.error]
     if errors:
         return MadeScene(made.scene, "; ".join(errors), tuple(notes), {})
     try:
@@ -112,15 +322,15 @@ def made_of(
 
 
 def scene_json(
-    guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str, names: Mapping[str, str]
+    guesses: Mapping[str, PoseHypothesis], walls: tuple[Wall, ...], name: str, names: Mapping[str, str]
 ) -> dict[str, object]:
-    """Returns a scene file's content, without facts: those follow from geometry.
+    """Return the content of a scene file without facts, which follow from geometry.
 
     Args:
-        guesses: id -> guess.
+        guesses: id -> pose hypothesis.
         walls: The walls.
-        name: Of the scene.
-        names: id -> its category in the scene.
+        name: Name of the scene.
+        names: id -> category in the scene.
     """
     things = {key: _entry(replace(guess.as_object(key), category=names[key])) for key, guess in guesses.items()}
     footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
@@ -132,11 +342,11 @@ def scene_json(
 
 
 def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:
-    """Returns where the values of a scene come from, by object and field.
+    """Return the origin of each value of a scene, by object and field.
 
     Args:
         found, made: The reconstruction.
-        floor_source: What the floor is known by.
+        floor_source: Origin of the floor.
     """
     return {
         **{thing.id: _origin(thing, made) for thing in found.things},
@@ -166,8 +376,8 @@ def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
     }
 
 
-def _hanging(found: FittedRoom, guesses: Mapping[str, Guess]) -> dict[str, float]:
-    """Return id -> how high above the floor it is, of what stands neither on that nor on any other thing."""
+def _hanging(found: FittedRoom, guesses: Mapping[str, PoseHypothesis]) -> dict[str, float]:
+    """Return id -> height above the floor of objects that stand on nothing."""
     tops = list(tops_of(replace(thing.fit, guess=guesses[thing.id]) for thing in found.things))
     return {key: one.bottom_m for key, one in guesses.items() if not is_on_one(one, tops, EQUAL_M)}
 
@@ -186,9 +396,9 @@ def _entry(obj: SceneObject) -> dict[str, object]:
 
 
 def _ends_m(wall: Wall, others: Sequence[Wall]) -> tuple[float, float]:
-    """From where to where a wall goes: in a corner it ends at the other wall's face, though that was seen past its end.
+    """Return the span of a wall; in a corner it ends at the other wall's face, even if it was fitted past it.
 
-    What goes through to the room beyond is no corner.
+    A wall that continues into the room beyond has no corner there.
     """
     low_m, high_m = wall.span_m
     for other in others:
@@ -196,8 +406,8 @@ def _ends_m(wall: Wall, others: Sequence[Wall]) -> tuple[float, float]:
         if abs(onto) < _ACROSS:
             continue
         corner_m = (other.offset_m - wall.offset_m * float(other.normal @ wall.normal)) / onto
-        beside_m = float(other.along @ (wall.offset_m * wall.normal + corner_m * wall.along))
-        if not other.span_m[0] - _CORNER_M < beside_m < other.span_m[1] + _CORNER_M:
+        along_m = float(other.along @ (wall.offset_m * wall.normal + corner_m * wall.along))
+        if not other.span_m[0] - _CORNER_M < along_m < other.span_m[1] + _CORNER_M:
             continue
         if onto > 0.0 and 0.0 < corner_m - low_m < _CORNER_M:
             low_m = corner_m
@@ -207,13 +417,13 @@ def _ends_m(wall: Wall, others: Sequence[Wall]) -> tuple[float, float]:
 
 
 def _back_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
-    """How far behind a wall's face its back can be for what stands behind it; below 0 where that reaches through."""
+    """Return how far a wall's back can be behind its face; below 0 if an object behind it reaches through."""
     back_m = wall.thick_m or _WALL_M
     for one in footprints:
         side, nearest = one.corners_m @ wall.along, float((one.corners_m @ wall.normal).max())
         middle = float(np.mean(one.corners_m @ wall.normal))
         if side.max() > wall.span_m[0] and side.min() < wall.span_m[1] and middle < wall.offset_m:
-            back_m = min(back_m, wall.offset_m - nearest - _CLEAR_M)
+            back_m = min(back_m, wall.offset_m - nearest - _BEHIND_CLEARANCE_M)
     return back_m
 
 
@@ -231,3 +441,45 @@ def _wall(wall: Wall, key: str, back_m: float) -> SceneObject:
         orientation=about_z(yaw),
         bbox_extent=(thick_m, high - low, wall.top_m),
     )
+
+
+COUNT = 2
+"""Number of variations in addition to the reconstruction itself."""
+
+_HEIGHT_M = 0.10  # Between tops of models that explain the same thing.
+
+
+@dataclass(frozen=True)
+class RoomVariation:
+    """One variation of a room.
+
+    Attributes:
+        number: 1 for the second best models, 2 for the third.
+        models: id -> model, for objects with another model than in the reconstruction.
+        made: The scene.
+    """
+
+    number: int
+    models: Mapping[str, str]
+    made: MadeScene
+
+
+def variations_of(found: FittedRoom, name: str) -> tuple[RoomVariation, ...]:
+    """Return the variations of a room in which any object has another model; physics may refuse some.
+
+    Args:
+        found: The fits; an object with fewer alternatives keeps the last of them.
+        name: Name of the scene.
+    """
+    varied: list[RoomVariation] = []
+    for number in range(1, COUNT + 1):
+        guesses, models = {}, {}
+        for thing in found.things:
+            ranked = (thing.fit.guess, *(one.guess for one in thing.fit.alternatives))
+            guesses[thing.id] = ranked[min(number, len(ranked) - 1)]
+            if guesses[thing.id] is not thing.fit.guess:
+                models[thing.id] = guesses[thing.id].entry.model
+        if models and all(models != other.models for other in varied):
+            made = made_of(found, guesses, f"{name}_{number}", same_height_m=_HEIGHT_M)
+            varied.append(RoomVariation(number, models, made))
+    return tuple(varied)

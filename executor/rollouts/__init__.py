@@ -1,1 +1,0 @@
-"""A task executed: subtasks one after the other, judged, recorded, and gone on from checkpoints."""

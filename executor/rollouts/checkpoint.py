@@ -1,8 +1,8 @@
-"""A subtask's exact starting point: everything that the physics and the executor need to go on from there.
+"""A subtask's exact start: everything that the physics and the executor need to go on from there.
 
-At every subtask boundary the world is settled, packed, built anew and unpacked, and the run goes on from that. So a
-retry or a replay from a checkpoint is the same to the last bit as the run that made it: contact caches, which cannot
-be packed, are empty in both.
+At every subtask boundary the world is settled, packed, built again and unpacked, and the run goes on from that.
+So a retry or a replay from a checkpoint equals, to the last bit, the run that made it: contact caches cannot be packed,
+and are empty in both.
 """
 
 from __future__ import annotations
@@ -13,22 +13,21 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from executor.assets.transforms import rolls_freely
+from executor.assets.asset_geometry import rolls_freely
 from executor.geometry import transform_from_quaternion
-from executor.primitives.control import LOOK_EVERY_S, Controller, Tick, settle_to_rest
-from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
-from executor.primitives.noise import NoiseStream
-from executor.primitives.session import Hand
-from executor.robot.description import ARM_HOME
-from executor.world.belief import weaken
-from executor.world.faults import Fault
-from executor.world.physics import STANDARD, Physics
-from executor.world.world import World
+from executor.sim.belief import weaken_grip
+from executor.sim.engine import STANDARD, Physics
+from executor.sim.faults import Fault
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.world import World
+from executor.skills.control import DISPLACED_M, LOOK_EVERY_S, TIPPED_DEG, Controller, Tick, settle_to_rest
+from executor.skills.session import Hand
+from executor.skills.trajectories import NoiseStream
 from oag import Scene, SceneError
 
 
 class CheckpointError(ValueError):
-    """Bytes that are not a checkpoint of this version."""
+    """The bytes are no checkpoint of this version."""
 
 
 class StartUnstable(SceneError):
@@ -67,7 +66,7 @@ class Checkpoint:
 
     @classmethod
     def of(cls, world: World, control: Controller, hand: Hand | None = None, state_hash: str = "") -> Checkpoint:
-        """Returns where a world has come to, with what is in the hand and the hash of what was recorded."""
+        """Return the present state of a world, with what is in the hand and the hash of the recording."""
         hand = hand or Hand()
         return cls(
             packed=world.pack(),
@@ -83,14 +82,14 @@ class Checkpoint:
 
     @classmethod
     def at_start(cls, scene: Scene, faults: tuple[Fault, ...] = (), physics: Physics = STANDARD) -> Checkpoint:
-        """Returns where an episode begins: the scene as it is built, once it has come to rest.
+        """Return the start of an episode: the scene as built, once it has come to rest.
 
         Raises:
             StartUnstable: Something does not stay where the scene has it, unless faults are the reason.
         """
         pose = scene.robot
         with World(scene, physics=physics) as world:
-            weaken(world, faults)
+            weaken_grip(world, faults)
             start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
             control = Controller(world, start, float(world.robot.get_qlimits()[-1, 1]), lambda: None)
             control.settle(START_SETTLE_S)
@@ -102,13 +101,13 @@ class Checkpoint:
             return begins
 
     def to_bytes(self) -> bytes:
-        """Returns the checkpoint as UTF-8 JSON."""
+        """Return the checkpoint as UTF-8 JSON."""
         fields = asdict(self) | {"packed": base64.b64encode(self.packed).decode(), "version": VERSION}
         return json.dumps(fields).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Checkpoint:
-        """Returns the checkpoint in bytes written by `to_bytes`.
+        """Return the checkpoint in bytes written by `to_bytes`.
 
         Raises:
             CheckpointError: The bytes are something else.
@@ -135,19 +134,19 @@ class Checkpoint:
         physics: Physics = STANDARD,
         noise: NoiseStream | None = None,
     ) -> tuple[World, Controller]:
-        """Returns a fresh world in this state, and a controller that holds it there."""
+        """Return a fresh world in this state, and a controller that holds it there."""
         world = World(scene, physics=physics)
-        weaken(world, faults)
+        weaken_grip(world, faults)
         world.unpack(self.packed)
         world.steps = self.steps
         return world, Controller(world, np.array(self.target), self.finger_target_m, after_step, noise)
 
 
 def _require_unmoved(scene: Scene, world: World) -> None:
-    """Refuses a world at rest in which an item is not where, or not as upright as, its scene has it.
+    """Check that every item at rest is where, and as upright as, the scene has it.
 
     Raises:
-        StartUnstable: The message names each such item, and how far it moved or tipped.
+        StartUnstable: The message names each item that is not, and how far it moved or tipped.
     """
     moved = []
     for name in world.dynamic_ids:

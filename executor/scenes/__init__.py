@@ -1,1 +1,0 @@
-"""The scenes that come with the package, and how one of them becomes many."""

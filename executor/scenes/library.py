@@ -1,4 +1,4 @@
-"""Scenes of the package by name, and files in this project's own form."""
+"""Named scenes of the package, and scene files in this project's own form."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import cast
 
 from bddl import near_names
+from bddl.errors import PicklableError
 from bddl.files import read_bounded_text
-from bddl.syntax.errors import Portable
 from oag import Scene, SceneError
-from oag.model.jsonfile import load as load_json
-from oag.model.jsonfile import shown
+from oag.model.codec import load as load_json
+from oag.model.codec import shown
 
 _DATA = resources.files(__package__) / "data"
-# What draws a scene by its name, None for what is no such name. It is loaded when a name is not that of a fixed scene:
-# drawing takes physics and the planner, reading a file takes neither.
-_DRAWN = ("drawn", "named")
+# Module and function that draw a scene from its name; the function returns None for an unknown form. Loaded lazily:
+# drawing needs physics and the planner, reading a file needs neither.
+_DRAWN = ("generators.by_name", "draw_named")
 
 
-class SceneNotFound(Portable, LookupError):
-    """No scene of this name comes with the package."""
+class SceneNotFound(PicklableError, LookupError):
+    """The package has no scene of this name."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
         self.name = name
@@ -33,17 +33,17 @@ class SceneNotFound(Portable, LookupError):
 
 
 def names() -> tuple[str, ...]:
-    """Returns the names of the fixed scenes that come with the package, sorted; `executor.scenes.drawn` has others."""
+    """Return the names of the package's fixed scenes, sorted; `executor.scenes.generators.by_name` draws others."""
     return tuple(sorted(entry.name[:-5] for entry in _DATA.iterdir() if entry.name.endswith(".json")))
 
 
 def load(name: str) -> Scene:
-    """Returns a scene of the package, as it is written (objects at their original size, nothing varied).
+    """Return a scene of the package as written (objects at their original size, nothing varied).
 
     A name such as kitchen02-b or kitchen02-13000-b is a household's room, one such as t1-12000 a drawn kitchen.
 
     Raises:
-        SceneNotFound: When there is none of that name; the message has the near ones.
+        SceneNotFound: No scene has that name; the message suggests near ones.
         NotDrawn: The layouts of a drawn scene do not hold.
     """
     known = names()
@@ -58,12 +58,12 @@ def load(name: str) -> Scene:
 
 
 def load_own(name_or_path: str | Path) -> Scene:
-    """Returns a scene of the package by its name, or the scene of a JSON file in this project's own form.
+    """Return a scene of the package by its name, or the scene of a JSON file in this project's own form.
 
     Raises:
-        SceneNotFound: When the package has no scene of that name; the message has the near ones.
-        SceneError: When the file is missing, malformed, in another form, or leaves out what the library and geometry
-            say; `scene2demo scenes` writes all of it.
+        SceneNotFound: The package has no scene of that name; the message suggests near ones.
+        SceneError: The file is missing, malformed, in another form, or incomplete; `scene2demo scenes` completes it
+            from the library and geometry.
     """
     path = file_of(name_or_path)
     if path is None:
@@ -80,10 +80,10 @@ def load_own(name_or_path: str | Path) -> Scene:
 
 
 def file_of(name_or_path: str | Path) -> Path | None:
-    """Returns the file that is meant: what ends in `.json`, has a folder in it, or exists; None for a name.
+    """Return the file of an argument that ends in `.json`, has a folder in it, or exists; None for a name.
 
     Raises:
-        SceneError: When it is neither a name nor a path.
+        SceneError: It is neither a name nor a path.
     """
     if not isinstance(name_or_path, str | PathLike):
         problem = f"expected the name of a scene or the path of its file, got {shown(name_or_path)}"
@@ -94,7 +94,7 @@ def file_of(name_or_path: str | Path) -> Path | None:
 
 
 def holds_cousins(path: Path) -> bool:
-    """Decides whether a file has the form of a scene reconstructed by Digital Cousins; False for what is no JSON."""
+    """Return whether a file is a scene reconstructed by Digital Cousins; False for a file that is not JSON."""
     try:
         data = json.loads(read_bounded_text(path))
     except (OSError, ValueError, RecursionError):
@@ -103,5 +103,5 @@ def holds_cousins(path: Path) -> bool:
 
 
 def is_collection(data: Mapping[str, object]) -> bool:
-    """Decides whether data is `step_3_output_info.json` of Digital Cousins, which has all scenes of a photograph."""
+    """Return whether data is `step_3_output_info.json` of Digital Cousins, which has all scenes of a photograph."""
     return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())

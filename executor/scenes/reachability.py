@@ -1,17 +1,17 @@
-"""Whether a task can be done at all by this robot in this scene: a rule of kinematics and free floor.
+"""Reachability of a task: whether this robot can do it in this scene, by kinematics and free floor alone.
 
-A task passes when for every subtask
+A task passes if, for every subtask,
 
-- what is taken hold of (an item, or the handle of a door or drawer) and
-- where a held thing is put (some free spot of the support's interiors or surfaces)
+- what is grasped (an item, or the handle of a door or drawer), and
+- where a held item is put (some free spot of the support's interiors or surfaces)
 
-has an admissible hand pose with a base pose on free floor and an arm posture that keeps every joint 5 degrees off its
-limits. Admissible hand poses are the planner's own: pitches and headings of `motion.grasping.grasps`. What is put
-somewhere keeps the pitch that it was taken with, unless it is a ball; into a compartment the hand comes through its
-opening. The base may stand where its box touches nothing that is lower than the arm's mount; doors count as shut for
-the floor, and as open by 75 % of their range for the handle of one that is to be closed.
+has an admissible hand pose with a base pose on free floor and an arm posture that keeps every joint 5 degrees away from
+its limits. Admissible hand poses are the planner's own: pitches and headings of `motion.grasping.grasps`. A held item
+keeps the pitch of its grasp when it is put down, unless it is a ball. Into a compartment the hand comes through its
+opening. The base may stand where its box touches nothing that is lower than the arm's mount. Doors count as shut for
+the floor. The handle of a door to be closed is where the door stands open by 75 % of its range.
 
-No collisions of the arm, no paths, no physics: a task that passes can still fail.
+Arm collisions, paths and physics are not checked: a task that passes can still fail.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 import bddl
+from executor.assets.asset_geometry import rolls_freely
 from executor.assets.footprint import Footprint, link_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
-from executor.assets.transforms import rolls_freely
 from executor.geometry import (
     Array,
     heading_of,
@@ -39,21 +39,21 @@ from executor.geometry import (
     transform_from_quaternion,
     wrap_angle,
 )
-from executor.motion.grasping.grasps import handle_goals, item_goals
-from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.spots import spots
-from executor.motion.planning.candidates import HandGoal
-from executor.records.rollout import require_flows
-from executor.robot.description import JOINT_NAMES
-from executor.robot.kinematics import ARM, Kinematics
-from executor.world.world import World
+from executor.planning.grasps import handle_goals, item_goals
+from executor.planning.picks import TURNS_RAD, WIDE_TURNS_RAD
+from executor.planning.placements import spots
+from executor.planning.stances import HandGoal
+from executor.records import require_flows
+from executor.sim.robot.description import JOINT_NAMES
+from executor.sim.robot.kinematics import ARM, Kinematics
+from executor.sim.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, Task
 
-CLOSING_FRACTION = 0.75  # How far what is to be closed stands open.
+CLOSING_FRACTION = 0.75  # Open fraction of a door to be closed.
 OPENING_HEADING_RAD = 0.5
-"""How far the hand's heading may differ from straight through a compartment's opening."""
+"""Largest deviation of the hand's heading from straight through a compartment's opening."""
 
-_AWAY = np.zeros(3)  # Where the robot stands now has no say in the rule.
+_AWAY = np.zeros(3)  # The robot's current position does not matter here.
 REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55, 0.30, 0.60)  # Comfortable ones first.
 MARGIN_RAD = math.radians(5.0)
 """The least distance of every joint to its limits."""
@@ -63,23 +63,23 @@ _RESTARTS = 16
 _BASE_HALF_M = 0.17  # Half of the base's side.
 _BASE_ROOM_M = 0.01
 _BASE_HIGH_M = 0.30  # Height of the arm's mount.
-_FLOOR_M = 0.03  # The base ends so high above the floor.
+_FLOOR_M = 0.03  # Ground clearance of the base.
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 _OF_DOORS = {Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE}
 
 
 @dataclass(frozen=True, slots=True)
 class HandReach:
-    """The best way to have the hand at one of several poses, or the nearest miss.
+    """The best reach of one of several hand poses, or the nearest miss.
 
     Attributes:
-        margin_rad: Of the posture: distance of the nearest joint to its limit; negative beyond it; None where no
-            posture was found at all.
+        margin_rad: Distance of the posture's nearest joint to its limit; negative beyond it; None if no posture was
+            found at all.
         height_m: Of the hand.
         reach_m: From the base's axis to the hand.
         pitch_rad: Downward tilt of the hand.
         joint: The joint that is nearest to its limit, or beyond it.
-        blocker: What stands on the floor where the robot would have to stand, when that is the reason.
+        blocker: Object on the floor where the robot would have to stand, if that is the reason.
     """
 
     margin_rad: float | None
@@ -96,14 +96,14 @@ class HandReach:
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
-        """A key by which the best is the largest.
+        """A sort key; the best reach has the largest.
 
-        What can be done comes first, then what could be done but for the floor, then the least violation of a limit.
+        Feasible reaches come first, then those blocked by the floor only, then the least violation of a limit.
         """
         return self.reachable, self.blocker is not None, -math.inf if self.margin_rad is None else self.margin_rad
 
     def __str__(self) -> str:
-        """Returns the reach, or the nearest miss, in words that go on after what is reached for."""
+        """Return the reach, or the nearest miss, as a predicate of the object that is reached for."""
         where = f"with the hand {self.height_m:.2f} m high at a pitch of {round(math.degrees(self.pitch_rad))} degrees"
         if self.margin_rad is None:
             return f"is out of the arm's reach {where}"
@@ -118,12 +118,12 @@ class HandReach:
 
 @dataclass(frozen=True, slots=True)
 class PartReach:
-    """What the rule says of one thing that the hand has to get to.
+    """Reachability of one object or place for the hand.
 
     Attributes:
         subtask: Name of the subtask.
         what: Such as "glass_0", "a handle of refrigerator_0", "a place inside refrigerator_0".
-        best: The best reach, or the nearest miss; None where there is no admissible pose of the hand.
+        best: The best reach, or the nearest miss; None without an admissible pose of the hand.
         why_none: Why there is none; else empty.
     """
 
@@ -134,7 +134,7 @@ class PartReach:
 
     @property
     def reachable(self) -> bool:
-        """Whether the hand gets there."""
+        """Whether the hand reaches it."""
         return self.best is not None and self.best.reachable
 
     def __str__(self) -> str:
@@ -143,7 +143,7 @@ class PartReach:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What the rule says of a task: every thing that the hand has to get to, in the order of the subtasks."""
+    """Reachability of a task: every object and place for the hand, in the order of the subtasks."""
 
     parts: tuple[PartReach, ...]
 
@@ -154,31 +154,31 @@ class Reach:
 
     @property
     def reason(self) -> str:
-        """The first thing that cannot, and why; empty where all can."""
+        """The first unreachable part, and why; empty if all are reachable."""
         return next((str(part) for part in self.parts if not part.reachable), "")
 
     @property
     def margin_rad(self) -> float | None:
-        """The least joint margin of all parts; None where a part has no posture at all."""
+        """The least joint margin of all parts; None if a part has no posture at all."""
         known = [part.best.margin_rad for part in self.parts if part.best and part.best.margin_rad is not None]
         return min(known) if known and len(known) == len(self.parts) else None
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the verdict with its numbers as plain data."""
+        """Return the verdict with its numbers as plain data."""
         parts = [{"reachable": part.reachable, "words": str(part), **asdict(part)} for part in self.parts]
         return {"reachable": self.reachable, "margin_rad": self.margin_rad, "parts": parts}
 
 
 def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda done, total: None) -> Reach:
-    """Returns what the rule says of a task.
+    """Return the reachability of a task.
 
     Args:
-        scene: Concrete: the sizes of things are those that they are handled with.
+        scene: Concrete: objects at the sizes at which they are handled.
         task: With a flow for every subtask.
-        listen: Called with how many subtasks are decided, and of how many.
+        listen: Called with the number of decided subtasks, and their total.
 
     Raises:
-        MissingFlow: A subtask has none, so that nobody knows what it takes hold of.
+        MissingFlow: A subtask has no flow, so that its grasps are unknown.
         AssetError: The library cannot build something.
     """
     require_flows(task)
@@ -187,9 +187,9 @@ def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda 
 
 
 def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int, int], None]) -> Iterator[PartReach]:
-    """Yields what the hand has to get to, subtask by subtask."""
+    """Yield the hand's objects and places, subtask by subtask."""
     assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
-    pitches: dict[str, frozenset[float]] = {}  # With which of them things can be taken.
+    pitches: dict[str, frozenset[float]] = {}  # Object id -> pitches at which it can be grasped.
     for index, subtask in enumerate(task.subtasks):
         listen(index, len(task.subtasks))
         used = {action.primitive for action in subtask.flow or ()}
@@ -235,7 +235,7 @@ def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[Hand
 
 
 def _put_poses(obj: SceneObject, region: Region, item: Asset) -> list[HandGoal]:
-    """Hand poses that hold an item upright over the spots of a region; through the opening where it has one."""
+    """Hand poses that hold an item upright over the spots of a region; through the opening if it has one."""
     T = link_frame(obj, region.link, CLOSING_FRACTION)
     opening = T[:3, :3] @ np.array(region.opening)
     level = abs(opening[2]) < 0.5
@@ -259,7 +259,7 @@ def _pitch(goal: HandGoal) -> float:
 
 
 class Floor:
-    """What of a scene stands in the base's way, doors shut."""
+    """A scene's obstacles for the base, doors shut."""
 
     def __init__(self, scene: Scene) -> None:
         self._parts: list[tuple[str, Footprint, list[Footprint]]] = []
@@ -269,7 +269,7 @@ class Floor:
                 self._parts.append((obj.id, Footprint.of(obj), low))
 
     def blocker(self, base: Array) -> str | None:
-        """Returns what the base would touch at (x, y, yaw), or None where the floor is free."""
+        """Return the object that the base would touch at (x, y, yaw), or None on free floor."""
         half = _BASE_HALF_M + _BASE_ROOM_M
         body = Footprint(float(base[0]), float(base[1]), float(base[2]), half, half)
         for name, around, parts in self._parts:
@@ -279,14 +279,14 @@ class Floor:
 
 
 class ReachSearch:
-    """Looks for base poses and postures; the latter follow from the hand in the base frame, and are remembered."""
+    """Search for base poses and postures; postures follow from the hand in the base frame, and are cached."""
 
     def __init__(self, kinematics: Kinematics, floor: Floor) -> None:
         self._kinematics, self._floor = kinematics, floor
         self._known: dict[tuple[float, ...], Array | None] = {}
 
     def best(self, goals: Iterable[HandGoal]) -> HandReach:
-        """Returns a comfortable reach of the first goals that have one, else the best of all.
+        """Return a comfortable reach of the first goals that have one, else the best of all.
 
         Args:
             goals: Admissible hand poses, at least one.
@@ -314,7 +314,7 @@ class ReachSearch:
         return HandReach(margin, height_m, reach_m, pitch, JOINT_NAMES[ARM][nearest], blocker)
 
     def _posture(self, T_world_eef: Array, base: Array) -> Array | None:
-        """The posture (7,) that is farthest from joint limits, or least beyond them; None where there is none."""
+        """Return the posture (7,) that is farthest from joint limits, or least beyond them; None without one."""
         T = inverse(self._kinematics.base_transform(base)) @ T_world_eef
         key = tuple(round(float(value), 3) for value in T[:3].ravel())
         if key not in self._known:

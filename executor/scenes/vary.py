@@ -1,4 +1,4 @@
-"""One scene, many starts: the ranges that a scene declares, drawn from a seed.
+"""Vary a scene: draw start poses and door forces from the ranges that the scene declares.
 
 A scene's `variation` block:
 
@@ -6,11 +6,11 @@ A scene's `variation` block:
      "objects": {"table_0": {"places": [{"x_m": 0, "y_m": -1.25, "yaw_rad": 0}, ...], "dx_m": [...], ...},
                  "glass_0": {"on": "table_0", "edge": "+y", "along_m": [...], "inset_m": [...]}}}
 
-An object with `places` starts from one of them, drawn evenly, others from where they are; `dx_m`, `dy_m` and
-`dyaw_rad` shift it from there. What rests on an object or in it moves with it. An object with `on` is put on
-its support, `inset_m` in from the named edge of the support's own frame and `along_m` along it from the
-middle. Entries apply in their order. `handle_force_n` and `gasket_force_n`, ranges as well, say what the doors and
-drawers of an object without `on` ask of the hand (`executor.assets.resistance`).
+An object with `places` starts at one of them, drawn uniformly; other objects start at their own pose. `dx_m`, `dy_m`
+and `dyaw_rad` shift that start. Everything that rests on or in an object moves with it. An object with `on` is put on
+its support, `inset_m` in from the named edge of the support's own frame and `along_m` along it from the middle. Entries
+apply in their order. `handle_force_n` and `gasket_force_n` are ranges, too: the resistance of the doors and drawers of
+an object without `on` (`executor.assets.library`).
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from pydantic import BeforeValidator, Field
 
 import bddl
 from executor.assets.footprint import EDGES
-from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
+from executor.assets.library import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
 from oag import Scene, SceneObject
-from oag.model.errors import InputError
+from oag.model.codec import Document, expected
+from oag.model.diagnostics import InputError
 from oag.model.forms import Form, numbers, unfit, within
-from oag.model.jsonfile import Document, expected
-from oag.task.task import required_scene
+from oag.task import required_scene
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
-"""Seeds that one command or one row of a benchmark goes through."""
+"""Most seeds of one command or of one row of a benchmark."""
 
 _FORCES = (HANDLE_FORCE.name, GASKET_FORCE.name)
 _LARGEST = 1e6
@@ -45,17 +45,17 @@ _LARGEST = 1e6
 
 
 class VariationError(InputError, ValueError):
-    """A scene's `variation` block does not say what can be drawn."""
+    """A scene's `variation` block cannot be drawn from."""
 
     what = "scene"
 
 
 class SeedError(ValueError):
-    """A seed from which nothing can be drawn."""
+    """A seed outside of the allowed range."""
 
 
 def check_seed(seed: int) -> int:
-    """Returns a seed from which can be drawn.
+    """Return a seed, if it is valid.
 
     Raises:
         SeedError: It is no whole number, is negative or is too large.
@@ -70,18 +70,18 @@ def check_seed(seed: int) -> int:
 
 
 def vary(scene: Scene, seed: int) -> Scene:
-    """Returns the scene that a seed stands for; equal scenes and seeds give equal results.
+    """Return the scene of a seed; equal scenes and seeds give equal results.
 
     Apply it after `Scene.with_scales`, so that a smaller object stands on its support as the larger one did.
 
     Args:
-        scene: A scene; without a `variation` block it comes back as it is.
+        scene: A scene; without a `variation` block it is returned unchanged.
         seed: Any integer from 0 to `LARGEST_SEED`.
 
     Raises:
         SeedError: It is another number.
-        VariationError: When the block names unknown objects or keys, or a value is not of its form, such as a
-            range that is no pair of numbers.
+        VariationError: The block names unknown objects or keys, or a value has the wrong form, such as a range that is
+            no pair of numbers.
     """
     seed = check_seed(seed)
     if not required_scene(scene).variation:
@@ -162,7 +162,7 @@ class _Variation(Form):
 
 
 def _moved(rng: np.random.Generator, thing: SceneObject, entry: _Shifted) -> Array:
-    """Pose of an object at one of its places, or where it is, shifted there."""
+    """Return an object's pose at one of its places, or at its own, with the drawn shift."""
     T = _pose(thing)
     if entry.places:
         at = entry.places[int(rng.integers(len(entry.places)))]
@@ -187,7 +187,7 @@ def _shift(rng: np.random.Generator, entry: _Shift) -> tuple[float, float, float
 
 
 def _resting_on(scene: Scene, support: str) -> set[str]:
-    """Everything that the facts put on or in an object, directly or through something else."""
+    """Return everything that the facts put on or in an object, directly or indirectly."""
     above = nx.DiGraph()
     above.add_node(support)
     for literal in (literal for fact in scene.facts for literal in bddl.literals(fact) or ()):

@@ -1,4 +1,4 @@
-"""The lexicon: which words belong to which class, what things are called, and what can be done with them."""
+"""Lexicon of the offline planner: classes of words, names of categories, and what can be done with them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 from bddl.files import read_bounded_text
 from llm.errors import LlmError
-from llm.offline.surroundings import FRONTS, Affordances, fronts_in
+from llm.offline.intents import FRONTS, Affordances, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
@@ -22,7 +22,7 @@ _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
 
 class LexiconError(LlmError):
-    """A lexicon file holds something that the planner cannot use."""
+    """A lexicon file has an entry that the planner cannot use."""
 
     def __init__(self, place: str, problem: str) -> None:
         super().__init__(f"lexicon {place}: {problem}")
@@ -30,11 +30,11 @@ class LexiconError(LlmError):
 
 @dataclass(frozen=True, slots=True)
 class Category:
-    """One entry: what such a thing is called, and what can be done with it.
+    """One category: its names and affordances.
 
     Attributes:
         names: All its names.
-        surface_names: Those of the names that mean its top, such as "countertop".
+        surface_names: The names of its top, such as "countertop".
         affordances: What can be done with it.
     """
 
@@ -51,10 +51,10 @@ class Lexicon:
         terminals: Phrase (lower case, single blanks) -> terminal of the grammar.
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
-        descriptions: Words that may stand before a name without changing what it names.
-        which: Words that say which of several is meant, such as "second", and that nothing in a scene can tell.
-        people: Words for those whom nothing can be handed to.
-        foreign: Words that are a sign of another language.
+        descriptions: Words that may stand before a name without changing its meaning.
+        which: Words that select one of several, such as "second", and that no scene can resolve.
+        people: Words for recipients to whom nothing can be handed.
+        foreign: Words that indicate another language.
         categories: Entry by key.
     """
 
@@ -69,7 +69,7 @@ class Lexicon:
 
     @classmethod
     def from_toml(cls, text: str) -> Lexicon:
-        """Returns the lexicon that a TOML text of the form of `lexicon.toml` describes.
+        """Parse a lexicon from a TOML text of the form of `lexicon.toml`.
 
         Raises:
             LexiconError: The text is no TOML, a table is missing, or a phrase belongs to two classes.
@@ -99,11 +99,11 @@ class Lexicon:
         )
 
     def phrases(self, terminal: str) -> tuple[str, ...]:
-        """Returns the phrases of a terminal, in the file's order."""
+        """Return the phrases of a terminal, in the file's order."""
         return tuple(phrase for phrase, name in self.terminals.items() if name == terminal)
 
     def category_of(self, category: str) -> Category | None:
-        """Returns the entry of a scene's category: its own, or that of the words it ends in; None without one."""
+        """Return the entry of a scene's category: its own, or that of the words it ends in; None without one."""
         words = category.lower().split(".", 1)[0].replace("-", "_").split("_")
         for start in range(len(words)):
             key = "_".join(words[start:])
@@ -117,17 +117,17 @@ class Lexicon:
 
 
 def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], ...]:
-    """Return what an object is called, the names that fit it best first.
+    """Return the names of an object in tiers, the best-fitting first.
 
     Args:
         thing: The object.
         entry: The lexicon's entry of its category.
 
     Returns:
-        The names of its own (id, stem of the id, category, model); of the names of its kind, those with the noun of its
-        own name, as `water_glass` has "glass" and `desk_with_drawers` has "desk"; the others of its kind; and those
-        that mean its top. A thing that is called after its doors or drawers bears the noun alone less than one that is
-        not: "the cabinet" is `bottom_cabinet_0` rather than `drawer_cabinet_0`.
+        Its own names (id, stem of the id, category, model); names of its kind with the noun of its own name, as
+            `water_glass` has "glass" and `desk_with_drawers` has "desk"; other names of its kind; names of its top.
+            An object called after its doors or drawers ranks lower for the noun alone: "the cabinet" is
+            `bottom_cabinet_0` rather than `drawer_cabinet_0`.
     """
     key, category, model = thing.id.lower(), thing.category.lower().split(".", 1)[0], thing.model.lower()
     # "The cabinet drawers" are not `cabinet_drawers` itself.
@@ -154,7 +154,7 @@ def _spoken(name: str) -> str:
 
 
 def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
-    """Files phrases under a class; a phrase of two classes would make the tokens depend on the file's order."""
+    """Assign phrases to a class; with a phrase of two classes the tokens would depend on the file's order."""
     if not isinstance(phrases, list) or not all(isinstance(phrase, str) for phrase in phrases):
         raise LexiconError(place, f"expected a list of phrases, got {phrases!r}")
     for phrase in phrases:
@@ -178,10 +178,10 @@ def _category(key: str, entry: Any) -> Category:
 
 @cache
 def built_in() -> Lexicon:
-    """Returns the lexicon that the package ships."""
+    """Return the lexicon that the package ships."""
     return Lexicon.from_toml(files("llm.offline").joinpath("lexicon.toml").read_text(encoding="utf-8"))
 
 
 def load(path: Path) -> Lexicon:
-    """Returns the lexicon of a file, for scenes with words of their own."""
+    """Load a lexicon from a file, for scenes with words of their own."""
     return Lexicon.from_toml(read_bounded_text(path))

@@ -1,19 +1,366 @@
-"""The offline planner: modules 1 to 5 in their order, by lexicon, grammar and templates."""
+"""The offline planner: understand a query by lexicon and grammar, and propose a task by templates, without a model.
+
+Module 1's decisive part is here: the intents of a query, grounded in the scene, and the task goal G. G is read
+off the query and the scene, not off the subtasks, so that a decomposition that drops one is detected.
+`other_readings` compares a task's own sentences with its goal.
+
+Source: the paper's Semantic Expansion; G is a departure (docs/proposition.md).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
-from llm.errors import QueryError
+import bddl
+from bddl.grounding import All, Leaf, Negation, Some
+from llm.errors import QueryError, RefusalCode
+from llm.offline.grounding import Grounding, Names
+from llm.offline.intents import PREPOSITION, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
+from llm.offline.interpretation import interpret_reading, no_action
 from llm.offline.lexicon import Lexicon, built_in
-from llm.offline.steps import PlainTask, check_sizes, decompose, problem, scale_factors
-from llm.offline.surroundings import Support, Surroundings
-from llm.offline.understand import understand
-from llm.offline.wish import PREPOSITION, Intent, IntentKind, Request
-from llm.proposal import Expanded, Proposal
-from oag import Scene, SimpleTask, Task, Verdict, compose
-from oag.task.sizes import TO_THE_AIM, Sizing, resizings
+from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read, read_words
+from llm.offline.subtasks import (
+    PlainTask,
+    check_sizes,
+    decompose,
+    goal_of,
+    is_possible,
+    possible_intents,
+    problem,
+    scale_factors,
+)
+from llm.proposing.proposal import Expanded, Proposal
+from llm.structured.conversation import finding
+from oag import Diagnostic, Scene, SimpleTask, Task, Verdict, compose
+from oag.model.diagnostics import TASK_GOAL
+from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
+
+_VERBS = {
+    "OPEN": IntentKind.OPEN,
+    "CLOSE": IntentKind.CLOSE,
+    "PICK": IntentKind.PICK,
+    "TAKE": IntentKind.PICK,
+    "PUT": IntentKind.PLACE,
+    "CLEAR": IntentKind.PLACE,
+}
+_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
+_MOST_SUGGESTIONS = 3
+LONGEST_QUERY = 2_000
+"""Most characters of a query; the longest readable sentence needs a quarter of them."""
+
+# Possible codes of a refusal with unknown words; any other code rests on words that were taken for names.
+_OF_WORDS: tuple[RefusalCode, ...] = ("unknown-object", "unknown-action", "not-understood", "too-long", "empty")
+_MOST_STRANGERS = 4
+_LONGEST_STRANGER = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """Meaning of a query.
+
+    Attributes:
+        request: The intents, in order.
+        goal: The task goal G.
+        around: The scene state, for the later modules.
+        notes: Assumptions, for the user.
+    """
+
+    request: Request
+    goal: bddl.Formula
+    around: Surroundings
+    notes: tuple[str, ...] = ()
+
+
+def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Meaning:
+    """Return the intents of a query in a scene, and their goal.
+
+    Args:
+        query: English, one request or several in order.
+        scene: The scene.
+        lexicon: Known words.
+        sizing: Rule for sizes, needed if one object has to go into another.
+
+    Raises:
+        QueryError: The query is not understood, is ambiguous, or cannot be executed here.
+    """
+    if len(query) > LONGEST_QUERY:
+        raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
+    grounding = Grounding.of(scene, lexicon, sizing)
+    around = grounding.around
+    tokens, manner = read_words(query, lexicon)
+    try:
+        request, trusted = _of_known_words(tokens, grounding)
+    except Refusal as refusal:
+        # Different readings are plans already, even if part of them is fulfilled.
+        readable = refusal.code == "ambiguous-reading"
+        wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
+        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon)[0])]
+        suggestions = suggestions or [str(wish) for wish in _nearest(tokens, grounding)]
+        raise QueryError(
+            refusal.code,
+            query,
+            refusal.problem,
+            understood=refusal.understood,
+            scene=refusal.scene,
+            suggestions=suggestions[:_MOST_SUGGESTIONS],
+        ) from None
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
+    notes += [*trusted, *_assumptions(request, around)]
+    return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
+
+
+def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Return the request of a query of known words, or raise the Refusal that names the unknown ones."""
+    names = grounding.names
+    runs = groupby(tokens, key=lambda token: token.terminal == "WORD" and not names.knows(token.text))
+    strange = tuple(dict.fromkeys(" ".join(token.text for token in run) for unknown, run in runs if unknown))
+    other: Refusal | None = None
+    try:
+        meant = _interpreted(tokens, grounding)
+    except Refusal as refusal:
+        if not strange:
+            raise
+        other = refusal
+    else:
+        if not strange:
+            return meant
+    raise _strange_words(strange, names, other)
+
+
+def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Return the request, or raise the most informative Refusal."""
+    if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
+        raise Refusal("empty", "it asks for nothing")
+    if is_too_long(tokens):
+        raise Refusal("too-long", f"it is too long: {TOO_LONG}; ask for a few things in short sentences")
+    readings = read(tokens)
+    if not readings:
+        raise _unreadable(tokens, grounding)
+    return interpret(readings, grounding)
+
+
+def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Return the one request that the readings (at least one) allow in the scene, and the assumptions.
+
+    Raises:
+        Refusal: No reading makes sense (the refusal of the one that got furthest), or several different ones do.
+    """
+    found: dict[Request, tuple[str, ...]] = {}
+    refusals: list[Refusal] = []
+    for reading in readings:
+        try:
+            request, notes = interpret_reading(reading, grounding)
+        except Refusal as refusal:
+            refusal.in_vain = any(command.kind in ("bare", "nowhere") for command in reading)
+            refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
+            refusals.append(refusal)
+        else:
+            found.setdefault(request, notes)
+    undecided = [refusal for refusal in refusals if refusal.leaves_choice]
+    if found and not undecided:
+        if len(found) == 1:
+            return next(iter(found.items()))
+        raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
+    raise max(undecided or refusals, key=lambda refusal: refusal.progress)
+
+
+def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:
+    limit = next((token.text for token in tokens if token.terminal == "LIMIT"), None)
+    if limit is not None:
+        problem = f'"{limit}" limits, turns or asks something, and the offline planner reads plain wishes only'
+        return Refusal("not-understood", problem)
+    if not any(token.terminal in _ACTIONS for token in tokens):
+        unknown = [token.text for token in tokens if token.terminal == "WORD"]
+        unnamed = [word for word in unknown if not grounding.names.mentioned((word,))]
+        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.names.lexicon.phrases(verb))
+        verbs = {phrase: verb for phrase, verb in phrases if not phrase.endswith("ing")}
+        near = [name for word in unnamed for name in bddl.near_names(word, verbs)]
+        return no_action(tuple({verbs[name]: name for name in reversed(near)}.values())[::-1])
+    understood = " ".join(token.text for token in tokens)
+    return Refusal("not-understood", "it knows every word, but no sentence of this form", understood=understood)
+
+
+def _strange_words(strange: Sequence[str], names: Names, other: Refusal | None) -> Refusal:
+    """Return the refusal that names unknown words: no part of any name in scene or lexicon.
+
+    Args:
+        strange: Those words, at least one, in runs.
+        names: Names of the scene's objects.
+        other: The refusal from reading the query in spite of them.
+    """
+    words = [word for run in strange for word in run.split()]
+    strange = [run if len(run) <= _LONGEST_STRANGER else f"{run[:_LONGEST_STRANGER]}..." for run in strange]
+    listed = [f'"{run}"' for run in strange[:_MOST_STRANGERS]]
+    listed += [f"{len(strange) - _MOST_STRANGERS} more"] if len(strange) > _MOST_STRANGERS else []
+    unknown = f"it does not know {enumeration(listed)}"
+    code = other.code if other is not None and other.code in _OF_WORDS else "not-understood"
+    if any(word in names.lexicon.foreign or (word.isalpha() and not word.isascii()) for word in words):
+        problem = f"the offline planner reads English only, and does not know {enumeration(listed)}"
+        return Refusal(code, f"{problem}; a language model may know other languages")
+    if names.lexicon.people.issuperset(words):
+        problem = f"nothing can be handed to {enumeration(listed)}; ask to pick it up, or say where it shall go"
+        return Refusal("not-understood", problem)
+    if not any(map(str.isalnum, "".join(words))):
+        code = "not-understood"
+    if code == "unknown-object":
+        meant = names.meant(*strange[:_MOST_STRANGERS])
+        unknown = f"nothing in {names.scene.name} is called {' or '.join(listed)}{meant}"
+    elif other is not None and code == other.code and code != "not-understood":
+        unknown = f"{unknown}; {other.problem}"
+    return Refusal(code, unknown, scene=other.scene if other is not None and code == other.code else ())
+
+
+def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> list[Intent]:
+    """Return feasible intents, those nearest to the query's words first.
+
+    If the query has a subject, an item to move or a thing to open, with any feasible intent, all results are about
+    it: suggestions about another object do not help.
+    """
+    around, mentioned = grounding.around, grounding.names.mentioned(tuple(token.text for token in tokens))
+    kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
+    objects = around.scene.objects
+
+    def is_subject(key: str) -> bool:
+        if kinds and all(kind.is_about_a_door for kind in kinds):
+            return around.affordances[key].door
+        return objects[key].role == "B"
+
+    def distance(wish: Intent) -> tuple[bool, bool, int]:
+        things = [objects[key].category for key in (wish.target, wish.destination) if key]
+        # Putting an object into another of its kind is possible but hardly ever meant.
+        alike = len(set(things)) < len(things)
+        return (alike, wish.kind not in kinds, -len({wish.target, wish.destination} & set(mentioned)))
+
+    wishes = possible_intents(around, mentioned or tuple(objects))
+    subject = next(filter(is_subject, mentioned), None)
+    return sorted([wish for wish in wishes if wish.target == subject] or wishes, key=distance)
+
+
+def _assumptions(request: Request, around: Surroundings) -> list[str]:
+    """Return the assumptions and side effects of the plan where scene or hand leave no choice."""
+    notes: list[str] = []
+    state = around
+    opened: set[str] = set()
+    for intent in request.intents:
+        if not state.fulfils(intent):
+            notes += _assumed(intent, state, opened)
+        if intent.kind is IntentKind.OPEN:
+            opened.add(intent.target)
+        state = state.after(intent)
+    if len(request.intents) > 1:
+        last = {intent.target: intent.kind for intent in request.intents if intent.kind.is_about_a_door}
+        entered = {intent.destination for intent in request.intents}
+        left_open = [door for door, kind in last.items() if kind is IntentKind.OPEN and door in entered]
+        notes += [f"{door} stays open, since no wish closes it again" for door in left_open]
+    return notes
+
+
+def _assumed(intent: Intent, state: Surroundings, opened: Collection[str]) -> list[str]:
+    """Return the assumptions and side effects of one intent; `opened` are doors that earlier intents opened."""
+    doors = state.doors_in_the_way(intent)
+    asked = (*doors, *((intent.target,) if intent.kind.is_about_a_door else ()))
+    unknown = [door for door in asked if state.is_open(door) is None]
+    notes = [f"the scene does not say whether {door} is open; it is planned as closed" for door in unknown]
+    if intent.kind is IntentKind.PICK:
+        notes += [f"{door} stays open, since the hand holds {intent.target} at the end" for door in doors]
+    destination = intent.destination if intent.relation == "inside" else None
+    if destination is not None and destination not in (*doors, *opened) and state.affordances[destination].door:
+        notes.append(f"{destination} is open and is left as it was found")
+    cargo = () if intent.kind.is_about_a_door else state.cargo(intent.target)
+    if cargo:
+        notes.append(f"{', '.join(cargo)} stands in or on {intent.target} and moves along with it")
+    return notes
+
+
+_ANNOUNCEMENT = re.compile(r"(?:the|your) (?:task|goal|job) is to ", re.IGNORECASE)
+# A literal as a text, and whether it is wanted.
+_Literals = frozenset[tuple[str, bool]]
+
+
+def other_readings(task: Task, scene: Scene, lexicon: Lexicon | None = None) -> tuple[Diagnostic, ...]:
+    """Return a warning for each sentence of a task whose goal differs from the task goal.
+
+    The sentences are the task's name with its underscores as blanks, its description, and "The task is to ..." in
+    it. A sentence that the offline planner cannot read in the scene is ignored.
+
+    Args:
+        task: The task; its goal must be given.
+        scene: The scene of the sentences.
+        lexicon: Known words; None for the built-in ones.
+    """
+    wanted = _literals(task.goal, scene) if task.goal_given else None
+    if wanted is None:
+        return ()
+    found: dict[tuple[_Literals, _Literals], Diagnostic] = {}
+    for sentence in _sentences(task):
+        try:
+            meaning = understand(sentence, scene, lexicon or built_in())
+        except QueryError:
+            continue
+        asked, optional = _literals(meaning.goal, scene) or frozenset(), _optional(meaning)
+        missing, more = asked - optional - wanted, wanted - optional - asked
+        if missing or more:
+            found.setdefault((missing, more), _difference(sentence, missing, more))
+    return tuple(found.values())
+
+
+def _sentences(task: Task) -> Iterator[str]:
+    announced = (part for part in re.split(r"(?<=[.!?])\s+", task.detail) if _ANNOUNCEMENT.match(part))
+    for text in (task.name.replace("_", " "), task.detail, *announced):
+        if text.strip() and len(text) <= LONGEST_QUERY:
+            yield text
+
+
+def _optional(meaning: Meaning) -> _Literals:
+    """Return the literals that a goal may include or omit: final states of doors that are opened on the way.
+
+    "Open the refrigerator and put the glass into it" describes the procedure as often as it demands an open
+    refrigerator. A requested closing is not optional.
+    """
+    intents, around = meaning.request.intents, meaning.around
+    moves = (intent for intent in intents if not intent.kind.is_about_a_door)
+    on_the_way = {door for intent in moves for door in around.doors_in_the_way(intent)}
+    closed = {intent.target for intent in intents if intent.kind is IntentKind.CLOSE}
+    doors = {bddl.format(bddl.Atom("open", (door,))) for door in on_the_way - closed}
+    return frozenset((door, wanted) for door in doors for wanted in (True, False))
+
+
+def _literals(goal: bddl.Formula, scene: Scene) -> _Literals | None:
+    """Return the literals of a goal, with "for all" expanded; None if it has alternatives."""
+    plain = bddl.literals(goal)
+    if plain is not None:
+        return frozenset((bddl.format(atom), wanted) for atom, wanted in plain)
+    grounded = bddl.ground(goal, scene.categories)
+    found: set[tuple[str, bool]] = set()
+    pending = [(grounded.root, True)]
+    while pending:
+        node, wanted = pending.pop()
+        if isinstance(node, Leaf):
+            found.add((bddl.format(grounded.atoms[node.atom]), wanted))
+        elif isinstance(node, Negation):
+            pending.append((node.body, not wanted))
+        elif isinstance(node, All if wanted else Some):
+            pending.extend((part, wanted) for part in node.parts)
+        else:
+            return None
+    return frozenset(found)
+
+
+def _difference(sentence: str, missing: _Literals, more: _Literals) -> Diagnostic:
+    parts = [f"{_text(missing)} is asked for and not in the goal"] if missing else []
+    parts += [f"{_text(more)} is in the goal and not asked for"] if more else []
+    shown = sentence if len(sentence) <= 200 else f"{sentence[:200]}..."
+    message = f'the sentence "{shown}" has another goal: {"; ".join(parts)}'
+    hint = "correct the goal, or the sentence: policies are trained on the one and judged by the other"
+    return finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+
+
+def _text(literals: _Literals) -> str:
+    return ", ".join(atom if wanted else f"(not {atom})" for atom, wanted in sorted(literals))
+
 
 _ORDINALS = ("First", "Second", "Third", "Fourth", "Fifth", "Sixth", "Seventh", "Eighth", "Ninth", "Tenth")
 _NAME_PREPOSITION = {"inside": "into", "ontop": "on"}
@@ -21,27 +368,26 @@ _NAME_PREPOSITION = {"inside": "into", "ontop": "on"}
 
 @dataclass(frozen=True, slots=True)
 class OfflinePlanner:
-    """Proposes tasks without a model; equal queries and scenes give equal proposals.
+    """Propose tasks without a model; equal queries and scenes give equal proposals.
 
     Attributes:
-        lexicon: The words and categories it knows; `llm.offline.lexicon.load` reads another one from a file.
-        sizing: What becomes of the sizes of what is handled.
+        lexicon: Known words and categories; `llm.offline.lexicon.load` reads another one from a file.
+        sizing: Rule for the sizes of manipulated objects.
     """
 
     lexicon: Lexicon = field(default_factory=built_in)
     sizing: Sizing = TO_THE_AIM
 
     def propose(self, query: str, scene: Scene) -> Proposal:
-        """Returns the task for a query in a scene.
+        """Return the task for a query in a scene.
 
         Args:
-            query: English, one wish or several in order.
-            scene: Where it is to be done.
+            query: English, one request or several in order.
+            scene: The scene.
 
         Raises:
-            QueryError: The query is not understood, can mean several things, or cannot be done in the scene; code
-                "too-large" where something would have to be scaled by too much, "unproved" where a plan was found that
-                cannot succeed.
+            QueryError: The query is not understood, is ambiguous, or cannot be executed in the scene. Code
+                "too-large": an object would have to be scaled too much. Code "unproved": the plan cannot succeed.
         """
         understood = understand(query, scene, self.lexicon, self.sizing)
         around, request = understood.around, understood.request
@@ -59,7 +405,7 @@ class OfflinePlanner:
             scales=scale_factors((step.target for step in steps), scene, self.sizing),
             scene=scene,
         )
-        # What the scene leaves open is not held against a plan.
+        # Unknown facts of the scene do not refute a plan.
         report = compose(task).verify()
         if report.verdict is Verdict.REFUTED:
             reason = f"no plan was found for it that goes through: {report.errors[0].message}"
@@ -69,7 +415,7 @@ class OfflinePlanner:
             expanded=Expanded(wanted, detail),
             task=task,
             problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
-            notes=(*understood.notes, *map(str, resizings(task.scales, scene))),
+            notes=(*understood.notes, *map(str, planned_resizings(task.scales, scene))),
         )
 
 
@@ -95,14 +441,14 @@ def _stem(object_id: str) -> str:
 
 
 def _noun(object_id: str, around: Surroundings) -> str:
-    """Returns the id without its number where that names one object only: "glass" for `glass_0`."""
+    """Return the id without its number if that is unique in the scene: "glass" for `glass_0`."""
     stem = _stem(object_id)
     alike = [key for key in around.scene.objects if _stem(key) == stem]
     return stem if stem and len(alike) == 1 else object_id
 
 
 def _task_name(request: Request, steps: Sequence[PlainTask], around: Surroundings) -> str:
-    """Returns the activity name of the whole task; opening is named, closing on the way is left to the description.
+    """Return the activity name of the whole task; it includes opening doors, but not closing them on the way.
 
     Source: the form of the paper's own, such as `open_the_refrigerator_and_put_the_glass_into_the_refrigerator`.
     """
@@ -122,7 +468,7 @@ def _wish_name(group: Sequence[Intent], around: Surroundings) -> str:
 
 
 def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
-    """Return what the robot does in a simple task, as an imperative sentence."""
+    """Describe a simple task as an imperative sentence."""
     target, start, end = step.target, step.start, step.end
     if step.kind.is_about_a_door:
         front = "drawer" if around.affordances[target].opens_by("drawer") else "door"
@@ -143,7 +489,7 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
 
 
 def _narrative(request: Request, steps: Sequence[PlainTask], around: Surroundings) -> str:
-    """Returns the description of the whole task: where things stand, what is wanted, and the steps in order."""
+    """Describe the whole task: positions, the request, and the steps in order."""
     places = [(step.target, *(s.object_id for s in (step.start, step.end) if s is not None)) for step in steps]
     involved = dict.fromkeys(key for ids in places for key in ids if key in around.scene.objects)
     sentences = [f"The scene is {around.scene.name}.", *(_setting(key, around) for key in involved)]
@@ -160,8 +506,8 @@ def _setting(object_id: str, around: Surroundings) -> str:
     name = object_id if _stem(object_id) == thing.category else f"{object_id} ({thing.category})"
     place = around.support(object_id) or around.bearing(object_id)
     state = around.is_open(object_id) if around.affordances[object_id].door else None
-    said = "" if state is None else f", and it is {'open' if state else 'closed'}"
-    return f"{name} is {place}{said}."
+    state_text = "" if state is None else f", and it is {'open' if state else 'closed'}"
+    return f"{name} is {place}{state_text}."
 
 
 def _from(support: Support) -> str:

@@ -1,30 +1,36 @@
-"""From the text of a query to tokens, and from tokens to every reading that the grammar can give them."""
+"""Parse a query: text to tagged words, and these to every reading that the grammar allows; generate paraphrases.
+
+Paraphrases are other sentences for one wish, for data sets that teach language. The grammar reads each of them
+as it reads the original sentence.
+"""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any, Literal, get_args
 
-from llm.offline.lexicon import Lexicon
-from llm.offline.surroundings import Front
+from llm.offline.intents import Front
+from llm.offline.lexicon import Lexicon, built_in
 
 CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
-# The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
-# tell things apart, but cannot be brought about.
+# Terminal of the preposition: TO and FROM do not distinguish inside and on top. Those of the second line distinguish
+# objects, but no plan can achieve them.
 Direction = Literal[
     "INTO", "IN", "ONTO", "ON", "TO", "FROM",
     "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE",
 ]  # fmt: skip
-BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"})
-# Which of several like things is meant, as the robot sees them from its start.
+REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
+    {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
+)
+# Selects one of several similar objects, from the robot's viewpoint at its start.
 Side = Literal["left", "right", "nearest", "farthest"]
 
-# An ambiguous grammar can take n prepositions in exponentially many ways; real wishes have fewer than these.
+# An ambiguous grammar has exponentially many readings of n prepositions; real requests have fewer than these.
 MAX_PREPOSITIONS = 12
 MAX_PREPOSITIONS_IN_A_ROW = 6
 MAX_JOINS = 16
@@ -45,7 +51,7 @@ _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A preposition with its noun phrase: where something goes, comes from, or stands."""
+    """A preposition with its noun phrase: a destination, a source, or a place."""
 
     direction: Direction
     phrase: NounPhrase
@@ -61,15 +67,15 @@ class NounPhrase:
 
     Attributes:
         words: The words without determiner, such as ("water", "glass").
-        states: Of them, "open" or "closed" said before the name.
-        location: Where the object is said to stand.
+        states: "open" or "closed" before the name.
+        location: Place of the object.
         owner: For "the door of the refrigerator", the refrigerator.
         door: Whether the words end in the name of a door.
         several: Whether all objects of the name are meant ("all glasses").
-        count: How many there have to be, where the phrase says it ("both glasses").
-        one_of: Whether one of several is meant, whichever ("one of the glasses").
+        count: Required number, if given ("both glasses").
+        one_of: Whether any one of several is meant ("one of the glasses").
         everything: Whether all items are meant, whatever they are called ("everything on the table").
-        pronoun: For "it" and "them", whether one or several of the things spoken of before are meant.
+        pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
     """
 
@@ -94,7 +100,7 @@ class NounPhrase:
 
     @property
     def is_only_a_door(self) -> bool:
-        """Whether it is "the door" or "the drawer", and says nothing of what it is a part of."""
+        """Whether it is "the door" or "the drawer", without naming its owner."""
         plain = self.owner is None and self.location is None and self.side is None and not self.states
         return self.door and len(self.words) == 1 and plain
 
@@ -107,14 +113,14 @@ class NounPhrase:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One wish of a query.
+    """One command of a query.
 
     Attributes:
-        kind: What is wanted; "nowhere" lacks its place, "bare" its verb, "clear" is about what a place holds.
-        objects: What it is wanted of; of "clear" and "goto", the place.
-        source: Where the object is said to be taken from.
+        kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place.
+        objects: Objects of the action; for "clear" and "goto", the place.
+        source: Where the object is to be taken from.
         destination: Where it shall go.
-        verbless: Whether nothing but a noun and a place is said, as in "apple in the bowl".
+        verbless: Whether it has only a noun and a place, as in "apple in the bowl".
     """
 
     kind: CommandKind
@@ -134,11 +140,11 @@ class Command:
 
 
 Reading = tuple[Command, ...]
-"""All commands of a query in one of its readings."""
+"""Commands of a query in one of its readings."""
 
 
 def is_too_long(tokens: Sequence[TaggedWord]) -> bool:
-    """Decides whether a query is beyond what `read` takes on."""
+    """Decide whether a query exceeds the limits of `read`."""
     # Between two joins, such as commas.
     rows = [0]
     for token in tokens:
@@ -155,7 +161,7 @@ def is_too_long(tokens: Sequence[TaggedWord]) -> bool:
 
 
 def read(tokens: Sequence[TaggedWord]) -> tuple[Reading, ...]:
-    """Returns the distinct readings of a query, in the order of the grammar; none when it has another form."""
+    """Return the distinct readings of a query, in the order of the grammar; none when it has another form."""
     from lark.exceptions import UnexpectedInput
     from lark.visitors import CollapseAmbiguities
 
@@ -171,7 +177,7 @@ def read(tokens: Sequence[TaggedWord]) -> tuple[Reading, ...]:
 
 @cache
 def _parser() -> Callable[[Sequence[TaggedWord]], Any]:
-    """Returns the parser; lark is loaded with the first query, so that importing the package stays cheap."""
+    """Return the parser; lark is loaded with the first query, so that importing the package stays cheap."""
     from lark import Lark, Token
     from lark.lexer import Lexer
 
@@ -182,7 +188,7 @@ def _parser() -> Callable[[Sequence[TaggedWord]], Any]:
             pass
 
         def lex(self, lexer_state: Any, parser_state: Any = None) -> Any:
-            """Yields the words as tokens of their class."""
+            """Yield the words as tokens of their class."""
             return (Token(word.terminal, word.text) for word in lexer_state)
 
     grammar = files("llm.offline").joinpath("grammar.lark").read_text(encoding="utf-8")
@@ -236,7 +242,7 @@ def _place(tree: Any) -> Location:
         return Location("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
     prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
     if tree.data == "there":
-        # "Put it inside", "put it in there": into what was spoken of before.
+        # "Put it inside", "put it in there": into an object mentioned before.
         direction: Direction = prepositions[0].type if prepositions else "TO"
         return Location(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
     return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
@@ -273,12 +279,12 @@ def _phrase(tree: Any) -> NounPhrase:
 
 
 def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:
-    """Returns the words of a name, the states said before it, and whether it ends in the name of a door."""
+    """Return the words of a name, the states before it, and whether it ends in the name of a door."""
     children = tree.children
     states = {"OPEN": "open", "CLOSE": "closed"}
-    said = tuple(states[word.type] for word in children if word.type in states)
+    adjectives = tuple(states[word.type] for word in children if word.type in states)
     words = tuple(str(word) for word in children if word.type not in states)
-    return words, said, children[-1].type == "DOOR"  # type: ignore[return-value]
+    return words, adjectives, children[-1].type == "DOOR"  # type: ignore[return-value]
 
 
 def _subtrees(tree: Any) -> list[Any]:
@@ -295,7 +301,7 @@ _ITEM = re.compile(r"(?:(?:^|(?<=\s))(?:step\s+)?\(?\d{1,2}[.):](?=\s)|(?m:^)[ \
 _PIECE = re.compile(
     r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b)(?=\w))*)|(?P<mark>[,.;!?:])|(?P<and>&)|(?P<sign>\S)"
 )
-# Quotation marks, brackets, dashes and what cannot be seen say nothing; any other sign is a word that nobody knows.
+# Quotation marks, brackets, dashes and invisible characters are ignored; any other sign is an unknown word.
 _SILENT_MARKS = frozenset("\"'`*_")
 _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})
 _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
@@ -303,20 +309,20 @@ _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
 @dataclass(frozen=True, slots=True)
 class TaggedWord:
-    """A word or phrase of the query with the class that the grammar knows it by."""
+    """A word or phrase of the query with its terminal of the grammar."""
 
     terminal: str
     text: str
 
 
 def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tuple[str, ...]]:
-    """Returns the query's words with their classes, and those left out because they change nothing in a plan.
+    """Tokenize a query; return its tagged words, and the phrases dropped because they change nothing in a plan.
 
-    Words and signs that the lexicon lacks are of class WORD.
+    Words and signs that are not in the lexicon have the class WORD.
 
     Args:
         query: Any text; case, accents of punctuation and quotation marks do not matter.
-        lexicon: The words to know. Longer phrases win over shorter ones.
+        lexicon: Known words. Longer phrases win over shorter ones.
     """
     pieces = _pieces(query)
     longest = max((phrase.count(" ") + 1 for phrase in (*lexicon.terminals, *lexicon.courtesy)), default=1)
@@ -360,3 +366,50 @@ def _pieces(query: str) -> list[str]:
         else:
             pieces.append(piece)
     return pieces
+
+
+_VERBS = {
+    "open": ("open", "open up", "pull open"),
+    "close": ("close", "shut", "push shut"),
+    "shut": ("close", "shut", "push shut"),
+    "pick up": ("pick up", "grab", "take", "lift", "get"),
+    "grab": ("pick up", "grab", "take", "lift", "get"),
+    "get": ("pick up", "grab", "take", "lift", "get"),
+    "lift": ("pick up", "grab", "take", "lift", "get"),
+    "put": ("put", "place", "set", "move"),
+    "place": ("put", "place", "set", "move"),
+    "move": ("put", "place", "set", "move"),
+}
+# Polite phrases around a request, and the frames that replace them.
+_AROUND = re.compile(r"^(?:(?:please|could you|can you|would you)\b[ ,]*)+|(?:[ ,]*\bplease\b|\?)+$", re.IGNORECASE)
+_FRAMES = ("{}", "please {}", "could you {}?", "{}, please", "I want you to {}")
+
+
+@cache
+def paraphrases(query: str, most: int = 8) -> tuple[str, ...]:
+    """Return paraphrases of a query, in an order that depends on the query alone.
+
+    Args:
+        query: One request that begins with its verb, such as "put the glass into the refrigerator"; others only get
+            courteous forms.
+        most: Most paraphrases; they are spread over all that are found.
+    """
+    lexicon = built_in()
+    wanted = _readings(query, lexicon)
+    if not wanted:
+        return ()
+    found = [text for text in _candidates(query) if text != query and _readings(text, lexicon) == wanted]
+    step = max(len(found) / most, 1.0)
+    return tuple(found[int(place * step)] for place in range(min(most, len(found))))
+
+
+def _readings(text: str, lexicon: Lexicon) -> frozenset[Reading]:
+    return frozenset(read(read_words(text, lexicon)[0]))
+
+
+def _candidates(query: str) -> Iterator[str]:
+    wish = _AROUND.sub("", query.strip())
+    verb = next((verb for verb in _VERBS if wish.startswith(f"{verb} ")), "")
+    for frame in _FRAMES:
+        for other in _VERBS.get(verb, ("",)):
+            yield frame.format(other + wish.removeprefix(verb))

@@ -1,1 +1,0 @@
-"""Certificates of verdicts: written, and checked again from their text."""

@@ -1,4 +1,4 @@
-"""What a plan is about and what is said of it: scenes, the primitives' names, actions, facts, diagnostics, errors.
+"""Model of a plan's world: scenes, symbols, actions, diagnostics, and the files that describe them.
 
 The project's `bddl` package is checked here, once: a foreign package of that name ends in one clear sentence.
 """
@@ -14,7 +14,7 @@ _MARKERS = ("parse_formula", "Literal", "PREDICATES", "evaluate")
 
 
 def require_own_language(module: ModuleType) -> None:
-    """Raises ImportError unless `module` is the language package that this package was written against."""
+    """Raise ImportError unless `module` is the language package that this package was written against."""
     missing = [name for name in _MARKERS if not hasattr(module, name)]
     if missing:
         found = getattr(module, "__file__", None) or "an unknown place"

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 
 import bddl
-from oag.model.errors import FlowError
-from oag.model.jsonfile import as_number, shown
-from oag.model.primitives import Parameter, ParameterKind, Primitive, parameter_kind
+from oag.model.codec import as_number, shown
+from oag.model.diagnostics import FlowError
+from oag.model.symbols import Parameter, ParameterKind, Primitive, parameter_kind
 
 JsonAction = int | dict[str, float | list[float] | None]
 
@@ -28,8 +28,8 @@ class Action:
 
     Attributes:
         primitive: Which of the 21.
-        parameter: Metres, degrees or joint limits (`parameter_kind` says which). None for a primitive that takes
-            none, and for one whose number the executor's geometric planner has still to write.
+        parameter: Metres, degrees or joint limits, by `parameter_kind`. None for a primitive that takes none, and for
+            one whose number the executor's geometric planner fills in later.
     """
 
     primitive: Primitive
@@ -47,7 +47,7 @@ class Action:
         return f"{self.primitive.name}({', '.join(f'{value:g}' for value in values)})"
 
     def to_json(self) -> JsonAction:
-        """Returns the paper's form: a bare ID, or `{"ID": parameter}` (null for an unfilled one)."""
+        """Return the paper's form: a bare ID, or `{"ID": parameter}` (null for an unfilled one)."""
         if parameter_kind(self.primitive) is ParameterKind.NONE and self.parameter is None:
             return int(self.primitive)
         value = list(self.parameter) if isinstance(self.parameter, tuple) else self.parameter
@@ -58,12 +58,12 @@ ActionFlow = tuple[Action, ...]
 
 
 def flow_to_json(flow: Iterable[Action]) -> list[JsonAction]:
-    """Returns a flow in the paper's JSON form."""
+    """Return a flow in the paper's JSON form."""
     return [action.to_json() for action in flow]
 
 
 def flow_from_json(items: object) -> ActionFlow:
-    """Returns the flow that a JSON list describes.
+    """Return the flow that a JSON list describes.
 
     Raises:
         FlowError: The value is no list, an item has another form, or an ID is unknown. Parameters out of range
@@ -75,7 +75,7 @@ def flow_from_json(items: object) -> ActionFlow:
 
 
 def action_from_json(item: object, index: int | None = None) -> Action:
-    """Returns the action that one JSON item describes; `index` is only for the message of a FlowError."""
+    """Return the action that one JSON item describes; `index` is only for the message of a FlowError."""
     if isinstance(item, dict):
         if len(item) != 1:
             problem = f'expected one primitive a mapping, such as {{"15": 0.3}}, got {shown(item)}'
@@ -102,7 +102,7 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
 
 
 def _near_primitives(identifier: object) -> dict[int, str]:
-    """Returns the primitives that a wrong identifier may have meant, by their number."""
+    """Return the primitives that a wrong identifier may have meant, by their number."""
     if not isinstance(identifier, str):
         return {}
     names = {primitive.name: primitive for primitive in Primitive}

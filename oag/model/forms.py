@@ -1,4 +1,8 @@
-"""Forms of files as pydantic models, and what pydantic finds in this project's words.
+"""Forms of files as pydantic models: readers with messages in this project's words, and the form of scene files.
+
+The published JSON schema of scene files is generated from `SceneForm`. Of an object only the category is required
+there. `executor.load_scene` also needs a place and takes the rest from the library of assets; `Scene.from_json`, which
+knows no assets, also needs sizes.
 
 Importing pydantic takes as long as this package, so this module is imported when a file is read.
 """
@@ -8,13 +12,25 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterator, Mapping
 from functools import cache
-from typing import Any, TypeVar, cast, get_args
+from typing import Annotated, Any, Self, TypeVar, cast, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from oag.model.errors import InputError
-from oag.model.jsonfile import Document, did_you_mean, expected, missing, number, place_of, shown
+from bddl.ast import NAME_RULE, is_name
+from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
+from oag.model.diagnostics import InputError
+from oag.model.scene_rules import (
+    FULL_SCALE,
+    LARGEST_M,
+    LARGEST_TURN_DEG,
+    LARGEST_TURN_RAD,
+    LONGEST_NAME,
+    PAPER_SCALE,
+    SCALES,
+    SMALLEST_M,
+    id_problem,
+)
 
 _UNFIT = "unfit"  # The type of mistakes with a hint, or inside the value that was read.
 _Form = TypeVar("_Form")
@@ -57,12 +73,12 @@ class OpenForm(Form):
 
 
 def unfit(problem: str, hint: str = "", *at: str | int) -> PydanticCustomError:
-    """Returns the error of a validator; `at` is the place inside the value that it was given."""
+    """Return the error of a validator; `at` is the place inside the value that it got."""
     return PydanticCustomError(_UNFIT, "{problem}", {"problem": problem, "hint": hint, "at": at})
 
 
 def within(low: float, high: float) -> BeforeValidator:
-    """Returns the validator of a number between two limits."""
+    """Return the validator of a number between two limits."""
     return BeforeValidator(lambda value: number(value, low, high))
 
 
@@ -74,7 +90,7 @@ def numbers(
     high: float = math.inf,
     at: tuple[str | int, ...] = (),
 ) -> tuple[float, ...]:
-    """Returns so many numbers between two limits; `what` says which they are and `at` where, for the message."""
+    """Return `count` numbers between two limits; `what` names them and `at` their place, for the message."""
     if not isinstance(value, list | tuple) or len(value) != count:
         raise unfit(expected(f"{count} numbers ({what})", value), "", *at)
     found = []
@@ -87,12 +103,12 @@ def numbers(
 
 
 def vector(count: int, what: str, low: float = -math.inf, high: float = math.inf) -> BeforeValidator:
-    """Returns the validator of so many numbers between two limits."""
+    """Return the validator of `count` numbers between two limits."""
     return BeforeValidator(lambda value: numbers(value, count, what, low, high))
 
 
 def adapter(form: type[_Form]) -> TypeAdapter[_Form]:
-    """Returns what reads plain data as a form; making one takes milliseconds, so each is made once."""
+    """Return the reader of plain data as a form; making one takes milliseconds, so each is made once."""
     return _adapter(cast("Hashable", form))
 
 
@@ -104,22 +120,22 @@ def _adapter(form: Any) -> TypeAdapter[Any]:
 def examine(
     document: Document, form: type[_Form], *path: str | int
 ) -> tuple[_Form, tuple[()]] | tuple[None, tuple[InputError, ...]]:
-    """Returns what stands at a path of a document, or everything in it that is not of the form."""
+    """Return the value at a path of a document, or everything in it that deviates from the form."""
     try:
         return adapter(form).validate_python(document.at(*path)), ()
     except ValidationError as problem:
         found = (_words(error, form) for error in problem.errors(include_url=False))
-        return None, tuple(document.fail((*path, *place), said, hint) for place, said, hint in found)
+        return None, tuple(document.fail((*path, *place), message, hint) for place, message, hint in found)
 
 
 def first_mistake(problem: ValidationError, form: object = None) -> str:
-    """Returns the first thing that is not of a form: where, what was expected, and the nearest legal names."""
-    place, said, hint = _words(problem.errors(include_url=False)[0], form)
-    return f"{place_of(place)}: {said}".removeprefix(": ") + (f" ({hint})" if hint else "")
+    """Return the first deviation from a form: where, what was expected, and the nearest legal names."""
+    place, message, hint = _words(problem.errors(include_url=False)[0], form)
+    return f"{place_of(place)}: {message}".removeprefix(": ") + (f" ({hint})" if hint else "")
 
 
 def _words(error: ErrorDetails, form: object) -> tuple[tuple[str | int, ...], str, str]:
-    """Returns the place of a finding of pydantic, the problem, and a hint, which may be empty."""
+    """Return the place of a pydantic error, the problem, and a hint, which may be empty."""
     place, kind, value, context = error["loc"], error["type"], error["input"], error.get("ctx", {})
     if kind == _UNFIT:
         return (*place, *context["at"]), context["problem"], context["hint"]
@@ -138,7 +154,7 @@ def _words(error: ErrorDetails, form: object) -> tuple[tuple[str | int, ...], st
 
 
 def _keys_at(form: object, path: tuple[str | int, ...]) -> list[str]:
-    """Returns the keys that the model at a path of a form has; none where it is no model."""
+    """Return the keys that the model at a path of a form has; none where it is no model."""
     at = next(_models(form), None)
     for step in path:
         field = next((f for n, f in (at.model_fields if at else {}).items() if (f.alias or n) == step), None)
@@ -147,8 +163,179 @@ def _keys_at(form: object, path: tuple[str | int, ...]) -> list[str]:
 
 
 def _models(annotation: object) -> Iterator[type[BaseModel]]:
-    """Yields the models in an annotation, such as the one of `dict[str, ObjectForm] | None`."""
+    """Yield the models in an annotation, such as the one of `dict[str, ObjectForm] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
         yield from _models(part)
+
+
+# Largest deviation of a normalised quaternion's norm from 1 by rounding.
+_UNIT = 1e-15
+
+
+def _unit_quaternion(value: object) -> tuple[float, ...]:
+    """Return a unit quaternion w x y z, normalised."""
+    # Squares of larger numbers lose precision; a unit quaternion has no component above 1.
+    parts = numbers(value, 4, "quaternion w x y z", -1e6, 1e6)
+    norm = math.sqrt(sum(part * part for part in parts))
+    if norm < 1e-6:
+        raise unfit("expected a quaternion w x y z that is not zero")
+    # A normalised quaternion is read back unchanged.
+    return parts if abs(norm - 1.0) < _UNIT else tuple(part / norm for part in parts)
+
+
+def _place(value: object) -> tuple[float, ...]:
+    """Return a position in the world [m]: three numbers, or two for an object that stands there."""
+    flat = isinstance(value, list | tuple) and len(value) == 2
+    return numbers(value, 2 if flat else 3, "x y in metres" if flat else "x y z in metres", -LARGEST_M, LARGEST_M)
+
+
+def _sayable(category: object) -> object:
+    """Return a category that a quantifier can name."""
+    if isinstance(category, str) and not (is_name(category) and len(category) <= LONGEST_NAME):
+        problem = f"the category {shown(category)} cannot be used: {NAME_RULE}; {LONGEST_NAME} characters at most"
+        raise unfit(problem, "such as water_glass")
+    return category
+
+
+def _robot_scale(value: object) -> object:
+    """Return the size of a robot; there are two."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and value in (PAPER_SCALE, FULL_SCALE):
+        return value
+    raise unfit(f"expected {PAPER_SCALE:g} (the paper's) or {FULL_SCALE:g} (full size), got {shown(value)}")
+
+
+_Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
+_Length = Annotated[float, Field(ge=SMALLEST_M, le=LARGEST_M)]
+_Factor = Annotated[float, Field(ge=SCALES[0], le=SCALES[1])]
+_Place = Annotated[tuple[_Coordinate, ...], Field(min_length=2, max_length=3), BeforeValidator(_place)]
+_Point = Annotated[tuple[_Coordinate, _Coordinate], vector(2, "x y in metres", -LARGEST_M, LARGEST_M)]
+_Quaternion = Annotated[tuple[float, float, float, float], BeforeValidator(_unit_quaternion)]
+Extent = Annotated[tuple[_Length, _Length, _Length], vector(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M)]
+"""Sides of a bounding box [m]."""
+_Scale = Annotated[tuple[_Factor, _Factor, _Factor], vector(3, "x y z, all > 0", *SCALES)]
+_Category = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), BeforeValidator(_sayable)]
+_Degrees = Annotated[
+    float, Field(ge=-LARGEST_TURN_DEG, le=LARGEST_TURN_DEG), within(-LARGEST_TURN_DEG, LARGEST_TURN_DEG)
+]
+_Radians = Annotated[
+    float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD)
+]
+_RobotScale = Annotated[float, Field(ge=PAPER_SCALE, le=FULL_SCALE), BeforeValidator(_robot_scale)]
+
+
+class RobotForm(Form):
+    """Where the robot starts, and how large it is."""
+
+    position: _Place | None = Field(None, description="Its base in the world: x y or x y z in metres; else the origin.")
+    yaw: _Radians | None = Field(None, description="Its heading about the vertical in radians; 0 looks along +x.")
+    heading_deg: _Degrees | None = Field(None, description="The same in degrees, instead of `yaw`.")
+    scale: _RobotScale | None = Field(
+        None, description="Size of its arm and hand: 0.7, the paper's, whose hand opens to 56 mm, or 1, to 80 mm."
+    )
+
+    @model_validator(mode="after")
+    def _turned_once(self) -> Self:
+        if self.yaw is not None and self.heading_deg is not None:
+            raise unfit("has both 'yaw' (radians) and 'heading_deg'", "keep one of them")
+        return self
+
+
+class ObjectForm(Form):
+    """One object: what it is, where it is, which way it faces."""
+
+    category: _Category = Field(description="What it is, such as water_glass; `scene2demo assets` lists what is known.")
+    model: str | None = Field(
+        None, description="Its model in the library; by default the category's first one, or the nearest in size."
+    )
+    position: _Place | None = Field(
+        None,
+        description="In the world, metres. x y z: the middle of its box. x y: it stands there, on what `on` names, "
+        "else on the floor.",
+    )
+    on: str | None = Field(None, description='Id of what it stands on, or "floor"; a free place near an edge is found.')
+    in_: str | None = Field(None, alias="in", description="Id of what it is in; a free place is found.")
+    at: _Point | None = Field(
+        None, description="With `on` or `in`: x y in metres from the middle of that top or floor, along its own axes."
+    )
+    heading_deg: _Degrees | None = Field(
+        None,
+        description="Turn about the vertical in degrees: the front of furniture looks along -x at 0, along -y at 90. "
+        "By default 0, or as what it stands on or in.",
+    )
+    orientation: _Quaternion | None = Field(
+        None,
+        description="A unit quaternion w x y z instead of `heading_deg`, also for what lies or leans.",
+    )
+    bbox_extent: Extent | None = Field(
+        None, description="Size along its own x y z in metres, before `scale`; by default a usual size of its model."
+    )
+    scale: _Scale | None = Field(None, description="Factors along its own axes; by default 1 each.")
+    parameters: Mapping[str, Any] | None = Field(
+        None, description="What shapes the model besides its size, such as hinge, drawers or open_fraction."
+    )
+
+    @model_validator(mode="after")
+    def _turned_once(self) -> Self:
+        if self.orientation is not None and self.heading_deg is not None:
+            raise unfit("has both 'orientation' and 'heading_deg'", "keep one of them")
+        return self
+
+
+class SceneForm(Form):
+    """A scene: what is there, where, and, where geometry does not say it, what holds."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, title="Scene2Demo scene")
+
+    schema_: str | None = Field(None, alias="$schema", description="Where this schema is, for editors; not read.")
+    name: str | None = Field(None, description="For people and records.")
+    robot: RobotForm | None = Field(
+        None, description="Where the robot starts; by default at the origin, or on the free floor nearest to it."
+    )
+    objects: dict[str, ObjectForm] = Field(
+        description="id -> object. Ids have letters, digits, '_', '.' and '-'. The floor may be listed as "
+        '"floor": {"category": "floor"}.'
+    )
+    facts: list[str] | None = Field(
+        None,
+        description="What holds at the start, such as (not (open refrigerator_0)). Without `closed`, what stands on or "
+        "in what and what is open follows from geometry, and facts that say otherwise are refused.",
+    )
+    closed: list[str] | None = Field(
+        None,
+        description="Predicates that `facts` lists completely: what it does not say of them is false. By default "
+        "ontop, inside and open, as geometry says; [] leaves what is not said unknown.",
+    )
+    variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
+    provenance: Mapping[str, Any] | None = Field(
+        None, description="Where its values come from, by object and field, for people; not read."
+    )
+
+
+def json_schema() -> dict[str, object]:
+    """Return the JSON schema of scene files, as it is published."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneForm.model_json_schema()}
+
+
+def examine_scene(document: Document) -> tuple[SceneForm | None, tuple[InputError, ...]]:
+    """Return a scene file's content, or everything that is malformed in it."""
+    objects = document.data.get("objects") if isinstance(document.data, Mapping) else None
+    entries = objects.items() if isinstance(objects, Mapping) else ()
+    categories = {str(key): one.get("category") if isinstance(one, Mapping) else None for key, one in entries}
+    unfit_ids = {key: reason for key, category in categories.items() if (reason := id_problem(key, category))}
+    form, mistakes = examine(document, SceneForm)
+    problems = (*(document.fail(("objects", key), reason) for key, reason in unfit_ids.items()), *mistakes)
+    return (None, problems) if problems else (form, ())
+
+
+def read_scene(document: Document) -> SceneForm:
+    """Return a scene file's content.
+
+    Raises:
+        SceneError: The first thing that is malformed, with its place and what was expected.
+    """
+    form, problems = examine_scene(document)
+    if form is None:
+        raise problems[0]
+    return form

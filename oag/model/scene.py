@@ -10,15 +10,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Self
 
 import bddl
-from bddl.visible import counted
-from oag.model.categories import Kind, Role, kind_of
-from oag.model.errors import SceneError
-from oag.model.facts import GRIPPER
-from oag.model.jsonfile import Document, Source, expected, load, missing, shown
-from oag.model.scenefile import LARGEST_M, PAPER_SCALE, SMALLEST_M, about_z, read_closed, read_facts, triple
+from bddl.terminal import pluralize
+from oag.model.codec import Document, Source, expected, load, missing, shown
+from oag.model.diagnostics import SceneError
+from oag.model.scene_rules import LARGEST_M, PAPER_SCALE, SMALLEST_M, about_z, read_closed, read_facts, triple
+from oag.model.symbols import GRIPPER, Kind, Role, kind_of
 
 if TYPE_CHECKING:
-    from oag.model.sceneform import ObjectForm, RobotForm, SceneForm
+    from oag.model.forms import ObjectForm, RobotForm, SceneForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -88,7 +87,7 @@ class SceneObject:
         return sum(abs(cosine) * size for cosine, size in zip(up, self.extent_m, strict=True))
 
     def scaled(self, factor: float) -> Self:
-        """Returns the object scaled by a factor about the middle of its bottom, which stays where it is."""
+        """Return the object scaled by a factor about the middle of its bottom, which stays where it is."""
         smaller = replace(self, scale=triple(value * factor for value in self.scale))
         x, y, z = self.position
         return replace(smaller, position=(x, y, z - 0.5 * (self.height_m - smaller.height_m)))
@@ -115,7 +114,7 @@ class Scene:
     variation: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Reads facts that are texts, and checks what is checked in a file: what is passed over would prove too much.
+        """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much.
 
         Raises:
             SceneError: A fact is no literal about these objects or contradicts another one, `closed` lists no
@@ -134,10 +133,10 @@ class Scene:
         object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
 
     def __repr__(self) -> str:
-        return f"<Scene {self.name!r}: {counted(len(self.objects), 'object')}, {counted(len(self.facts), 'fact')}>"
+        return f"<Scene {self.name!r}: {pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}>"
 
     def _check_held(self) -> None:
-        """Raises the error for a fact that puts something into the gripper that it cannot hold."""
+        """Raise the error for a fact that puts something into the gripper that it cannot hold."""
         for number, fact in enumerate(self.facts):
             for literal in bddl.literals(fact) or ():
                 predicate, first, *rest = literal.atom.label
@@ -148,13 +147,13 @@ class Scene:
 
     @classmethod
     def from_json(cls, source: Source) -> Self:
-        """Returns the scene that a JSON file, or a mapping of the same form, describes.
+        """Return the scene that a JSON file, or a mapping of the same form, describes.
 
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
         document = load(source, SceneError)
-        form: SceneForm = import_module("oag.model.sceneform").read_scene(document)
+        form: SceneForm = import_module("oag.model.forms").read_scene(document)
         objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
         return cls(
             name="scene" if form.name is None else form.name,
@@ -166,7 +165,7 @@ class Scene:
         )
 
     def to_json(self) -> dict[str, object]:
-        """Returns the mapping that `from_json` reads back into an equal scene."""
+        """Return the mapping that `from_json` reads back into an equal scene."""
         return {
             "name": self.name,
             "robot": _write_robot(self.robot),
@@ -182,7 +181,7 @@ class Scene:
         return {key: thing.category for key, thing in self.objects.items()}
 
     def with_scales(self, factors: Mapping[str, float]) -> Self:
-        """Returns the scene with some objects scaled (the paper's size adjustment), their bottoms in place.
+        """Return the scene with some objects scaled (the paper's size adjustment), their bottoms in place.
 
         Raises:
             SceneError: A factor names no object, or is not positive.
@@ -195,11 +194,11 @@ class Scene:
         return replace(self, objects=objects)
 
     def with_robot(self, scale: float) -> Self:
-        """Returns the scene with a robot of another size at the same place."""
+        """Return the scene with a robot of another size at the same place."""
         return replace(self, robot=replace(self.robot, scale=scale))
 
     def __getitem__(self, object_id: str) -> SceneObject:
-        """Returns an object; a SceneError names near ids when there is none of that id."""
+        """Return an object; a SceneError names near ids when there is none with that id."""
         try:
             return self.objects[object_id]
         except KeyError:
@@ -209,14 +208,14 @@ class Scene:
 
 
 def robot_of(form: RobotForm) -> RobotPose:
-    """Returns where the robot starts, by its entry in a scene file."""
+    """Return the robot's start from its entry in a scene file."""
     x, y, *z = form.position or (0.0, 0.0)
     yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
     return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
 
 
 def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
-    """Returns an object by its entry in a scene file; one without a place is at the origin.
+    """Return an object from its entry in a scene file; one without a place is at the origin.
 
     Args:
         document: The file, for messages.
@@ -224,7 +223,7 @@ def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
         form: The entry's content.
 
     Raises:
-        SceneError: Its size is missing, its place is said by what it stands on or in, or what is said does not fit.
+        SceneError: Its size is missing, its place is given by a support, or a value does not fit.
     """
     place = ("objects", key)
     for relation, other in (("on", form.on), ("in", form.in_)):

@@ -77,7 +77,7 @@ ACTIVITY = """\
 
 
 def edited(old: str, new: str, text: str = ACTIVITY) -> str:
-    """Returns a text with one place of it replaced.
+    """Return a text with one place of it replaced.
 
     Raises:
         ValueError: The place is not there, or is there more than once.
@@ -88,5 +88,5 @@ def edited(old: str, new: str, text: str = ACTIVITY) -> str:
 
 
 def line_of(old: str, text: str = ACTIVITY) -> int:
-    """Returns the line on which a piece of text begins."""
+    """Return the line on which a piece of text begins."""
     return text[: text.index(old)].count("\n") + 1

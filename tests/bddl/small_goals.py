@@ -8,7 +8,7 @@ from itertools import combinations, permutations, product
 from hypothesis import strategies as st
 
 import bddl
-from bddl.semantics.members import PAIR_SEMANTICS
+from bddl.grounding import PAIR_SEMANTICS
 
 OBJECTS = {"a1": "a", "a2": "a", "a3": "a", "b1": "b", "b2": "b"}
 # Fixed values of some atoms; the others are unknown.
@@ -45,14 +45,14 @@ readings = st.sampled_from(PAIR_SEMANTICS)
 
 
 def goals(most_atoms: int = 6) -> st.SearchStrategy[bddl.Formula]:
-    """Returns goals of every form over few ground atoms, many of which their parts share."""
+    """Return goals of every form over few ground atoms, many of which their parts share."""
     return st.recursive(_atoms(), _larger, max_leaves=6).filter(
         lambda goal: len(bddl.ground(goal, OBJECTS).atoms) <= most_atoms
     )
 
 
 def holds(goal: bddl.Formula, true: frozenset[bddl.Atom], bound: dict[str, str] | None = None) -> bool:
-    """Decides a goal in a complete state by the plainest reading of each form."""
+    """Decide a goal in a complete state by the plainest reading of each form."""
     names = bound or {}
 
     def of(category: str) -> list[str]:
@@ -89,7 +89,7 @@ def holds(goal: bddl.Formula, true: frozenset[bddl.Atom], bound: dict[str, str] 
 
 
 def partial_states(atoms: tuple[bddl.Atom, ...]) -> Iterator[Partial]:
-    """Yields every choice of true, false or unknown for each atom, those that fix fewer atoms first."""
+    """Yield every choice of true, false or unknown for each atom, those that fix fewer atoms first."""
     for size in range(len(atoms) + 1):
         for chosen in combinations(atoms, size):
             for values in product((True, False), repeat=size):
@@ -97,7 +97,7 @@ def partial_states(atoms: tuple[bddl.Atom, ...]) -> Iterator[Partial]:
 
 
 def smallest_ways(goal: bddl.Formula, pairs: bddl.PairSemantics = "matching") -> list[Partial]:
-    """Returns the partial states that make a goal true by Kleene's tables, of which no part does, smallest first."""
+    """Return the partial states that make a goal true by Kleene's tables, of which no part does, smallest first."""
     found: list[Partial] = []
     for partial in partial_states(bddl.ground(goal, OBJECTS).atoms):
         smaller = any(way <= partial for way in found)
@@ -107,5 +107,5 @@ def smallest_ways(goal: bddl.Formula, pairs: bddl.PairSemantics = "matching") ->
 
 
 def missing(way: Partial, state: Partial) -> int:
-    """Returns how many literals of a way do not hold in a state."""
+    """Return how many literals of a way do not hold in a state."""
     return len(way - state)

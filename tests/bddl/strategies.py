@@ -15,13 +15,13 @@ names = st.sampled_from((*OBJECTS, "gripper", "x", "y"))
 
 @st.composite
 def atoms(draw: st.DrawFn, predicates: tuple[str, ...] = tuple(bddl.PREDICATES)) -> bddl.Atom:
-    """Returns atoms with legal arity; their names may or may not be variables of a quantifier around them."""
+    """Return atoms with legal arity; their names may or may not be variables of a quantifier around them."""
     spec = bddl.PREDICATES[draw(st.sampled_from(predicates))]
     return bddl.Atom(spec.name, tuple(draw(names) for _ in spec.parameters))
 
 
 def formulas(leaves: st.SearchStrategy[bddl.Formula] | None = None) -> st.SearchStrategy[bddl.Formula]:
-    """Returns formulas of every form, quantifiers that hide objects included."""
+    """Return formulas of every form, quantifiers that hide objects included."""
     return st.recursive(leaves or atoms(), _larger, max_leaves=12)
 
 
@@ -46,7 +46,7 @@ literals = st.one_of(atoms(), st.builds(bddl.Not, atoms()))
 
 @st.composite
 def problems(draw: st.DrawFn) -> bddl.Problem:
-    """Returns problems whose objects cover every name and category that the formulas use."""
+    """Return problems whose objects cover every name and category that the formulas use."""
     fixed = {**OBJECTS, "x": "thing", "y": "absent"}
     order = draw(st.permutations(sorted(fixed)))
     return bddl.Problem(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 import bddl
-from bddl.syntax.diagnostic import MOST_LISTED
+from bddl.diagnostics import MOST_LISTED
 
 START = """(define (problem serving_apples-0)
     (:domain omnigibson)
@@ -255,7 +255,7 @@ ONLY_WILD = START.replace("table.n.02_1 - table", "table.n.02_* - table").replac
 
 
 def wildcards(goal: str, text: str = WILD) -> list[tuple[str, str]]:
-    """Returns severity and message of what is found about wildcards."""
+    """Return severity and message of what is found about wildcards."""
     if text is ONLY_WILD:
         text = text.replace("ontop plate.n.04_1 table.n.02_*", "ontop plate.n.04_1 floor.n.01_1")
         text = text.replace("ontop plate.n.04_2 table.n.02_*", "ontop plate.n.04_2 floor.n.01_1")
@@ -310,7 +310,7 @@ COMING = "(future apple.n.01_1)"
 
 
 def misused(goal: str, more: str = COMING, placed: bool = False) -> list[tuple[str, str]]:
-    """Returns codes and severities of what is found about things that are yet to come."""
+    """Return codes and severities of what is found about things that are yet to come."""
     text = activity(goal, more)
     text = text if placed else text.replace("(ontop apple.n.01_1 floor.n.01_1)", "")
     return [(item.code, item.severity) for item in bddl.analyse(text, "behavior")]

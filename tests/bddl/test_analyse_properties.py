@@ -8,11 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.lint.goal import MOST_ATOMS
-from bddl.lint.quantifiers import Bound, find_idle_variables, find_reflexive_atoms
-from bddl.semantics.members import spelled_out
-from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.tree import Quantified
+from bddl.ast import Quantified
+from bddl.diagnostics import Reporter
+from bddl.grounding import count_ground_parts
+from bddl.lint import MOST_ATOMS
+from bddl.lint_quantifiers import Bound, find_idle_variables, find_reflexive_atoms
 from tests.bddl.universe import CATEGORIES, OBJECTS, formulas, holds
 
 # The names x and y, where nothing binds them, and the robot's own parts are objects of no category that is used.
@@ -27,10 +27,10 @@ def _problem(formula: bddl.Formula) -> str:
 @settings(max_examples=150)
 @given(formulas)
 def test_a_goal_is_called_impossible_when_no_state_satisfies_it(formula: bddl.Formula) -> None:
-    """Tries every state of the atoms that matter, by the definition of truth that the tests have of their own."""
+    """Try every state of the atoms that matter, by the definition of truth that the tests have of their own."""
     objects = {**EVERYTHING, "gripper": "gripper", "robot": "robot", "absent_0": "absent"}
     atoms = bddl.ground(formula, objects).atoms
-    assume(len(atoms) <= 8 and spelled_out(formula, objects, MOST_ATOMS) <= MOST_ATOMS)
+    assume(len(atoms) <= 8 and count_ground_parts(formula, objects, MOST_ATOMS) <= MOST_ATOMS)
     found = [item.code for item in bddl.analyse(_problem(formula))]
     satisfied = any(
         bddl.evaluate(formula, dict(zip(atoms, values, strict=True)), objects)
@@ -86,7 +86,7 @@ def _free_in(formula: bddl.Formula, name: str) -> bool:
 @given(formulas)
 def test_an_atom_is_called_reflexive_when_spelling_out_makes_it_so(formula: bddl.Formula) -> None:
     objects = {**EVERYTHING, **{f"{category}_9": category for category in CATEGORIES if category != "object"}}
-    assume(spelled_out(formula, objects, 5_000) < 5_000)
+    assume(count_ground_parts(formula, objects, 5_000) < 5_000)
     text = bddl.format(formula)
     reporter = Reporter(text)
     find_reflexive_atoms(bddl.parse_formula(text), objects, reporter)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import bddl
-from bddl.syntax.profiles import REFERENCE_TOLERATES
+from bddl.dialects import REFERENCE_TOLERATES
 from tests.bddl.activity import ACTIVITY, edited
 from tests.bddl.slips_in_activities import SLIPS, Slip
 

@@ -34,7 +34,7 @@ def _sections() -> dict[str, str]:
 
 
 def _message(code: str, text: str, profile: str | None) -> str:
-    """Returns what the analyser says about an example, as far as it concerns one code."""
+    """Return what the analyser says about an example, as far as it concerns one code."""
     found = bddl.analyse(text, profile or "scene", OBJECTS if profile is None else None)
     return "\n".join(f"{item.severity}: {item}" for item in found if item.code == code)
 

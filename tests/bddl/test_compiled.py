@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl import And, Atom, Formula, ForN, ForNPairs, ForPairs, Not, Or
-from bddl.semantics.members import PAIR_SEMANTICS
+from bddl.grounding import PAIR_SEMANTICS
 from tests.bddl.universe import OBJECTS, Complete, can_pair_off, formulas, holds, pair_semantics, states
 
 unknown_tenths = st.integers(0, 10)
@@ -57,7 +57,7 @@ def test_a_batch_says_what_each_state_says(formula: Formula, batch: list[Complet
 
 
 def counting_forms(rows: int, columns: int) -> tuple[dict[str, str], list[Formula]]:
-    """Returns a scene of two categories, and every counting form over distinct atoms of it."""
+    """Return a scene of two categories, and every counting form over distinct atoms of it."""
     scene = {f"a_{i}": "a" for i in range(rows)} | {f"b_{j}": "b" for j in range(columns)}
     near = Atom("nextto", ("x", "y"))
     pairs: list[Formula] = [ForNPairs("x", "a", "y", "b", near, count=n) for n in range(max(rows, columns) + 2)]

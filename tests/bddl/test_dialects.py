@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bddl
-from bddl.syntax.profiles import dialect_of
+from bddl.dialects import detect_dialect
 
 BEHAVIOR = """(define (problem p-0)
     (:domain omnigibson)
@@ -35,7 +35,7 @@ LIBERO = "(define (problem p) (:domain robosuite) (:language put it there) (:obj
     ],
 )
 def test_domain_and_style_tell_the_dialect(text: str, expected: str) -> None:
-    assert dialect_of(text) == expected
+    assert detect_dialect(text) == expected
 
 
 @pytest.mark.parametrize("domain", ["omnigibson", "omnigibsn"])

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.syntax.tree import RESERVED_WORDS
+from bddl.ast import RESERVED_WORDS
 
 TEXT = """
 ; A small domain.
@@ -35,7 +35,7 @@ names = st.from_regex(r"[a-z][a-z_]{0,5}", fullmatch=True).filter(lambda name: n
 
 @st.composite
 def domains(draw: st.DrawFn) -> bddl.Domain:
-    """Returns domains with distinct predicates, types and parameters."""
+    """Return domains with distinct predicates, types and parameters."""
     types = draw(st.lists(names, unique=True, max_size=3))
     predicates = []
     for name in draw(st.lists(names, unique=True, min_size=1, max_size=4)):

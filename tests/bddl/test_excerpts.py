@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.visible import columns, visible
+from bddl.terminal import display_width, escape_control
 
 STEERING = "\x00\x07\x08\x1b\r\x7f\x9b\u202e\u2066\ud800"
 
 
 @given(st.text(alphabet=st.one_of(st.characters(), st.sampled_from(STEERING))))
 def test_what_is_visible_has_no_control_characters_and_the_same_length(text: str) -> None:
-    shown = visible(text)
+    shown = escape_control(text)
     assert len(shown) == len(text)
     assert not [one for one in shown if unicodedata.category(one) in ("Cc", "Cs") and one not in "\t\n"]
     assert all(new == old for new, old in zip(shown, text, strict=True) if old.isprintable())
@@ -45,7 +45,7 @@ def test_carets_stand_under_what_they_mark(text: str, excerpt: str) -> None:
 
 
 def test_the_width_of_a_character() -> None:
-    assert [columns(one) for one in ("a", "é", "\u0301", "桌", "\uff21", "\u200b", "ｱ")] == [1, 1, 0, 2, 2, 0, 1]
+    assert [display_width(one) for one in ("a", "é", "\u0301", "桌", "\uff21", "\u200b", "ｱ")] == [1, 1, 0, 2, 2, 0, 1]
 
 
 def test_a_word_with_backticks_is_quoted_otherwise() -> None:

@@ -7,12 +7,12 @@ from hypothesis import given
 
 import bddl
 from bddl import Atom, Exists, ForAll, Formula, ForN, ForNPairs, ForPairs, Imply, Not, Or
-from bddl.semantics.ground import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some, children
+from bddl.grounding import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some, children
 from tests.bddl.universe import OBJECTS, Complete, can_pair_off, formulas, holds, pair_semantics, states
 
 
 def ground_holds(node: GroundNode, values: list[bool]) -> bool:
-    """Returns the truth of a ground node, by the definition of each kind."""
+    """Return the truth of a ground node, by the definition of each kind."""
     match node:
         case Leaf(atom=atom):
             return values[atom]
@@ -58,7 +58,7 @@ def test_atoms_are_distinct_and_all_occur(formula: Formula, pairs: bddl.PairSema
 
 
 def parts_of(text: str, objects: dict[str, str]) -> tuple[list[str], GroundNode]:
-    """Returns the atoms, as text, and the root of a formula of the scene profile."""
+    """Return the atoms, as text, and the root of a formula of the scene profile."""
     spelled_out = bddl.ground(bddl.parse_formula(text), objects)
     return [str(atom) for atom in spelled_out.atoms], spelled_out.root
 

@@ -34,7 +34,7 @@ def _errors(text: str, profile: str = "scene") -> list[bddl.Diagnostic]:
 
 
 def _illegal_offers(text: str) -> list[str]:
-    """Returns the forms that hints about a formula offer and that are not legal as they are."""
+    """Return the forms that hints about a formula offer and that are not legal as they are."""
     mistakes = _errors(text)
     known = {found.code for found in mistakes} & {"unknown-object", "unknown-predicate", "wrong-arity"}
     offers = [match.group(1) for found in mistakes if (match := OFFER.fullmatch(found.hint))]

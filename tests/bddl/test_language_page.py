@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import doctest
 
-from bddl.syntax.profiles import FORM_SHAPES, PROFILES
+from bddl.dialects import FORM_SHAPES, PROFILES
 from tests.source_tree import ROOT
 
 PAGE = ROOT / "docs" / "bddl.md"

@@ -9,8 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.reading.words import hide_free_text
-from bddl.syntax.libero import read_number
+from bddl.lexer import hide_free_text
+from bddl.problem import read_number
 
 KITCHEN = """(define (problem LIBERO_Kitchen_Tabletop_Manipulation)
   (:domain robosuite)

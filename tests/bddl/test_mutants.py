@@ -44,7 +44,7 @@ def test_the_cutter_sees_what_the_parser_sees() -> None:
     atoms = [node for node in problem.goal.walk() if isinstance(node, bddl.Atom)]
     assert [definition.source(atom).replace("?", "") for atom in definition.atoms(":goal")] == [str(a) for a in atoms]
     assert len(definition.binders()) == sum(
-        len(node.binders) for node in problem.goal.walk() if isinstance(node, bddl.syntax.tree.Quantified)
+        len(node.binders) for node in problem.goal.walk() if isinstance(node, bddl.ast.Quantified)
     )
 
 

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.syntax.names import edit_distance
-from bddl.syntax.profiles import FORM_SHAPES
-from bddl.syntax.vocabulary import FORM_SYNONYMS, REWRITES
+from bddl.dialects import FORM_SHAPES
+from bddl.vocabulary import FORM_SYNONYMS, REWRITES, edit_distance
 
 SCENE = ("refrigerator_0", "glass_0", "glass_1", "table_0", "cabinet_0", "apple_0", "bowl_0", "gripper", "robot")
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.goals.ways import options
-from bddl.syntax.errors import SearchLimit
+from bddl.errors import SearchLimit
+from bddl.progress import options
 from tests.bddl.small_goals import OBJECTS, Partial, goals, holds, missing, partial_states, readings, smallest_ways
 
 
@@ -19,7 +19,7 @@ def as_partial(option: tuple[bddl.Literal, ...]) -> Partial:
 
 
 def texts(goal: str, **given: object) -> list[str]:
-    """Returns the options of a goal as text."""
+    """Return the options of a goal as text."""
     found = options(bddl.parse_formula(goal, objects=OBJECTS), OBJECTS, **given)  # type: ignore[arg-type]
     return [" ".join(map(str, option)) for option in found]
 

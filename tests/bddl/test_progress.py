@@ -18,7 +18,7 @@ def atom(predicate: str, *names: str) -> bddl.Atom:
 
 
 def opened(*names: str) -> dict[bddl.Atom, bool]:
-    """Returns a state in which some of the objects a1 to b2 are open and all others are not."""
+    """Return a state in which some of the objects a1 to b2 are open and all others are not."""
     return {atom("open", name): name in names for name in OBJECTS}
 
 

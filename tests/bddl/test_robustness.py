@@ -19,7 +19,7 @@ DECLARED = {**OBJECTS, "x": "thing", "y": "absent"}
 
 
 def _outcome(text: str) -> bddl.Formula | bddl.Problem | bddl.BDDLError:
-    """Returns what parsing gives: the tree that the text spells, or a report that can be read.
+    """Return what parsing gives: the tree that the text spells, or a report that can be read.
 
     Any exception but BDDLError fails the test.
     """
@@ -44,7 +44,7 @@ def _outcome(text: str) -> bddl.Formula | bddl.Problem | bddl.BDDLError:
 
 
 def _tokens(text: str) -> list[str]:
-    """Returns the parentheses and words of a text: of a tree's they are those that it was read from, in their order.
+    """Return the parentheses and words of a text: of a tree's they are those that it was read from, in their order.
 
     They have no question marks: a quantifier may leave them out, since its place says what is a variable.
     """

@@ -91,7 +91,7 @@ def test_a_legal_text_is_left_as_it_is(text: str) -> None:
 
 
 def _call(formula: bddl.Formula) -> str:
-    """Returns a formula in the notation of calls."""
+    """Return a formula in the notation of calls."""
     if isinstance(formula, bddl.Atom):
         return f"{formula.predicate}({', '.join(formula.args)})"
     word = str(formula).removeprefix("(").split(" ", 1)[0].rstrip(")")
@@ -99,7 +99,7 @@ def _call(formula: bddl.Formula) -> str:
 
 
 def _infix(formula: bddl.Formula) -> str:
-    """Returns a formula with operators between operands; negations as prefixes, every operand in parentheses."""
+    """Return a formula with operators between operands; negations as prefixes, every operand in parentheses."""
     if isinstance(formula, bddl.Atom):
         return str(formula)
     if isinstance(formula, bddl.Not):

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.semantics.ground import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
-from bddl.solver import Script, Solver, smt_text, solve
+from bddl.grounding import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
+from bddl.smt import Script, Solver, smt_text, solve
 
 ATOMS = tuple(bddl.Atom("open", (f"box_{index}",)) for index in range(5))
 

@@ -22,7 +22,7 @@ Holds = Callable[[Atom], bool]
 
 
 def holds(formula: Formula, state: Holds, pairs: str, bound: dict[str, str] | None = None) -> bool:
-    """Returns the truth of a formula in a complete state; `bound` says what each variable in scope stands for."""
+    """Return the truth of a formula in a complete state; `bound` says what each variable in scope stands for."""
     bound = bound or {}
 
     def inner(body: Formula, **more: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executor.world.world import World
+from executor.sim.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, scene_at_paper_size
 
@@ -18,7 +18,7 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 
 @pytest.fixture
 def make_world() -> Iterator[MakeWorld]:
-    """Makes worlds from a scene or the name of one of the package's, and closes them after the test."""
+    """Make worlds from a scene or the name of one of the package's, and closes them after the test."""
     made: list[World] = []
 
     def make(scene: Scene | str, **options: Any) -> World:
@@ -32,7 +32,7 @@ def make_world() -> Iterator[MakeWorld]:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keeps generated files out of the user's own cache, and makes them anew once a session."""
+    """Keep generated files out of the user's own cache, and makes them anew once a session."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SCENE2DEMO_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield

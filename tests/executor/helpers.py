@@ -9,7 +9,7 @@ import numpy as np
 from executor.assets.library import asset_for
 from executor.geometry import Array, transform
 from executor.scenes import library
-from executor.world.world import World
+from executor.sim.world import World
 from oag import Scene, SceneObject
 
 MakeWorld = Callable[..., World]
@@ -30,12 +30,12 @@ SIZES: dict[str, tuple[float, float, float]] = {
 
 
 def scene_at_paper_size(name: str) -> Scene:
-    """Returns a scene of the package with the paper's size adjustment."""
+    """Return a scene of the package with the paper's size adjustment."""
     return library.load(name).with_scales(PAPER_SCALES[name])
 
 
 def scene_object(category: str, extent: tuple[float, float, float] | None = None, **parameters: object) -> SceneObject:
-    """Returns an object of a category at the origin, by default at its family's usual size."""
+    """Return an object of a category at the origin, by default at its family's usual size."""
     return SceneObject(
         id=f"{category}_0",
         category=category,
@@ -52,7 +52,7 @@ BOARD = "board_shelf_2"
 
 
 def on_a_shelf(height_m: float) -> Scene:
-    """Returns a shelf of five boards, 21 cm apart, with a can of some height on the third, and a table."""
+    """Return a shelf of five boards, 21 cm apart, with a can of some height on the third, and a table."""
     shelf = {"category": "shelf", "model": "shelf_open", "position": [1.1, 0.0, 0.6], "bbox_extent": [0.35, 0.9, 1.2]}
     shelf |= {"orientation": [1, 0, 0, 0], "parameters": {"boards": 4}}
     board = next(r for r in asset_for(scene_of({"shelf_0": shelf})["shelf_0"]).regions if r.name == BOARD)
@@ -64,17 +64,17 @@ def on_a_shelf(height_m: float) -> Scene:
 
 
 def scene_of(objects: dict[str, dict[str, object]], facts: list[str] | None = None) -> Scene:
-    """Returns a scene of some objects, of which the facts say everything."""
+    """Return a scene of some objects, of which the facts say everything."""
     closed = ["ontop", "inside", "open"]
     return Scene.from_json({"name": "made", "objects": objects, "facts": facts or [], "closed": closed})
 
 
 def settle(world: World, seconds: float = 0.5) -> None:
-    """Lets the world run."""
+    """Let the world run."""
     for _ in range(round(seconds / world.timestep_s)):
         world.step()
 
 
 def at(x_m: float, y_m: float, z_m: float, rotation: Array | None = None) -> Array:
-    """Returns the pose of something at a place in the world, upright by default."""
+    """Return the pose of something at a place in the world, upright by default."""
     return transform(np.eye(3) if rotation is None else rotation, (x_m, y_m, z_m))

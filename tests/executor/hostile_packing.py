@@ -40,7 +40,7 @@ class Measured:
 
 
 def measured(program: str, *words: object) -> Measured:
-    """Returns what became of a program in a process of its own; it leaves its exit code in `code`."""
+    """Return what became of a program in a process of its own; it leaves its exit code in `code`."""
     command = [sys.executable, "-c", _MEASURED, program, *map(str, words)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
     text, mark, peak = done.stderr.rpartition("\nPEAK ")
@@ -50,8 +50,8 @@ def measured(program: str, *words: object) -> Measured:
 
 
 def command(*words: object) -> Measured:
-    """Returns what became of a command line."""
-    return measured("from executor.cli.main import run; code = run(sys.argv[2:])", *words)
+    """Return what became of a command line."""
+    return measured("from executor.cli.app import run; code = run(sys.argv[2:])", *words)
 
 
 def assert_refused(found: Measured, code: int, said: str) -> None:
@@ -62,20 +62,20 @@ def assert_refused(found: Measured, code: int, said: str) -> None:
 
 
 def xz_bomb(begin: bytes, zeros: int = BOMB_BYTES) -> bytes:
-    """Returns a beginning, and very many zeros, packed."""
+    """Return a beginning, and very many zeros, packed."""
     packer = lzma.LZMACompressor(filters=[{"id": lzma.FILTER_LZMA2, "preset": 0}])
     parts = [packer.compress(begin), *(packer.compress(_PIECE) for _ in range(zeros // len(_PIECE)))]
     return b"".join([*parts, packer.flush()])
 
 
 def zlib_bomb(zeros: int = BOMB_BYTES) -> bytes:
-    """Returns very many zeros, packed."""
+    """Return very many zeros, packed."""
     packer = zlib.compressobj(9)
     return b"".join([*(packer.compress(_PIECE) for _ in range(zeros // len(_PIECE))), packer.flush()])
 
 
 def zip_bomb(path: Path, name: str, begin: bytes, kind: int = zipfile.ZIP_DEFLATED, zeros: int = BOMB_BYTES) -> None:
-    """Writes an archive with one file: a beginning, and very many zeros."""
+    """Write an archive with one file: a beginning, and very many zeros."""
     with zipfile.ZipFile(path, "w", kind) as archive, archive.open(name, "w") as file:
         file.write(begin)
         for _ in range(zeros // len(_PIECE)):

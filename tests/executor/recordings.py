@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from executor.geometry import pose_vector
-from executor.records.rollout import Failure, FailureKind, Rollout, StepRecord, SubtaskRecord, Trajectory
+from executor.records import Failure, FailureKind, Rollout, StepRecord, SubtaskRecord, Trajectory
 from executor.scenes import library
-from executor.world.world import World
+from executor.sim.world import World
 from oag import Scene, Task, flow_from_json
-from oag.revision.grounds import GoalReading
-from oag.revision.measurements import AtomMeasured, GripMeasured, HandMeasured
+from oag.measurements import AtomMeasured, GoalReading, GripMeasured, HandMeasured
 
 TASK = {
     "task_activity_name": "put_glass_into_refrigerator",
@@ -48,12 +47,12 @@ STEP_S = 0.7
 
 
 def task_for(scene: Scene) -> Task:
-    """Returns the two-subtask task that all recordings are of."""
+    """Return the two-subtask task that all recordings are of."""
     return Task.from_json(TASK, scene=scene)
 
 
 def invented_rollout(*, failed: bool = False, samples: int | None = None) -> Rollout:
-    """Returns a record with plausible numbers and packed states that no engine wrote.
+    """Return a record with plausible numbers and packed states that no engine wrote.
 
     Args:
         failed: Ends the second subtask at its GRASP with a typed failure.
@@ -84,7 +83,7 @@ def invented_rollout(*, failed: bool = False, samples: int | None = None) -> Rol
 
 
 def scripted_rollout(scene_name: str = "kitchen_t1", seconds: float = 1.0) -> Rollout:
-    """Returns a record of the robot driving and waving in the real physics, without any task done."""
+    """Return a record of the robot driving and waving in the real physics, without any task done."""
     scene = library.load(scene_name)
     task = task_for(library.load("kitchen_t1"))
     with World(scene) as world:

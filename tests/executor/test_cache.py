@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bddl.files import write_atomically
-from executor.machine.files import cache_dir, content_key
+from executor.system.files import cache_dir, content_key
 
 
 def test_the_variable_names_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

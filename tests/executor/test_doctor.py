@@ -7,9 +7,9 @@ import json
 
 import pytest
 
-from executor.machine import doctor, extras, self_check, vulkan
-from executor.machine.doctor import Finding
-from executor.machine.vulkan import Renderer
+from executor.system import doctor, extras, self_check, vulkan
+from executor.system.doctor import Finding
+from executor.system.vulkan import Renderer
 
 
 @pytest.fixture(autouse=True)

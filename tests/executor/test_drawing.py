@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.machine import self_check
+from executor.system import self_check
 
 
 @pytest.mark.render

@@ -15,8 +15,8 @@ SCRIPT = """
 import warnings
 from executor.machine import vulkan
 from executor.scenes import library
-from executor.scenes.rooms import *
-from executor.world.world import World
+from executor.scenes.layout import *
+from executor.sim.world import World
 with World(library.load("kitchen_t1")) as world:
     world.step()
 assert "libvulkan" not in str(warnings.filters), "a user's filters are the user's"
@@ -26,7 +26,7 @@ assert "libvulkan" not in str(warnings.filters), "a user's filters are the user'
 def test_nobody_imports_it_by_himself() -> None:
     files = [*ROOT.glob("executor/**/*.py"), *ROOT.glob("examples/*.py")]
     found = [str(path.relative_to(ROOT)) for path in files if ITS_IMPORT.search(path.read_text(encoding="utf-8"))]
-    assert not found, "executor.machine.extras.load_sapien imports it"
+    assert not found, "executor.system.extras.load_sapien imports it"
 
 
 @pytest.mark.physics

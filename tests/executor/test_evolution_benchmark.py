@@ -12,11 +12,11 @@ import pytest
 from benchmarks.evolution import read, requests
 from benchmarks.evolution_episode import faults_of, has_episodes, task_of
 from benchmarks.evolution_table import tables
-from executor.world.faults import BlockedDoor, PoseError, WeakGrip
+from executor.sim.faults import BlockedDoor, PoseError, WeakGrip
 
 
 def asked(tmp_path: Path, **changes: Any) -> Namespace:
-    """Returns a command line's choices."""
+    """Return a command line's choices."""
     given = {
         "out": tmp_path,
         "tasks": ["T1", "T3"],
@@ -29,7 +29,7 @@ def asked(tmp_path: Path, **changes: Any) -> Namespace:
 
 
 def done(task: str = "T1", fault: str = "pose", seed: int = 10, **changes: Any) -> dict[str, Any]:
-    """Returns a result."""
+    """Return a result."""
     fields = {
         "task": task,
         "fault": fault,

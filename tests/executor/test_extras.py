@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.machine import extras
 from executor.scenes.library import SceneNotFound
 from executor.scenes.pair import NotDrawn
+from executor.system import extras
 from llm.errors import QueryError
 from oag import SceneError
 

@@ -7,8 +7,8 @@ import pytest
 
 from bddl import Atom
 from executor.geometry import rotation_z
-from executor.rollouts.judge import misses
-from executor.world.detectors import read
+from executor.rollouts.goals import misses
+from executor.sim.detectors import read
 from tests.executor.helpers import MakeWorld, at
 
 pytestmark = pytest.mark.physics

@@ -10,16 +10,14 @@ from pathlib import Path
 import pytest
 
 from bddl.files import NoPlainFile, write_atomically
-from executor.bench.presence import LOCK, RUNNING, alone, at_work
-from executor.bench.store import BenchFolder
-from executor.evolution.frames import FOLDER
-from executor.machine.files import write_json, write_text
-from executor.results.run_folder import FILES, ResultsExist, RunFolder
+from executor.bench.campaign import LOCK, RUNNING, BenchFolder, claim_units, exclusive_lock
+from executor.reports.run_folder import FILES, ResultsExist, RunFolder
+from executor.rollouts.evolution_record import FOLDER
+from executor.system.files import write_json, write_text
+from llm.client.recording import Recorder, append_line
 from llm.errors import CassetteError
-from llm.memory.folder import SkillMemory
-from llm.memory.learning import Lesson
-from llm.memory.note import read_note
-from llm.wire.cassette import Recorder, append_line
+from llm.memory import Lesson, SkillMemory
+from llm.memory_notes import read_note
 from tests.llm.memory.notes import note
 
 PRECIOUS = "not yours"
@@ -27,7 +25,7 @@ PRECIOUS = "not yours"
 
 @pytest.fixture
 def outside(tmp_path: Path) -> Iterator[Path]:
-    """Gives a file outside the folder, and looks at the end whether it is still the same."""
+    """Give a file outside the folder, and looks at the end whether it is still the same."""
     path = tmp_path / "elsewhere" / "precious.txt"
     path.parent.mkdir()
     path.write_text(PRECIOUS)
@@ -38,14 +36,16 @@ def outside(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
-    """Gives the folder for results."""
+    """Give the folder for results."""
     path = tmp_path / "out"
     path.mkdir()
     return path
 
 
 @pytest.mark.parametrize("plant", [Path.symlink_to, lambda path, _: os.mkfifo(path)], ids=["link", "pipe"])
-@pytest.mark.parametrize("open_it", [lambda f: alone(f).__enter__(), lambda f: at_work(f, ["u"]).__enter__()])
+@pytest.mark.parametrize(
+    "open_it", [lambda f: exclusive_lock(f).__enter__(), lambda f: claim_units(f, ["u"]).__enter__()]
+)
 def test_a_lock_is_no_way_out(
     out: Path, outside: Path, plant: Callable[[Path, Path], None], open_it: Callable[[Path], object]
 ) -> None:
@@ -56,7 +56,7 @@ def test_a_lock_is_no_way_out(
 
 def test_a_lock_file_is_not_emptied(out: Path) -> None:
     (out / LOCK).write_text("somebody's")
-    with alone(out):
+    with exclusive_lock(out):
         pass
     assert (out / LOCK).read_text() == "somebody's"
 
@@ -66,10 +66,10 @@ def test_a_card_is_no_way_out(out: Path, outside: Path, monkeypatch: pytest.Monk
     (out / RUNNING).mkdir()
     own = out / RUNNING / f"here-{os.getpid()}.json"
     own.symlink_to(outside.parent / "new.json")
-    with pytest.raises(NoPlainFile, match="no plain file"), at_work(out, ["u"]):
+    with pytest.raises(NoPlainFile, match="no plain file"), claim_units(out, ["u"]):
         pass
     own.unlink()
-    with at_work(out, ["u"]):
+    with claim_units(out, ["u"]):
         assert json.loads(own.read_text())["units"] == ["u"]
 
 

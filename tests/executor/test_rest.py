@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.primitives.control import LONGEST_WAIT_S, Controller, settle_to_rest
-from executor.robot.description import ARM_HOME
+from executor.sim.robot.description import ARM_HOME
+from executor.skills.control import LONGEST_WAIT_S, Controller, settle_to_rest
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.machine import self_check, vulkan
-from executor.machine.vulkan import Device, Renderer
+from executor.system import self_check, vulkan
+from executor.system.vulkan import Device, Renderer
 
 NO_DEVICE = ((), "no Vulkan driver is installed")
 
@@ -26,7 +26,7 @@ def bare_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def see(monkeypatch: pytest.MonkeyPatch, seen: tuple[tuple[Device, ...], str]) -> None:
-    """Lets the system's drivers offer these devices."""
+    """Let the system's drivers offer these devices."""
     vulkan._system_renderer.cache_clear()
     vulkan._named_renderer.cache_clear()
     monkeypatch.setattr(vulkan, "probe_devices", lambda: seen)

@@ -60,7 +60,7 @@ PLAN_CODES = {
 
 
 def generate(seed: int) -> BadAnswer:
-    """Returns the bad answer of a seed; equal seeds give equal answers."""
+    """Return the bad answer of a seed; equal seeds give equal answers."""
     chance = random.Random(seed)
     task = chance.choice(TASKS)
     right = right_answers(task)
@@ -72,7 +72,7 @@ def generate(seed: int) -> BadAnswer:
 
 
 def entry_of(chance: random.Random, answers: Answers, module: int) -> dict[str, Any]:
-    """Returns an entry of an answer at random; for module 1 the answer itself."""
+    """Return an entry of an answer at random; for module 1 the answer itself."""
     if module == 1:
         return answers[1]
     entry: dict[str, Any] = chance.choice(answers[module]["sub_tasks"])
@@ -189,7 +189,7 @@ def goal_of_nothing_new(chance: random.Random, task: str, module: int, right: An
 
 
 def unreadable(chance: random.Random, text: str) -> tuple[str, set[str]]:
-    """Returns a formula with a fault of language, and what names it."""
+    """Return a formula with a fault of language, and what names it."""
     inner = text.strip("()")
     return chance.choice(
         [

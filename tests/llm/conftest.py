@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from llm.wire.profiles import tables
+from llm.client.profiles import tables
 
 
 @pytest.fixture(autouse=True)
 def no_provider(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Takes away keys, addresses and proxies."""
+    """Take away keys, addresses and proxies."""
     monkeypatch.delenv("SCENE2DEMO_PROFILES", raising=False)
     for table in tables().values():
         for name in ("key_variable", "base_url_variable"):

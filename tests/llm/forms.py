@@ -12,9 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm.answers.base import Answer, wire_schema
-from llm.evolution.model_inspector import StepCritique
-from llm.evolution.model_supervisor import RevisedFlow
+from llm.evolve.model_judges import RevisedFlow, StepCritique
+from llm.structured.schema import Answer, wire_schema
 from oag import Primitive
 from tests.llm.evolution.scripted_judges import critique_answer, revision_answer
 from tests.llm.scripted_modules import SCHEMAS, right_answers, without_subtask
@@ -32,7 +31,7 @@ Make = Callable[[Object, int], "str | Object"]
 
 
 def right_answer(kind: int) -> Object:
-    """Returns the answer that is right for T1, and for its door that was left ajar."""
+    """Return the answer that is right for T1, and for its door that was left ajar."""
     if kind == INSPECTOR:
         return critique_answer(5, state_reached="no")
     if kind == SUPERVISOR:
@@ -41,7 +40,7 @@ def right_answer(kind: int) -> Object:
 
 
 def draft(kind: int) -> Object:
-    """Returns an answer of the right form that says something else."""
+    """Return an answer of the right form that says something else."""
     right = right_answer(kind)
     if kind == 1:
         return {**right, "goal": "(open refrigerator_0)"}
@@ -100,7 +99,7 @@ def message(members: Callable[[str, str], Object], *, reads: bool = True) -> For
 
 
 def walked(value: Any, change: Callable[[Any], Any]) -> Any:
-    """Returns a JSON value with every leaf changed."""
+    """Return a JSON value with every leaf changed."""
     if isinstance(value, dict):
         return {key: walked(inner, change) for key, inner in value.items()}
     if isinstance(value, list):
@@ -151,22 +150,22 @@ def saying(name: str, value: object, kinds: tuple[int, ...]) -> Form:
 
 
 def own(primitive: object, numbers: object) -> Object:
-    """Returns an action of the wire's form."""
+    """Return an action of the wire's form."""
     return {"primitive": primitive, "parameters": numbers}
 
 
 def paper(primitive: object, numbers: list[float]) -> object:
-    """Returns an action of the paper's form."""
+    """Return an action of the paper's form."""
     return {primitive: numbers[0] if len(numbers) == 1 else numbers} if numbers else primitive
 
 
 def is_prose(leaf: object) -> bool:
-    """Decides whether a value is a text in words."""
+    """Decide whether a value is a text in words."""
     return isinstance(leaf, str) and " " in leaf and "(" not in leaf
 
 
 def numbered(right: Object) -> Object:
-    """Returns the paper's form of a list of subtasks."""
+    """Return the paper's form of a list of subtasks."""
     return {f"sub_task_{entry['sub_task']}": entry for entry in right["sub_tasks"]}
 
 
@@ -315,6 +314,6 @@ FORMS: dict[str, Form] = {
 
 
 def answer_codes() -> frozenset[str]:
-    """Returns the codes of findings about answers that the page about modules lists."""
+    """Return the codes of findings about answers that the page about modules lists."""
     page = (ROOT / "docs" / "modules.md").read_text(encoding="utf-8")
     return frozenset(re.findall(r"^\| `(answer/[a-z-]+)` \|", page, re.MULTILINE))

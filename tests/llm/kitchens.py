@@ -11,7 +11,7 @@ from pathlib import Path
 import bddl
 import llm
 from oag import Scene
-from oag.task.sizes import resizings
+from oag.sizes import planned_resizings
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / "golden"
@@ -21,8 +21,10 @@ SCENES = {
 
 
 def noted(proposal: llm.Proposal) -> tuple[str, ...]:
-    """Returns what a proposal notes beside the sizes that it changes."""
-    sizes = set(map(str, resizings(proposal.task.scales, proposal.task.scene))) if proposal.task.scene else set()
+    """Return what a proposal notes beside the sizes that it changes."""
+    sizes = (
+        set(map(str, planned_resizings(proposal.task.scales, proposal.task.scene))) if proposal.task.scene else set()
+    )
     return tuple(note for note in proposal.notes if note not in sizes)
 
 
@@ -48,12 +50,12 @@ class Phrasing:
 
 
 def conjuncts(goal: bddl.Formula) -> frozenset[str]:
-    """Returns the conjuncts of a goal as texts."""
+    """Return the conjuncts of a goal as texts."""
     return frozenset(map(bddl.format, bddl.conjuncts(goal)))
 
 
 def outcome(phrasing: Phrasing) -> frozenset[str] | str:
-    """Returns the conjuncts of the goal that a query leads to, or the code of its refusal."""
+    """Return the conjuncts of the goal that a query leads to, or the code of its refusal."""
     try:
         proposal = llm.propose(phrasing.query, SCENES[phrasing.scene])
     except llm.QueryError as error:
@@ -62,7 +64,7 @@ def outcome(phrasing: Phrasing) -> frozenset[str] | str:
 
 
 def _families(paths: Iterable[Path]) -> Iterator[Phrasing]:
-    """Yields the phrasings of the tables, family by family."""
+    """Yield the phrasings of the tables, family by family."""
     for path in paths:
         with path.open(encoding="utf-8", newline="") as lines:
             for row in csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE):

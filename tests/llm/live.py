@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from llm.wire.client import OpenAITransport
-from llm.wire.profiles import ModelProfile, find_profile
-from llm.wire.transport import ChatRequest
+from llm.client.openai import OpenAITransport
+from llm.client.profiles import ModelProfile, find_profile
+from llm.client.transport import ChatRequest
 from tests.llm.model_server import ModelServer
 
 PNG = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC")
@@ -24,7 +24,7 @@ ASK = ChatRequest.of("Answer in JSON.", "Where is the mug?", json_schema={"type"
 
 
 def profile_of(server: ModelServer, **changes: Any) -> ModelProfile:
-    """Returns a profile whose model is the test server."""
+    """Return a profile whose model is the test server."""
     profile = find_profile("openai-compatible:small")
     return profile.model_copy(update={"base_url": server.address, "base_url_variable": "", **changes})
 
@@ -38,7 +38,7 @@ def transport_to(
     longest_answer_bytes: int = 100_000,
     **changes: Any,
 ) -> OpenAITransport:
-    """Returns a transport to the test server that holds the key."""
+    """Return a transport to the test server that holds the key."""
     monkeypatch.setenv(KEY_VARIABLE, KEY)
     hurry(monkeypatch)
     profile = profile_of(server, **changes)
@@ -46,12 +46,12 @@ def transport_to(
 
 
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets the client library wait hardly at all before it sends again."""
+    """Let the client library wait hardly at all before it sends again."""
     monkeypatch.setattr("openai._base_client.INITIAL_RETRY_DELAY", 0.001)
 
 
 def png_of(width: int, height: int, rows: bytes = b"") -> bytes:
-    """Returns a picture whose file says that it has so many pixels, whatever it holds."""
+    """Return a picture whose file says that it has so many pixels, whatever it holds."""
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     pieces = ((b"IHDR", head), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(

@@ -52,12 +52,12 @@ class Act:
 
 
 def replies(text: str, **options: Any) -> Act:
-    """Returns an act that answers with a text."""
+    """Return an act that answers with a text."""
     return Act(text, **options)
 
 
 def fails(status: int, message: str = "it failed", **headers: str) -> Act:
-    """Returns an act that answers with a status of failure, as the protocol words it."""
+    """Return an act that answers with a status of failure, as the protocol words it."""
     body = json.dumps({"error": {"message": message, "type": "error", "code": None}}).encode()
     return Act(status=status, body=body, headers={name.replace("_", "-"): value for name, value in headers.items()})
 
@@ -116,7 +116,7 @@ class ModelServer:
         self._thread.join(timeout=10)
 
     def act_on(self, path: str, headers: Mapping[str, str], data: bytes) -> tuple[Act, Mapping[str, Any]]:
-        """Returns what to do with a request, and its body; a request against the protocol gets what a server says."""
+        """Return what to do with a request, and its body; a request against the protocol gets what a server says."""
         if path != PATH:
             return fails(404, f"no such path: {path}"), {}
         if self._key is not None and headers.get("authorization") != f"Bearer {self._key}":
@@ -180,7 +180,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True
 
     def _send(self, body: bytes, drip_s: float) -> None:
-        """Sends a body, in one piece or byte by byte until the test ends."""
+        """Send a body, in one piece or byte by byte until the test ends."""
         if not drip_s:
             self.wfile.write(body)
             return
@@ -192,7 +192,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _seen(headers: Mapping[str, str], data: bytes) -> Seen:
-    """Returns a request as it is kept; raises for one that the protocol does not allow."""
+    """Return a request as it is kept; raises for one that the protocol does not allow."""
     body = json.loads(data)
     images = []
     if not isinstance(body["model"], str) or not body["messages"]:
@@ -212,13 +212,13 @@ def _seen(headers: Mapping[str, str], data: bytes) -> Seen:
 
 
 def _usage(act: Act, asked: Mapping[str, Any]) -> dict[str, int]:
-    """Returns token counts: one for each word, which tests can reckon themselves."""
+    """Return token counts: one for each word, which tests can reckon themselves."""
     words = len(json.dumps(asked["messages"]).split()) if asked else 0
     return {"prompt_tokens": words, "completion_tokens": len(act.text.split()), "total_tokens": words}
 
 
 def _answer(act: Act, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns a whole answer."""
+    """Return a whole answer."""
     message = {"role": "assistant", "content": act.text}
     return {
         "id": "chatcmpl-1",
@@ -232,7 +232,7 @@ def _answer(act: Act, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _events(act: Act, asked: Mapping[str, Any]) -> Iterator[bytes]:
-    """Yields an answer as server-sent events, a few letters each."""
+    """Yield an answer as server-sent events, a few letters each."""
     head = {"id": "chatcmpl-1", "object": "chat.completion.chunk", "created": 1, "model": asked["model"]}
     deltas: list[dict[str, Any]] = [{"role": "assistant", "content": ""}]
     deltas += [{"content": act.text[start : start + 7]} for start in range(0, len(act.text), 7)]

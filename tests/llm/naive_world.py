@@ -26,7 +26,7 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene) -> World:
-        """Returns the world at the start of a scene that states everything."""
+        """Return the world at the start of a scene that states everything."""
         world = cls({}, {})
         for fact in scene.facts:
             atom = fact.operands[0] if isinstance(fact, bddl.Not) else fact

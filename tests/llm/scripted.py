@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from llm.client.transport import ChatReply, ChatRequest
 from llm.errors import ModelError
-from llm.wire.transport import ChatReply, ChatRequest
 
 
 class Scripted:
@@ -14,7 +14,7 @@ class Scripted:
         self._outcomes = outcomes or (ChatReply("fine", 10, 5, 0.25),)
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Returns or raises the next outcome."""
+        """Return or raises the next outcome."""
         outcome = self._outcomes[min(len(self.asked), len(self._outcomes) - 1)]
         self.asked.append(request)
         if isinstance(outcome, ModelError):

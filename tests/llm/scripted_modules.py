@@ -11,14 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import oag
-from llm.answers.base import Answer
-from llm.modules.decompose import Decomposition
-from llm.modules.instantiate import Conditions
-from llm.modules.plan import Flows
-from llm.modules.resize import Sizes
-from llm.modules.understand import Understanding
-from llm.wire.transport import ChatReply, ChatRequest
-from oag.task.sizes import PAPER_GRIPPER, scale_factor
+from llm.client.transport import ChatReply, ChatRequest
+from llm.proposing.modules import Conditions, Decomposition, Flows, Sizes, Understanding
+from llm.structured.schema import Answer
+from oag.sizes import PAPER_GRIPPER, scale_factor
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 TASKS = ("T1", "T2", "T3", "T4")
@@ -33,17 +29,17 @@ Answers = dict[int, dict[str, Any]]
 
 
 def scene_of(name: str) -> oag.Scene:
-    """Returns the scene of T1 to T4."""
+    """Return the scene of T1 to T4."""
     return oag.Scene.from_json(DATA / f"{name}_scene.json")
 
 
 def task_of(name: str) -> oag.Task:
-    """Returns the plan that the scripted answers are taken from."""
+    """Return the plan that the scripted answers are taken from."""
     return oag.Task.from_json(DATA / f"{name}.json", scene=scene_of(name))
 
 
 def right_answers(name: str) -> Answers:
-    """Returns the right answer to each module for T1 to T4, from the plans that the formal core is tested with."""
+    """Return the right answer to each module for T1 to T4, from the plans that the formal core is tested with."""
     scene, data = scene_of(name), json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     subtasks = list(enumerate(data["sub_tasks"], start=1))
     factors = {part["target"]: scale_factor(scene[part["target"]], PAPER_GRIPPER) for _, part in subtasks}
@@ -79,25 +75,25 @@ def right_answers(name: str) -> Answers:
 
 
 def without_subtask(answers: Answers, module: int, index: int) -> dict[str, Any]:
-    """Returns an answer that lacks a subtask, numbered as if there had been none."""
+    """Return an answer that lacks a subtask, numbered as if there had been none."""
     entries = [entry for position, entry in enumerate(answers[module]["sub_tasks"]) if position != index]
     return {"sub_tasks": [{**entry, "sub_task": number} for number, entry in enumerate(entries, start=1)]}
 
 
 def module_of(request: ChatRequest) -> int:
-    """Returns which module asks."""
+    """Return which module asks."""
     found = re.match(r"Module (\d) of 5", str(request.messages[0].parts[0]))
     assert found is not None
     return int(found[1])
 
 
 def told(request: ChatRequest) -> str:
-    """Returns what the model was told of its earlier answer; empty when it is asked for the first time."""
+    """Return what the model was told of its earlier answer; empty when it is asked for the first time."""
     return "" if len(request.messages) == 1 else str(request.messages[-1].parts[0])
 
 
 def as_reply(answer: object) -> str:
-    """Returns an answer as models write it."""
+    """Return an answer as models write it."""
     return answer if isinstance(answer, str) else json.dumps(answer)
 
 
@@ -138,7 +134,7 @@ class Script:
         self._given: dict[int, Wrong] = {}
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Returns the scripted answer."""
+        """Return the scripted answer."""
         self.asked.append(request)
         module, findings = module_of(request), told(request)
         given = self._given.get(module)
@@ -151,7 +147,7 @@ class Script:
         return ChatReply(self.around(as_reply(self._right(module, request))), 100, 20)
 
     def _right(self, module: int, request: ChatRequest) -> dict[str, Any]:
-        """Returns the right answer, about the subtasks that the prompt lists."""
+        """Return the right answer, about the subtasks that the prompt lists."""
         answer = copy.deepcopy(self.right[module])
         if module < 3:
             return answer
@@ -161,5 +157,5 @@ class Script:
         return {"sub_tasks": [{**entry, "sub_task": number} for number, entry in enumerate(picked, start=1)]}
 
     def count(self, module: int) -> int:
-        """Returns how often a module was asked."""
+        """Return how often a module was asked."""
         return sum(module_of(request) == module for request in self.asked)

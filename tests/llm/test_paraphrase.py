@@ -6,7 +6,7 @@ import pytest
 
 import executor
 import llm
-from llm.paraphrase import paraphrases
+from llm.offline.reader import paraphrases
 
 WISHES = {
     "put the glass into the refrigerator": "kitchen_t1",

@@ -16,7 +16,7 @@ T1 = llm.propose("put the glass into the refrigerator", SCENES["kitchen_t1"])
 
 
 def written() -> dict[str, Any]:
-    """Returns T1's proposal as read back from a file."""
+    """Return T1's proposal as read back from a file."""
     data: dict[str, Any] = json.loads(json.dumps(T1.to_json()))
     return data
 

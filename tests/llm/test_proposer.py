@@ -21,7 +21,7 @@ class Repeater:
         self.asked: list[tuple[str, oag.Scene]] = []
 
     def propose(self, query: str, scene: oag.Scene) -> llm.Proposal:
-        """Returns the one answer."""
+        """Return the one answer."""
         self.asked.append((query, scene))
         return self.answer
 

@@ -76,7 +76,7 @@ class World0:
 
 
 def mutants(data: dict[str, Any], objects: tuple[str, ...]) -> Iterator[Mutant]:
-    """Yields every single mistake of a plan: steps and subtasks deleted, subtasks swapped, roles swapped, wrong objects
+    """Yield every single mistake of a plan: steps and subtasks deleted, subtasks swapped, roles swapped, wrong objects
     in roles and conditions, and flipped literals of initial conditions, goals and the task goal."""
     subtasks = data["sub_tasks"]
     for index, subtask in enumerate(subtasks):

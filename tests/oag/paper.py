@@ -55,7 +55,7 @@ def invalid(name: str) -> oag.Report:
 
 
 def assert_golden(name: str, text: str) -> None:
-    """Compares a text with its golden file; REWRITE_GOLDEN=1 in the environment writes the file instead."""
+    """Compare a text with its golden file; REWRITE_GOLDEN=1 in the environment writes the file instead."""
     golden = GOLDEN / f"oag_{name}.txt"
     if os.environ.get("REWRITE_GOLDEN") == "1":
         golden.write_text(text + "\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.model.primitives import ParameterKind
+from oag.model.symbols import ParameterKind
 from tests.oag.paper import EVOLVED, UNFILLED
 
 PAPER_IDS = {

@@ -11,7 +11,7 @@ import pytest
 import oag
 from benchmarks.noise import corrupted, variant
 from benchmarks.noise_tasks import carrying, closing, opening, ten_tasks
-from oag.normal_form.names import resolver
+from oag.normal_form import resolver
 from tests.oag.paper import NAMES, scene, task_json
 
 BASES = {base.name: base for base in ten_tasks()}

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.revision.evidence import lower_bound
+from oag.evidence import lower_bound
 from tests.oag.paper import scene, task_json, verify
 
 # Counts of the paper's table: estimate, bound of the chain, bound of the product.
@@ -26,7 +26,7 @@ pairs = st.integers(1, 200).flatmap(lambda n: st.tuples(st.integers(0, n), st.ju
 
 @st.composite
 def chains(draw: st.DrawFn) -> list[tuple[int, int]]:
-    """Counts of whole runs: every subtask is tried as often as the one before succeeded."""
+    """Count of whole runs: every subtask is tried as often as the one before succeeded."""
     trials = draw(st.integers(1, 60))
     counts = []
     for _ in range(draw(st.integers(1, 5))):

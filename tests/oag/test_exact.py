@@ -11,12 +11,11 @@ from typing import Any
 import pytest
 
 import oag
-from bddl.solver import SolverAnswer
-from oag.progression import exact as exact
-from oag.progression import progress
-from oag.progression.casetree import case_tree
-from oag.table.library import needed
-from oag.verify import verify
+from bddl.smt import SolverAnswer
+from oag import exact, progression
+from oag.primitives.table import needed
+from oag.progression import case_tree
+from oag.verify.verify import verify
 from tests.oag.paper import NAMES, scene, task_json
 from tests.source_tree import ROOT
 
@@ -161,7 +160,7 @@ def test_without_an_answer_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_cases_that_are_too_many_are_left_to_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "case_tree", partial(case_tree, largest=2))
+    monkeypatch.setattr(progression, "case_tree", partial(case_tree, largest=2))
     found = report("(or (and (open box_0) (ontop cup_1 box_0)) (not (open box_0)) (not (ontop cup_1 box_0)))", APART)
     assert found.verdict is oag.Verdict.PROVED
     assert found.certificate is None

@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 import oag
-from oag.model.categories import Kind
+from oag.model.symbols import Kind
 from tests.bruteforce import Kinds, Part, World, act, allowed
 
 _FIRST = {Kind.ITEM: "cup_0", Kind.ARTICULATED: "fridge_0", Kind.SUPPORT: "table_0"}

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import oag
-from oag.task.edits import MoveSubtask
+from oag.verify.edits import MoveSubtask
 from tests.oag.paper import task_json, verify
 
 

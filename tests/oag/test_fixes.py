@@ -9,7 +9,7 @@ import pytest
 
 import bddl
 import oag
-from oag.verify import verify as verify_alone
+from oag.verify.verify import verify as verify_alone
 from tests.oag.paper import INVALID, invalid, scene, task_json, verify
 
 

@@ -7,8 +7,8 @@ import json
 import pytest
 
 import oag
-from oag.certificate.contents import digest
-from oag.model.categories import has_inside
+from oag.certificate.recheck import digest
+from oag.model.symbols import has_inside
 from tests.oag.paper import scene, task_json, verify
 
 

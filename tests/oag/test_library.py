@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import bddl
-from oag.model.facts import Condition, Fact, Value, condition_of
-from oag.model.primitives import Primitive as P
-from oag.table.library import Context, Placement, effect, library_sha, needed, placement_of, requirements
+from oag.model.symbols import Condition, Fact, Value, condition_of
+from oag.model.symbols import Primitive as P
+from oag.primitives.table import Context, Placement, effect, library_sha, needed, placement_of, requirements
 
 GLASS = Context("glass_0", "fridge_0", Placement("inside", "fridge_0"), True, ("fridge_0",))
 ON_TABLE = Context("glass_0", "table_0", Placement("ontop", "table_0"), True, ("fridge_0",))

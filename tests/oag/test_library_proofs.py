@@ -10,10 +10,9 @@ from itertools import product
 
 import pytest
 
-from bddl.solver import Script, Solver, conjunction, disjunction, negation
-from oag.model.facts import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Value, gripping, holding
-from oag.model.primitives import Primitive
-from oag.table.library import Context, Placement, effect, requirements
+from bddl.smt import Script, Solver, conjunction, disjunction, negation
+from oag.model.symbols import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Primitive, Value, gripping, holding
+from oag.primitives.table import Context, Placement, effect, requirements
 
 OBJECTS = ("target", "support", "held", "other")
 RESTING: tuple[Fact, ...] = tuple((p, a, b) for p in ("ontop", "inside") for a, b in product(OBJECTS, repeat=2))
@@ -35,7 +34,7 @@ HANDS = (EMPTY, holding("target"), holding("held"), gripping("target"), gripping
 
 
 def footprint(primitive: Primitive, context: Context, hand: str) -> set[Fact]:
-    """Returns the world facts that a primitive may change, as the documentation has them."""
+    """Return the world facts that a primitive may change, as the documentation has them."""
     if primitive in (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE):
         return {("open", "target")}
     item = hand.partition(" ")[2] if hand.startswith("holding") else None
@@ -51,7 +50,7 @@ def footprint(primitive: Primitive, context: Context, hand: str) -> set[Fact]:
 
 
 def after(fact: Fact, written: dict[Fact, Value], before: str, script: Script) -> str:
-    """Returns the term of a fact's value after a step; the most specific of its patterns counts."""
+    """Return the term of a fact's value after a step; the most specific of its patterns counts."""
     name = fact[0]
     patterns = [fact, (name, fact[1], ANY), (name, ANY, fact[-1]), (name, ANY, ANY)] if len(fact) == 3 else [fact]
     for pattern in patterns:
@@ -65,14 +64,14 @@ def after(fact: Fact, written: dict[Fact, Value], before: str, script: Script) -
 
 
 def invariants(values: dict[Fact, str]) -> str:
-    """Returns that nothing is on or in itself, and no two things on or in each other."""
+    """Return that nothing is on or in itself, and no two things on or in each other."""
     return conjunction(
         negation(conjunction(dict.fromkeys((values[p, a, b], values[p, b, a])))) for p, a, b in RESTING if a <= b
     )
 
 
 def met(conditions: tuple[tuple[Condition, ...], ...], values: dict[Fact, str], robot: dict[Fact, str]) -> str:
-    """Returns that what a step needs is so, as far as it speaks of the world or the hand."""
+    """Return that what a step needs is so, as far as it speaks of the world or the hand."""
     clauses = []
     for clause in conditions:
         terms = []

@@ -10,9 +10,9 @@ import pytest
 
 import bddl
 import oag
-from bddl.semantics.members import spelled_out
-from oag.progression.exact import MOST_ASSUMED
-from oag.task.wellformed import MOST_INSTANCES
+from bddl.grounding import count_ground_parts
+from oag.exact import MOST_ASSUMED
+from oag.wellformed import MOST_INSTANCES
 from tests.forgeries import rehashed
 
 OPENING: dict[str, Any] = {
@@ -76,7 +76,7 @@ def test_a_mistake_beside_too_many_instances_refutes_the_plan() -> None:
 
 def test_a_category_without_objects_is_no_work() -> None:
     formula = bddl.parse_formula("(forall (?a - cup) (exists (?x - unicorn) (forall (?b - cup) (nextto ?a ?b))))")
-    assert spelled_out(formula, room(10).categories, 1000) == 11
+    assert count_ground_parts(formula, room(10).categories, 1000) == 11
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_category_without_objects_is_no_work() -> None:
     ],
 )
 def test_parts_are_counted_as_they_are_spelled_out(text: str, parts: int) -> None:
-    assert spelled_out(bddl.parse_formula(text), room(10).categories, 1000) == parts
+    assert count_ground_parts(bddl.parse_formula(text), room(10).categories, 1000) == parts
 
 
 def test_a_checker_does_not_wait_for_a_forged_certificate() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import oag
-from oag.task.sizes import longest_motion_m
+from oag.sizes import longest_motion_m
 from tests.oag.paper import scene, task_json, verify
 
 GLASS_STAYS = "(ontop glass_0 table_0)"

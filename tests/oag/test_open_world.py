@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import oag
-from oag.verify import verify
+from oag.verify.verify import verify
 from tests.oag.paper import scene, task_json
 
 

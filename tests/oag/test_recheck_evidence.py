@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.stats import beta
 
 import oag
-from oag.checker.evidence import MEANINGS
+from oag.certificate.check import MEANINGS
 from tests.forgeries import single_changes
 from tests.oag.paper import task_json, verify
 from tests.oag.test_evidence import PAPER, chains, pairs

@@ -12,8 +12,7 @@ import pytest
 
 import bddl
 import oag
-from oag.checker.form import form_check
-from oag.checker.formulas import read_formula
+from oag.certificate.check_plan import read_formula, schema_check
 from tests.forgeries import VALIDATOR, rehashed, single_changes
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene, task_json, verify
@@ -185,7 +184,7 @@ def test_the_form_is_that_of_the_schema(index: int) -> None:
     """Of one certificate of each verdict, whatever is changed; but that 1.0 is no whole number here."""
     assert [SMALL[number][3] for number in (0, 3, 5)] == ["CONDITIONAL", "REFUTED", "PROVED"]
     for changed in single_changes(small(index), (None, True, "", -1, [], {})):
-        assert (form_check()(changed) is None) is VALIDATOR.is_valid(changed)
+        assert (schema_check()(changed) is None) is VALIDATOR.is_valid(changed)
 
 
 @pytest.mark.parametrize("index", [0, 3, 5])

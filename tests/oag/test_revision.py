@@ -11,16 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.revision.grounds import Grounds, Unmet
-from oag.revision.measurements import (
+from oag.measurements import (
     AtomMeasured,
     GripMeasured,
     JointMotion,
+    MeasuredEvidence,
     MoveMeasured,
     OutOfReach,
     StageCount,
     SupportDrive,
     UnmeantContact,
+    Unmet,
     Unplanned,
 )
 from tests.json_edits import altered
@@ -45,7 +46,7 @@ def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 
         state_contrast="the door was open before and is ajar after",
         anomaly="the arm met the door",
         text="The base stopped 0.2 m short, since the arm met the door.",
-        evidence=Grounds(
+        evidence=MeasuredEvidence(
             (OutOfReach(0.2, 0.2, 0.4, ("panda_joint4",)), UnmeantContact("panda_link5", "door", "door", 9.0))
         ),
     )
@@ -298,7 +299,7 @@ critiques = st.builds(
     texts,
     st.one_of(st.none(), texts),
     texts,
-    st.builds(Grounds, st.one_of(st.none(), measurements), texts, unmet=unmet, model_did_not_judge=texts),
+    st.builds(MeasuredEvidence, st.one_of(st.none(), measurements), texts, unmet=unmet, model_did_not_judge=texts),
     st.sampled_from(["measurements", "model", "both"]),
 )
 attempts = st.builds(

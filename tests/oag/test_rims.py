@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import oag
-from oag.model.categories import has_rim
+from oag.model.symbols import has_rim
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tests.oag.paper import NAMES, scene, task_json
 
 
 def pairs_alone(*pairs: tuple[str, str]) -> oag.Task:
-    """Returns the task that says of its subtasks where they start and where they end, and no more."""
+    """Return the task that says of its subtasks where they start and where they end, and no more."""
     return oag.Task.from_json({"sub_tasks": [{"init": init, "goal": goal} for init, goal in pairs]})
 
 

@@ -9,16 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.task.sizes import (
+from oag.sizes import (
     LEAST_SCALE,
     PAPER_GRIPPER,
     Gripper,
     Resizing,
     Sizing,
-    fitting,
-    resized,
-    resizings,
+    graspable_items,
+    planned_resizings,
     scale_factor,
+    scaled_objects,
 )
 from tests.oag.paper import scene, task_json
 
@@ -26,7 +26,7 @@ SIDES_M = st.floats(0.01, 0.5)
 
 
 def thing(category: str, x_m: float, y_m: float, scale: float = 1.0) -> oag.SceneObject:
-    """Returns an object of that footprint."""
+    """Return an object of that footprint."""
     return oag.SceneObject(
         "thing_0", category, category, (0, 0, 0), (1, 0, 0, 0), (x_m, y_m, 0.1), (scale, scale, scale)
     )
@@ -90,7 +90,7 @@ def test_what_is_too_wide_to_be_scaled_keeps_its_size_where_it_has_a_rim() -> No
         f"{name}_0": thing(name, side_m, side_m) for name, side_m in (("plate", 0.2), ("bowl", 0.15), ("table", 0.9))
     }
     things = {key: replace(one, id=key) for key, one in things.items()}
-    assert fitting(oag.Scene("", oag.RobotPose(), things), Sizing()) == ("bowl_0",)
+    assert graspable_items(oag.Scene("", oag.RobotPose(), things), Sizing()) == ("bowl_0",)
 
 
 @given(SIDES_M, SIDES_M)
@@ -100,7 +100,7 @@ def test_fixtures_are_never_scaled(x_m: float, y_m: float) -> None:
 
 
 def put_glass(width_m: float, scales: dict[str, float]) -> oag.Report:
-    """Returns what is decided of T1 with a glass of that width."""
+    """Return what is decided of T1 with a glass of that width."""
     kitchen = scene("T1").to_json()
     objects = kitchen["objects"]
     assert isinstance(objects, dict)
@@ -153,8 +153,8 @@ def test_a_factor_for_each_axis_is_said_as_such() -> None:
 
 
 def test_a_resizing_has_both_sizes() -> None:
-    (found,) = resizings({"nothing_0": 0.5, "glass_0": 0.5}, scene("T1"))
-    assert resized(scene("T1").with_scales({"glass_0": 0.5})) == (found,)
+    (found,) = planned_resizings({"nothing_0": 0.5, "glass_0": 0.5}, scene("T1"))
+    assert scaled_objects(scene("T1").with_scales({"glass_0": 0.5})) == (found,)
     assert found == Resizing("glass_0", (0.5, 0.5, 0.5), (0.07, 0.07, 0.12), (0.035, 0.035, 0.06))
 
 

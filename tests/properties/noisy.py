@@ -22,7 +22,7 @@ def noisy_cases(draw: st.DrawFn, most_unknown: int = 4, rounds: int = 1) -> Case
 
 
 def _reword(draw: st.DrawFn, parts: list[Part]) -> None:
-    """Makes one mistake in a plan."""
+    """Make one mistake in a plan."""
     at = draw(st.integers(0, len(parts) - 1))
     part = parts[at]
     change = draw(st.sampled_from(("again", "again", "later", "cut", "cut", "join", "drive")))

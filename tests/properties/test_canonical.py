@@ -13,9 +13,9 @@ import bddl
 import oag
 from benchmarks.noise import corrupted, variant
 from benchmarks.noise_tasks import BaseTask, ten_tasks
-from oag.model.facts import GRIPPER
-from oag.normal_form.names import resolver, with_scene_names
-from oag.task.wellformed import check
+from oag.model.symbols import GRIPPER
+from oag.normal_form import resolver, with_scene_names
+from oag.wellformed import check
 from tests.bruteforce import Literal, Part, World, act, allowed
 from tests.properties.noisy import noisy_cases
 from tests.properties.plans import KINDS, Case, cases

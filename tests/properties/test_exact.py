@@ -10,9 +10,9 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.explain.explain import Explainer
-from oag.model.facts import EEF, HAND, NEAR, Fact, Value
-from oag.verify import verify
+from oag.model.symbols import EEF, HAND, NEAR, Fact, Value
+from oag.verify.diagnose import Explainer
+from oag.verify.verify import verify
 from tests.bruteforce import World, consistent, decided, needs
 from tests.properties.formulas import BESIDE, FACTS, KINDS, FormulaCase, formula_cases
 

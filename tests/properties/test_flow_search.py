@@ -9,19 +9,9 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.flows.search import TEMPLATES
+from oag.flows import TEMPLATES
 from tests.bruteforce import Part, World, reachable, run
-from tests.properties.plans import (
-    FACTS,
-    FIXTURES,
-    ITEMS,
-    KINDS,
-    RESTING_FACTS,
-    SURFACES,
-    Case,
-    legal,
-    parts,
-)
+from tests.properties.plans import FACTS, FIXTURES, ITEMS, KINDS, RESTING_FACTS, SURFACES, Case, legal, parts
 
 FEW = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.too_slow])

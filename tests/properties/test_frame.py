@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 import bddl
 import oag
-from oag.model.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
-from oag.model.primitives import Primitive
-from oag.report import crossing
-from oag.table.library import Context, Effect, Placement, Rows, effect, requirements
-from oag.table.state import State, step
+from oag.model.symbols import EEF, HAND, NEAR, Condition, Fact, Primitive, Value, gripping, held_by, holding
+from oag.primitives.state import State, step
+from oag.primitives.table import Context, Effect, Placement, Rows, effect, requirements
+from oag.verify.report import crossing
 from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split
 from tests.properties.plans import (
     FACTS,

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.model.facts import held_by
+from oag.model.symbols import held_by
 from tests.properties.plans import ITEMS, RESTING_FACTS, Case, carrying, cases
 
 FEW = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])

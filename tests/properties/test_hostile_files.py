@@ -37,7 +37,7 @@ def _time_limit() -> Iterator[None]:
 
 
 def _crashes(act: Callable[[Mutant, Path], object], count: int, first: int, folder: Path) -> list[str]:
-    """Returns what went wrong with each mutant of which something did."""
+    """Return what went wrong with each mutant of which something did."""
     found = []
     for each in mutants(count, first):
         try:

@@ -31,7 +31,7 @@ def test_a_change_calls_for_another_set_up(checkout: Path, name: str) -> None:
 
 
 def attempts(monkeypatch: pytest.MonkeyPatch, success_with: str) -> list[str]:
-    """Lets only commands that contain a word succeed; returns the list that they are noted in."""
+    """Let only commands that contain a word succeed; returns the list that they are noted in."""
     made: list[str] = []
 
     def succeeds(command: list[str]) -> bool:

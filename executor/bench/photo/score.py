@@ -1,31 +1,72 @@
-"""One thing of a known room beside what a reconstruction made of it, and the numbers of the usual tables.
+"""Scores of reconstructions: match things with the true room, compare them, and summarise the columns.
 
 Source: the columns of Digital Cousins' table of reconstructions (category, model, L2, orientation, box IoU, IoU with
 centres put together); ADD-SB as in recent work on object poses: the mean distance between two surfaces, both ways, and
-right where it is below 5 % of the true diameter.
+right where it is below 5 % of the true diameter. The report card has every column over all visible things, over
+furniture and over items.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from statistics import fmean, median, pstdev
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from executor.assets.asset_geometry import shape_mesh
 from executor.assets.footprint import Footprint, open_fraction, yaw_of
 from executor.assets.library import LIBRARY, asset_for
-from executor.assets.surface import surface_of
-from executor.bench.photo.foreign import ROUND
+from executor.bench.photo.rooms import ROUND
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array, rotation_z, transform_from_quaternion
-from executor.machine.extras import require
-from executor.pictures.solids import joints_at_start, link_frames
+from executor.photo.inputs.annotations import Detection
+from executor.photo.output import visible_owners
+from executor.photo.pipeline import PhotoResult
+from executor.sim.render.solids import joints_at_start, link_frames
+from executor.system.extras import require
 from oag import Kind, SceneObject
-from oag.model.scenefile import about_z
-from oag.table.library import OPEN_FRACTION
+from oag.model.scene_rules import about_z
+from oag.primitives.table import OPEN_FRACTION
+
+_LEAST_COMMON = 0.5
+"""IoU of two masks: as usual for detectors (COCO's AP50)."""
+
+
+def match_things(
+    masks: Mapping[str, NDArray[np.bool_]], boxes: Mapping[str, Detection], result: PhotoResult
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return true id -> id in the reconstruction, and the reconstructed ids without a true object.
+
+    An object fitted to a box is matched to the box's true object. An unboxed one is matched to the object that it
+    covers in the picture, if the two have half of their pixels in common.
+
+    Args:
+        masks: id -> (H, W) pixels of every visible object.
+        boxes: id -> its given detection.
+        result: The reconstruction.
+    """
+    made_of = {id(thing.detection): thing.id for thing in result.found.things}
+    found = {name: made_of[id(box)] for name, box in boxes.items() if id(box) in made_of}
+    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
+    shown = visible_owners(result.observation, guesses)
+    others = [name for name in masks if name not in found]
+    free = [(number, key) for number, key in enumerate(guesses) if key not in found.values()]
+    common = np.zeros((len(others), len(free)))
+    for row, name in enumerate(others):
+        for column, (number, _) in enumerate(free):
+            own = shown == number
+            common[row, column] = (masks[name] & own).sum() / max(1, (masks[name] | own).sum())
+    for row, column in zip(*linear_sum_assignment(-common), strict=True):
+        if common[row, column] >= _LEAST_COMMON:
+            found[others[row]] = free[column][1]
+    return found, tuple(key for _, key in free if key not in found.values())
+
 
 FLIP_RAD = 0.5
 _SAMPLES = 1000
@@ -46,21 +87,21 @@ _ROUND = ("table_round", *ROUND)
 
 
 @dataclass(frozen=True)
-class Compared:
-    """One visible thing of a room.
+class ThingScore:
+    """Scores of one visible object of a room.
 
     Attributes:
-        thing, category, model: What it is.
-        item: Whether it is something to take hold of.
-        pixels: How many of it are seen.
-        found: Whether the reconstruction has it. What follows is None, False or 0 where it has not.
-        category_right, model_right: Whether it is taken for what it is.
+        thing, category, model: Its identity.
+        item: Whether it can be grasped.
+        pixels: Number of its visible pixels.
+        found: Whether the reconstruction has it; if not, the following fields are None, False or 0.
+        category_right, model_right: Whether category and model are correct.
         l2_m: Distance of the boxes' middles.
-        turned_rad: Difference of headings, None for what is round.
+        turned_rad: Difference of headings, None for round objects.
         iou, centred_iou: Of the boxes; the second after their middles were put together.
         add_right: Whether the surfaces are nearer than 5 % of its diameter.
-        hinge_right, drawers_right, open_right: None where it has no such thing.
-        confidence: What the reconstruction says of its model.
+        hinge_right, drawers_right, open_right: None if it has no such part.
+        confidence: The reconstruction's confidence in its model.
         visible_l2_m, visible_iou: Of the box of its visible points, given its true heading.
     """
 
@@ -86,32 +127,32 @@ class Compared:
     visible_iou: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Returns it as plain data."""
+        """Return it as plain data."""
         return asdict(self)
 
 
 def in_level_frame(shot: Shot, name: str) -> SceneObject:
-    """Returns a true object in the frame of a reconstruction: under the camera, x where it looks."""
+    """Return a true object in the frame of a reconstruction: under the camera, x where it looks."""
     obj, T = shot.scene.objects[name], shot.T_level_world
     x, y, z = (float(value) for value in (T @ [*obj.position, 1.0])[:3])
     yaw = yaw_of(obj) + math.atan2(T[1, 0], T[0, 0])
     return replace(obj, position=(x, y, z), orientation=about_z(yaw), bbox_extent=obj.extent_m, scale=(1.0, 1.0, 1.0))
 
 
-def compared(
+def compare_thing(
     true: SceneObject, category: str, pixels: int, made: SceneObject | None, confidence: float | None, points_m: Array
-) -> Compared:
-    """Returns a thing beside what was made of it.
+) -> ThingScore:
+    """Compare an object with its reconstruction.
 
     Args:
         true: In the level frame.
-        category: The library's name of what it is.
-        pixels: How many of it are seen.
-        made: What the reconstruction has for it, or None.
-        confidence: What the reconstruction says.
+        category: The library's category.
+        pixels: Number of its visible pixels.
+        made: Its reconstruction, or None.
+        confidence: The reconstruction's confidence.
         points_m: (N, 3) its visible points, for the box that is drawn around them.
     """
-    start = Compared(true.id, category, true.model, true.kind is Kind.ITEM, pixels)
+    start = ThingScore(true.id, category, true.model, true.kind is Kind.ITEM, pixels)
     if len(points_m):
         box = visible_box(points_m, true)
         start = replace(start, visible_l2_m=_apart_m(true, box), visible_iou=iou(true, box))
@@ -139,13 +180,13 @@ def compared(
 
 
 def turned_rad(true: SceneObject, made: SceneObject) -> float:
-    """Returns the difference of two headings, up to what makes no difference to the true model."""
+    """Return the difference of two headings, modulo the symmetry of the true model."""
     period = math.pi / 2 if true.model in _QUARTER else math.pi if true.model in _HALF else 2 * math.pi
     return abs(math.remainder(yaw_of(made) - yaw_of(true), period))
 
 
 def iou(first: SceneObject, second: SceneObject) -> float:
-    """Returns how much two upright boxes have in common, as a share of what they take up together."""
+    """Return the intersection over union of two upright boxes."""
     polygon = require("shapely.geometry", "photo").Polygon
     a, b = Footprint.of(first), Footprint.of(second)
     height = max(0.0, min(a.high_m, b.high_m) - max(a.low_m, b.low_m))
@@ -155,7 +196,7 @@ def iou(first: SceneObject, second: SceneObject) -> float:
 
 
 def visible_box(points_m: Array, true: SceneObject) -> SceneObject:
-    """Returns the box around visible points in the true heading: how Digital Cousins sizes things."""
+    """Return the box around visible points in the true heading: how Digital Cousins sizes objects."""
     R = rotation_z(yaw_of(true))
     low, high = np.percentile(points_m @ R, 0.5, axis=0), np.percentile(points_m @ R, 99.5, axis=0)
     x, y, z = (float(value) for value in R @ ((low + high) / 2))
@@ -164,7 +205,7 @@ def visible_box(points_m: Array, true: SceneObject) -> SceneObject:
 
 
 def support_counts(true: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]) -> tuple[int, int, int]:
-    """Returns how many pairs (thing, support) are in both, in the truth, and in the reconstruction."""
+    """Return how many pairs (thing, support) are in both, in the truth, and in the reconstruction."""
     return len(set(true) & set(made)), len(set(true)), len(set(made))
 
 
@@ -191,11 +232,11 @@ def _add_right(true: SceneObject, made: SceneObject) -> bool:
 
 
 def _surface(obj: SceneObject) -> Array:
-    """(N, 3) points on what is seen of an object."""
+    """Return (N, 3) points on the visible surface of an object."""
     asset, trimesh = asset_for(obj), require("trimesh", "sim")
     frames = link_frames(asset, joints_at_start(obj))
     meshes = [
-        surface_of(shape).apply_transform(frames[link.name])
+        shape_mesh(shape).apply_transform(frames[link.name])
         for link in asset.links
         for shape in link.shapes
         if shape.visible
@@ -203,3 +244,89 @@ def _surface(obj: SceneObject) -> Array:
     points, _ = require("trimesh.sample", "sim").sample_surface(trimesh.util.concatenate(meshes), _SAMPLES, seed=0)
     T = transform_from_quaternion(obj.position, obj.orientation)
     return np.asarray(points) @ T[:3, :3].T + T[:3, 3]
+
+
+RoomRecord = Mapping[str, Any]
+ThingRecord = Mapping[str, Any]
+
+PRINTED = (
+    "Digital Cousins as printed, RGB only, its own simulator: 39 things, L2 9.5 cm, 0.08 rad, IoU 0.65, centred 0.74"
+)
+
+
+def card_rows(rooms: Sequence[RoomRecord]) -> list[tuple[str, str]]:
+    """Return the lines of the table over some rooms, as names and texts."""
+    rows = [("rooms", str(len(rooms)))]
+    without = sum("not_photographed" in room for room in rooms)
+    rooms = [room for room in rooms if "not_photographed" not in room]
+    rows += [("not photographed: no such room, or no place for a camera in it", str(without))] if without else []
+    things = [thing for room in rooms for thing in room["things"]]
+    rows += _settled(rooms)
+    for name, members in (
+        ("all", things),
+        ("furniture", [thing for thing in things if not thing["item"]]),
+        ("items", [thing for thing in things if thing["item"]]),
+    ):
+        rows += [(f"{name}: {column}", value) for column, value in _columns(members)]
+    rows.append(("supports: F1", _f1(rooms)))
+    rows.append(("things made of nothing that is there", str(sum(len(room.get("invented", ())) for room in rooms))))
+    return rows
+
+
+def _settled(rooms: Sequence[RoomRecord]) -> list[tuple[str, str]]:
+    done = [room for room in rooms if "took_s" in room]
+    rows = [
+        ("no floor or nothing recognised", str(len(rooms) - len(done))),
+        ("settled in physics", _share(done, lambda room: bool(room["settled"]))),
+    ]
+    if done:
+        took, cpu = [room["took_s"] for room in done], [room["cpu_s"] for room in done]
+        rows.append(("seconds a room", f"{fmean(took):.0f}, of the processor {fmean(cpu):.0f}, at most {max(cpu):.0f}"))
+    return rows
+
+
+def _columns(things: Sequence[ThingRecord]) -> list[tuple[str, str]]:
+    found = [thing for thing in things if thing["found"]]
+    turned = [thing["turned_rad"] for thing in found if thing["turned_rad"] is not None]
+    boxed = [thing for thing in things if thing["visible_iou"] is not None]
+    return [
+        ("visible things", str(len(things))),
+        ("recall", _share(things, lambda thing: bool(thing["found"]))),
+        ("category", _share(things, lambda thing: bool(thing["category_right"]))),
+        ("category of those found", _share(found, lambda thing: bool(thing["category_right"]))),
+        ("model", _share(things, lambda thing: bool(thing["model_right"]))),
+        ("L2 [cm]", _spread([100.0 * thing["l2_m"] for thing in found], 1)),
+        ("orientation [rad]", _spread(turned, 3)),
+        ("turned by more than 0.5 rad", _share(turned, lambda value: value > FLIP_RAD)),
+        ("box IoU, missed count 0", _spread([thing["iou"] for thing in things], 2)),
+        ("box IoU of those found", _spread([thing["iou"] for thing in found], 2)),
+        ("centred IoU of those found", _spread([thing["centred_iou"] for thing in found], 2)),
+        ("ADD-SB at 5 %", _share(things, lambda thing: bool(thing["add_right"]))),
+        ("hinge side", _agreed(things, "hinge_right")),
+        ("number of drawers", _agreed(things, "drawers_right")),
+        ("open or shut", _agreed(things, "open_right")),
+        ("box of the true mask's points: L2 [cm]", _spread([100.0 * thing["visible_l2_m"] for thing in boxed], 1)),
+        ("box of the true mask's points: IoU", _spread([thing["visible_iou"] for thing in boxed], 2)),
+    ]
+
+
+def _agreed(things: Sequence[ThingRecord], key: str) -> str:
+    """Return the share over objects to which the column applies; an object with another model counts as wrong."""
+    return _share([thing for thing in things if thing[key] is not None], lambda thing: bool(thing[key]))
+
+
+def _share(members: Iterable[Any], holds: Callable[[Any], bool]) -> str:
+    every = list(members)
+    good = sum(holds(one) for one in every)
+    return f"{100 * good / len(every):.1f} % ({good} of {len(every)})" if every else "none"
+
+
+def _spread(values: Sequence[float], digits: int) -> str:
+    if not values:
+        return "none"
+    return f"{fmean(values):.{digits}f} ± {pstdev(values):.{digits}f}, median {median(values):.{digits}f}"
+
+
+def _f1(rooms: Sequence[RoomRecord]) -> str:
+    both, true, made = (sum(room["supports"][part] for room in rooms if "supports" in room) for part in range(3))
+    return f"{2 * both / (true + made):.3f} ({both} right of {true} true and {made} made)" if true + made else "none"

@@ -1,4 +1,8 @@
-"""What each track of the benchmark gives a reconstruction, and what of that is taken from the simulator."""
+"""Tracks of the photo benchmark: sensor noise, mocked detectors, and what each track takes from the simulator.
+
+Depth is noisy; boxes are inexact, missing or misnamed. The boxes stand for a detector that was not run: they are the
+simulator's own, degraded. Tables say so.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +14,113 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, gaussian_filter
 
-from executor.bench.photo.sensor import MockedDetector, exact_boxes, mocked_boxes, mono_like, noisy
+from executor.assets.library import LIBRARY
 from executor.bench.photo.truth import Shot
-from executor.photo.inputs.annotations import Detector, Sighting
-from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.depth import BEND_SHARE, Depth
-from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.pipeline import Given
-from executor.photo.space.floor import observe
-from executor.photo.space.level import find_upright, flat_observation, levelled_by_height
-from executor.photo.space.rescale import observe_by_height
+from executor.geometry import Array
+from executor.photo.geometry.level import find_upright, flat_observation, level_by_height, observe_by_height
+from executor.photo.geometry.observation import observe
+from executor.photo.geometry.residuals import box_of
+from executor.photo.inputs.annotations import Detection, Detector
+from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
+from executor.photo.pipeline import PhotoInput
 
-Track = Literal["A", "B", "C", "D", "E", "F", "G"]
-TITLES: Mapping[Track, str] = MappingProxyType(
+_NEAR_M, _BASE_M, _GROWTH = 0.4, 0.0012, 0.0019
+"""Standard deviation 1.2 mm + 1.9 mm (z - 0.4)^2, as measured for the first Kinect (Nguyen et al. 2012)."""
+
+_HOLES = 0.02
+_JUMP_M, _AT_JUMPS = 0.08, 0.5  # Share of the pixels at depth jumps that are lost.
+_STEP_M = 0.001
+_LEAST_PX = 3
+MOCKED = "mocked detector (the simulator's boxes, spoilt)"
+ORACLE = "oracle (the simulator's masks and names)"
+_SCALE, _SHIFT_M, _BEND, _BEND_PX, _BLUR_PX = 0.05, 0.05, 0.02, 60.0, 1.5
+"""Assumed errors of a network's depth: standard deviations of scale, shift and slow distortion, the width of the
+distortion in pixels, and the blur of edges."""
+
+
+@dataclass(frozen=True)
+class MockedDetector:
+    """How good the mocked detector is.
+
+    Attributes:
+        jitter: Standard deviation of each edge of a box, in shares of the box's side.
+        missed, misnamed: Shares of the things.
+    """
+
+    jitter: float = 0.03
+    missed: float = 0.05
+    misnamed: float = 0.05
+
+
+def noisy(depth_m: Array, rng: np.random.Generator) -> Array:
+    """Return a depth picture (H, W) in metres as a structured-light camera would measure it; 0 is a hole."""
+    valid = depth_m > 0.0
+    sigma = _BASE_M + _GROWTH * (depth_m - _NEAR_M) ** 2
+    spoilt = depth_m + rng.normal(size=depth_m.shape) * sigma
+    across = np.abs(np.diff(depth_m, axis=1, prepend=depth_m[:, :1])) > _JUMP_M
+    down = np.abs(np.diff(depth_m, axis=0, prepend=depth_m[:1])) > _JUMP_M
+    near_jumps = binary_dilation(across | down, iterations=1)
+    valid &= ~(near_jumps & (rng.random(depth_m.shape) < _AT_JUMPS))
+    valid &= rng.random(depth_m.shape) > _HOLES
+    return np.where(valid, np.round(spoilt / _STEP_M) * _STEP_M, 0.0)
+
+
+def mono_like(depth_m: Array, rng: np.random.Generator) -> Array:
+    """Return a depth image (H, W) [m] with the errors of a network's guess from one picture.
+
+    A stand-in: no network was run. Wrong by a factor and a shift, slowly distorted over the picture, soft at edges.
+    """
+    valid = depth_m > 0.0
+    soft = gaussian_filter(np.where(valid, depth_m, np.median(depth_m[valid])), _BLUR_PX)
+    bend = gaussian_filter(rng.normal(size=depth_m.shape), _BEND_PX)
+    guessed = soft * (1.0 + rng.normal() * _SCALE) * (1.0 + _BEND * bend / bend.std()) + rng.normal() * _SHIFT_M
+    return np.where(valid & (guessed > 0.0), guessed, 0.0)
+
+
+def exact_boxes(masks: Mapping[str, NDArray[np.bool_]], categories: Mapping[str, str]) -> dict[str, Detection]:
+    """Return object id -> its mask, the box around it, and its category, from the simulator."""
+    return {
+        name: Detection(categories[name], categories[name], box_of(mask), 1.0, ORACLE, mask, provenance="detector")
+        for name, mask in masks.items()
+    }
+
+
+def mocked_boxes(
+    masks: Mapping[str, NDArray[np.bool_]],
+    categories: Mapping[str, str],
+    detector: MockedDetector,
+    rng: np.random.Generator,
+) -> dict[str, Detection]:
+    """Return object id -> its detection by a detector of this quality; missed objects are absent.
+
+    Args:
+        masks: id -> (H, W) its visible pixels.
+        categories: id -> label; empty without one.
+        detector: The quality.
+        rng: Random numbers.
+    """
+    every = sorted({entry.category for entry in LIBRARY.values()})
+    found = {}
+    for name, mask in masks.items():
+        height, width = mask.shape
+        box = np.array(box_of(mask))
+        sides = np.tile(box[2:] - box[:2], 2)
+        box += rng.normal(size=4) * detector.jitter * sides
+        chance, other = rng.random(), str(rng.choice([one for one in every if one != categories[name]]))
+        if chance < detector.missed:
+            continue
+        category = other if chance < detector.missed + detector.misnamed else categories[name]
+        x0, y0 = np.clip(box[:2], 0.0, [width - _LEAST_PX, height - _LEAST_PX])
+        x1, y1 = np.clip(np.maximum(box[2:], [x0 + _LEAST_PX, y0 + _LEAST_PX]), 0.0, [width, height])
+        found[name] = Detection(category, category or None, (x0, y0, x1, y1), 1.0, MOCKED, provenance="detector")
+    return found
+
+
+TrackName = Literal["A", "B", "C", "D", "E", "F", "G"]
+TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
         "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
         "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
@@ -37,7 +134,7 @@ TITLES: Mapping[Track, str] = MappingProxyType(
         "depth, and the simulator's own boxes, spoilt, without names; only the foreign things count",
     }
 )
-"""Track -> what its table is called."""
+"""Track -> title of its table."""
 
 _CLEAN = "taken from the simulator as it is"
 _NOISY = "drawn from the simulator, with the noise of a depth camera"
@@ -46,19 +143,19 @@ _MONO = "drawn from the simulator, bent, blurred and of wrong scale like a netwo
 
 @dataclass(frozen=True)
 class TrackInput:
-    """What a reconstruction is given of a shot.
+    """Input of a reconstruction for a shot.
 
     Attributes:
-        given: All that it sees.
-        boxes: id -> the box in it that is of this thing.
+        given: The input.
+        boxes: id -> its detection in the input.
     """
 
-    given: Given
-    boxes: Mapping[str, Sighting]
+    given: PhotoInput
+    boxes: Mapping[str, Detection]
 
 
 def input_of(
-    track: Track,
+    track: TrackName,
     name: str,
     shot: Shot,
     categories: Mapping[str, str],
@@ -66,16 +163,16 @@ def input_of(
     rng: np.random.Generator,
     detect: Detector | None = None,
 ) -> TrackInput:
-    """Returns what a track gives of a shot.
+    """Return the input of a track for a shot.
 
     Args:
-        track: Which one.
-        name: Of the scene that is made.
+        track: The track.
+        name: Name of the scene that is made.
         shot: The known room and its picture.
-        categories: id -> what it is, of every thing that is seen.
+        categories: id -> category of every visible object.
         detector: The quality of the mocked detector.
-        rng: What chance is drawn from.
-        detect: Of track F, the detector.
+        rng: Random numbers.
+        detect: The detector of track F.
 
     Raises:
         PhotoRefused: The track has to level the picture by its lines or its floor, and cannot.
@@ -88,35 +185,35 @@ def input_of(
     height_m = float(shot.T_world_camera[2, 3])
     if track == "A":
         depth = Depth(shot.depth_m, _CLEAN)
-        seen, floor = observe(picture, depth, camera)
+        observation, floor = observe(picture, depth, camera)
     elif track == "E":
-        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, bend_share=BEND_SHARE)
-        depth, seen, floor = observe_by_height(picture, guessed, camera, height_m)
+        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, depth_distortion=DEFAULT_DEPTH_DISTORTION)
+        depth, observation, floor = observe_by_height(picture, guessed, camera, height_m)
     elif track != "D":
         depth = Depth(noisy(shot.depth_m, rng), _NOISY)
-        seen, floor = observe(picture, depth, camera)
+        observation, floor = observe(picture, depth, camera)
     else:
-        depth, floor = None, levelled_by_height(find_upright(picture, camera), height_m)
-        seen = flat_observation(picture, camera, floor)
+        depth, floor = None, level_by_height(find_upright(picture, camera), height_m)
+        observation = flat_observation(picture, camera, floor)
     detections = tuple(boxes.values()) if detect is None else detect(picture).things
-    # What the mocked detector misses is there to be found; a track is of all that a picture shows.
-    return TrackInput(Given(name, picture, depth, camera, detections, seen, floor, find_more=True), boxes)
+    # Objects that the mocked detector misses are searched for: a track covers everything in the picture.
+    return TrackInput(PhotoInput(name, picture, depth, camera, detections, observation, floor, find_more=True), boxes)
 
 
 def _boxes(
-    track: Track,
+    track: TrackName,
     masks: Mapping[str, NDArray[np.bool_]],
     categories: Mapping[str, str],
     words: Mapping[str, str],
     detector: MockedDetector,
     rng: np.random.Generator,
-) -> dict[str, Sighting]:
+) -> dict[str, Detection]:
     if track in ("C", "F"):
         return {}
     if track == "G":
         return mocked_boxes(masks, dict.fromkeys(masks, ""), replace(detector, misnamed=0.0), rng)
     boxes = exact_boxes(masks, categories) if track == "A" else mocked_boxes(masks, categories, detector, rng)
-    # Whoever names a thing rightly calls it what it is called in its room, such as a dresser.
+    # A correct label is the object's own name in its room, such as a dresser.
     return {
         name: replace(box, label=words[name]) if box.category == categories[name] else box
         for name, box in boxes.items()

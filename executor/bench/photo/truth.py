@@ -1,7 +1,7 @@
-"""What is taken from the simulator: a room as a camera sees it, with what is where in the picture.
+"""Ground truth from the simulator: a room as a camera sees it, and the object of every pixel.
 
-The only module around reconstructions that knows the simulator's ids. A reconstruction is given a spoilt picture and
-boxes that `executor.bench.photo.sensor` makes of this; the rest is for comparing.
+The only module around reconstructions that knows the simulator's ids. A reconstruction gets a noisy picture and boxes
+that `executor.bench.photo.tracks` makes of this; the rest is for comparison.
 """
 
 from __future__ import annotations
@@ -17,49 +17,48 @@ from numpy.typing import NDArray
 
 from executor.assets.footprint import Footprint
 from executor.geometry import Array, inverse
-from executor.machine.extras import load_sapien
-from executor.pictures.cameras import Camera, look_at
-from executor.pictures.overview import WALL, stands_free
-from executor.pictures.solids import Solids
-from executor.pictures.stage import Draughtsman, Stage
-from executor.world.engine import GROUND, ROBOT
-from executor.world.world import World
+from executor.sim.engine import GROUND, ROBOT
+from executor.sim.render.cameras import WALL, Camera, is_lens_clear, look_at
+from executor.sim.render.solids import Solids
+from executor.sim.render.stage import SceneRenderer, Stage
+from executor.sim.world import World
+from executor.system.extras import load_sapien
 from oag import Scene, SceneObject
 
 SIZE_PX = (640, 480)
 LEAST_PX = 150
 """Fewer pixels of a thing are not counted."""
 
-_HEIGHT_M = (1.2, 1.7)  # Of somebody's eyes, or of hands that hold a camera.
+_HEIGHT_M = (1.2, 1.7)  # Height of eyes, or of hands that hold a camera.
 _FOV_RAD = (math.radians(45.0), math.radians(70.0))
 _LOOK_AT_M = (0.45, 0.80)  # Height of what the middle of the picture shows.
-_ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts look in.
-_STEEPEST_RAD = math.radians(60.0)  # Nobody stands so near to what he asks for that he looks down at it by more.
+_ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts face.
+_STEEPEST_RAD = math.radians(60.0)  # Largest angle at which a user looks down at the objects of a task.
 _TRIES = 60
 _FILLED = 0.9  # Of half the picture's width.
 _FARTHEST_M, _STEP_BACK_M = 6.0, 0.2
 MOST_PICTURES = 16
-"""That are looked at for one that shows what a task names."""
+"""Candidates for a picture that shows the objects of a task."""
 
 TASK_SIZE_PX = (1280, 960)
 """Of these pictures: an apple that is 4 m away is 200 pixels of it, and 50 of one of 640 x 480."""
 
-_FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some nobody can tell what is level.
+_FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some the picture cannot be levelled.
 
 
 class NoPlace(ValueError):
-    """There is no place in a room from which it can be photographed."""
+    """A room has no place from which it can be photographed."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One drawn photograph of a known room; everything in it is taken from the simulator.
+    """One rendered photograph of a known room; everything in it is from the simulator.
 
     Attributes:
         scene: The room.
         rgb: (H, W, 3) uint8.
         depth_m: (H, W) along the camera's axis, 0 where nothing is.
-        owners: (H, W) index into `names`, -1 where there is no object: floor, walls, nothing.
+        owners: (H, W) index into `names`, -1 without an object: floor, walls, nothing.
         names: Ids of the scene's objects.
         K: (3, 3) in pixels, centres of pixels at half numbers.
         T_world_camera: (4, 4), x right, y down, z ahead.
@@ -74,7 +73,7 @@ class Shot:
     T_world_camera: Array
 
     def visible(self, least_px: int = LEAST_PX) -> dict[str, NDArray[np.bool_]]:
-        """Returns the mask of every object of which so many pixels are seen, by default enough of them to count."""
+        """Return the mask of every object with enough visible pixels; the default is enough to count."""
         masks = {name: self.owners == index for index, name in enumerate(self.names)}
         return {name: mask for name, mask in masks.items() if int(mask.sum()) >= least_px}
 
@@ -90,9 +89,9 @@ class Shot:
 
 
 @contextmanager
-def photographer() -> Iterator[Draughtsman]:
-    """Gives what keeps the renderer warm while photographs are drawn."""
-    one = Draughtsman()
+def photographer() -> Iterator[SceneRenderer]:
+    """Give the renderer that stays warm while photographs are rendered."""
+    one = SceneRenderer()
     try:
         yield one
     finally:
@@ -100,7 +99,7 @@ def photographer() -> Iterator[Draughtsman]:
 
 
 def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> Shot:
-    """Returns one photograph of a room without the robot, from a place drawn from a seed.
+    """Return one photograph of a room without the robot, from a place drawn from a seed.
 
     Raises:
         NoPlace: None was found for a camera.
@@ -109,15 +108,15 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
 
 
 def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
-    """Returns the photograph that somebody takes who wants something done, and how many were looked at.
+    """Return the photograph that a user takes for a task, and the number of candidates.
 
-    Places are drawn from a seed around what the task names, each of them from more sides than the one before. Half of
-    them show it whole; then furniture may reach out of the picture, so that what is small is nearer. The first from
-    which all of that and some floor are seen is taken; where none of them shows all, the one that shows most.
+    Places are drawn from a seed around the objects of the task, each from more sides than the one before. Half of them
+    show these wholly; then furniture may reach out of the picture, so that small objects are nearer. The first with all
+    of them and some floor visible is taken; if none shows all, the one that shows most.
 
     Args:
         scene: The room.
-        names: What the task names.
+        names: Objects of the task.
         seed: Of the places.
 
     Raises:
@@ -139,7 +138,7 @@ def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Sho
 
 
 def _shown(shot: Shot, wanted: Collection[str]) -> tuple[bool, int]:
-    """Whether a picture shows enough floor, and how many things of those that somebody wants to see."""
+    """Return whether a picture shows enough floor, and how many of the wanted objects."""
     height, width = shot.depth_m.shape
     rows, columns = np.mgrid[0.5:height, 0.5:width]
     rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(shot.K).T
@@ -191,7 +190,7 @@ def _camera(
     *,
     whole: bool = False,
 ) -> Camera:
-    """A camera that looks at a room's furniture, or at the things that are named, from not farther aside than that."""
+    """Return a camera that looks at a room's furniture, or at the named objects, within an angle of their front."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
     large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
     points = np.array([obj.position for obj in large])
@@ -217,20 +216,20 @@ def _camera(
         while whole and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
             away += _STEP_BACK_M
             eye = np.array([*(middle + away * direction)[:2], height_m])
-        # Nobody takes a picture of a room from behind its wall.
-        if stands_free(scene, eye) and not walls.hidden(eye, sights).any():
+        # Pictures of a room are not taken from behind its wall.
+        if is_lens_clear(scene, eye) and not walls.hidden(eye, sights).any():
             return Camera("photo", None, look_at(eye, target), fov_y, near_m=0.05, far_m=25.0)
     raise NoPlace(f"no place for a camera in {scene.name}")
 
 
 def _corners(obj: SceneObject) -> Array:
-    """(8, 3) corners of the box around a thing that stands upright."""
+    """Return (8, 3) corners of the box around an upright object."""
     flat, half_m = Footprint.of(obj).corners_m, obj.extent_m[2] / 2
     return np.array([[x, y, obj.position[2] + side * half_m] for x, y in flat for side in (-1, 1)])
 
 
 def _frames(eye: Array, target: Array, fov_y: float, size_px: tuple[int, int], points: Array) -> bool:
-    """Whether a picture shows all of some points (N, 3), and not at its very border."""
+    """Return whether a picture shows all of some points (N, 3), and not at its very border."""
     T = inverse(look_at(eye, target))
     ahead, left, up = (points @ T[:3, :3].T + T[:3, 3]).T
     high = math.tan(fov_y / 2) * _FILLED

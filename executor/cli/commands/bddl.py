@@ -1,4 +1,4 @@
-"""`scene2demo bddl check|fmt`: what is wrong or suspicious in BDDL files, and the files laid out in one way."""
+"""`scene2demo bddl check|fmt`: report errors and warnings of BDDL files, or lay the files out."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES, Diagnostic, analyse, check, lay_out
-from bddl.files import read_bounded, read_stream, temporary_beside
+from bddl.dialects import detect_dialect, find_profile
+from bddl.files import atomic_path, read_bounded, read_stream
 from bddl.printer import comments
-from bddl.syntax.profiles import dialect_of, find_profile
-from bddl.visible import counted
+from bddl.terminal import pluralize
+from executor.cli.command_options import CheckOptions, FmtOptions
 from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
 from executor.cli.output import ERR, counting, print_json, say, tell
-from executor.cli.words.running import CheckOptions, FmtOptions
 
 # Fewer files than this are checked before anyone could read how far it is.
 _MANY = 20
@@ -26,7 +26,7 @@ _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
 
 
 def execute(options: CheckOptions | FmtOptions) -> int:
-    """Checks files, or lays them out.
+    """Check files, or lay them out.
 
     Returns:
         2 when a file cannot be read, else 1 when a file has mistakes (or warnings with `--strict`, or another layout
@@ -42,7 +42,7 @@ def execute(options: CheckOptions | FmtOptions) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Source:
+class _BddlText:
     """A text, or why there is none.
 
     Attributes:
@@ -59,10 +59,10 @@ class _Source:
 
 
 def _check(options: CheckOptions) -> int:
-    """Prints what is wrong or suspicious in some files."""
+    """Print the diagnostics of some files."""
     names = _find_files(options.files)
     results: list[dict[str, object]] = []
-    unreadable: list[_Source] = []
+    unreadable: list[_BddlText] = []
     counts: Counter[str] = Counter()
     suspicious = 0
     with counting("checking", quiet=options.json or len(names) < _MANY or not ERR.is_terminal) as progress:
@@ -71,13 +71,13 @@ def _check(options: CheckOptions) -> int:
             if source.unreadable:
                 unreadable.append(source)
                 continue
-            profile = options.profile or dialect_of(source.text)
+            profile = options.profile or detect_dialect(source.text)
             found = analyse(source.text, profile)
             counts.update(diagnostic.severity for diagnostic in found)
             suspicious += bool(found)
             ok = all(diagnostic.severity != "error" for diagnostic in found)
-            told = [diagnostic.to_json() for diagnostic in found]
-            results.append({"file": source.name, "profile": profile, "ok": ok, "diagnostics": told})
+            listed = [diagnostic.to_json() for diagnostic in found]
+            results.append({"file": source.name, "profile": profile, "ok": ok, "diagnostics": listed})
             if not options.json:
                 _print_found(source.name, found)
     failed = counts["error"] > 0 or (options.strict and counts["warning"] > 0)
@@ -89,10 +89,12 @@ def _check(options: CheckOptions) -> int:
         for source in unreadable:
             tell(f"scene2demo: {source.name} {source.unreadable}", style="red")
         if results:
-            kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind]) or "nothing found"
+            kinds = ", ".join(pluralize(counts[kind], kind) for kind in _STYLES if counts[kind]) or "nothing found"
             where = f" in {suspicious} of them" if suspicious and len(results) > 1 else ""
             separator = ":" if suspicious else ","
-            tell(f"{counted(len(results), 'file')} checked{separator} {kinds}{where}", style="red" if failed else None)
+            tell(
+                f"{pluralize(len(results), 'file')} checked{separator} {kinds}{where}", style="red" if failed else None
+            )
     return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
@@ -109,9 +111,9 @@ def _print_found(name: str, found: Sequence[Diagnostic]) -> None:
 
 
 def _lay_out(options: FmtOptions) -> int:
-    """Prints, compares or writes the layout of some files.
+    """Print, compare or write the layout of some files.
 
-    A file with mistakes is left as it is: what its author meant has to be settled first.
+    A file with errors is left as it is: its meaning has to be settled first.
     """
     if options.check and options.write:
         raise BadOption("--check", "goes with --write", "one of them")
@@ -123,7 +125,7 @@ def _lay_out(options: FmtOptions) -> int:
             if not options.json:
                 tell(f"scene2demo: {source.name} {source.unreadable}", style="red")
             continue
-        laid_out = _laid_out(source, options.profile or dialect_of(source.text), quiet=options.json)
+        laid_out = _laid_out(source, options.profile or detect_dialect(source.text), quiet=options.json)
         if laid_out is None:
             outcomes[source.name] = "mistakes"
         elif laid_out == source.text:
@@ -143,8 +145,8 @@ def _lay_out(options: FmtOptions) -> int:
     return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
-def _laid_out(source: _Source, profile: str, *, quiet: bool) -> str | None:
-    """Returns the new text of a file, or None when it has mistakes, the first of which is printed."""
+def _laid_out(source: _BddlText, profile: str, *, quiet: bool) -> str | None:
+    """Return the new text of a file, or None when it has errors, the first of which is printed."""
     wrong = [found for found in check(source.text, profile) if found.severity == "error"]
     if wrong:
         if not quiet:
@@ -161,7 +163,7 @@ def _laid_out(source: _Source, profile: str, *, quiet: bool) -> str | None:
     return laid_out.replace("\n", line_end)
 
 
-def _deliver(source: _Source, laid_out: str, options: FmtOptions) -> None:
+def _deliver(source: _BddlText, laid_out: str, options: FmtOptions) -> None:
     if options.check or (options.json and not options.write):
         return
     if source.path is None or not options.write:
@@ -171,17 +173,17 @@ def _deliver(source: _Source, laid_out: str, options: FmtOptions) -> None:
 
 
 def _replace(path: Path, text: str) -> None:
-    """Writes a file, all of it or nothing; a link stays a link, and the permissions stay."""
+    """Write a file atomically; a link stays a link, and the permissions stay."""
     if not path.is_file():
         raise BadOption("--write", f"{path} is no file", "files, and no pipes or devices")
     target = path.resolve()
-    with temporary_beside(target) as temporary:
+    with atomic_path(target) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
         shutil.copymode(target, temporary)
 
 
 def _find_files(names: Sequence[str]) -> tuple[str, ...]:
-    """Returns the files that were named, those in named folders included, each once.
+    """Return the named files, those in named folders included, each once.
 
     Raises:
         BadOption: A file does not exist, a folder has no file that ends in .bddl, or nothing was named.
@@ -204,14 +206,14 @@ def _find_files(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _read_text(name: str) -> _Source:
-    """Returns the text of a file or of the standard input, or why there is none: the other files can still be read."""
+def _read_text(name: str) -> _BddlText:
+    """Return the text of a file or of the standard input, or why there is none: the other files can still be read."""
     path = None if name == _STANDARD_INPUT else Path(name)
     shown = "<stdin>" if path is None else name
     try:
         content = read_stream(sys.stdin.buffer, shown) if path is None else read_bounded(path, pipes=True)
-        return _Source(shown, path, content.decode("utf-8"))
+        return _BddlText(shown, path, content.decode("utf-8"))
     except UnicodeDecodeError as error:
-        return _Source(shown, path, unreadable=f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
+        return _BddlText(shown, path, unreadable=f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
     except OSError as error:
-        return _Source(shown, path, unreadable=f"cannot be read: {error.strerror or error}")
+        return _BddlText(shown, path, unreadable=f"cannot be read: {error.strerror or error}")

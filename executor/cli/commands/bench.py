@@ -1,8 +1,8 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
 unit again, as a video and a report.
 
-`bench` returns 0 when every unit that was asked for is done and one at least succeeded, 1 when none did (but for
-baselines, which may come to nothing), 130 after Ctrl-C. Failures are what a benchmark measures. `replay` returns 0 when
+`bench` exits with 0 when every requested unit is done and at least one succeeded, 1 when none did (but for
+baselines, which may all fail), 130 after Ctrl-C. Failures are what a benchmark measures. `replay` exits with 0 when
 the states were the same as when it was measured, whether it succeeded or not; 1 when they were not.
 """
 
@@ -18,40 +18,34 @@ from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bddl.visible import counted
-from executor.baselines.methods import baseline_version
-from executor.baselines.one_demonstration import SOURCE_SEEDS, told_sources
-from executor.bench.page import bench_page
-from executor.bench.presence import at_work
-from executor.bench.run import WORKER, Shard, Told, pending, run_units
-from executor.bench.store import BenchFolder
-from executor.bench.summary import Cell
-from executor.bench.table import FOOTNOTE, detail_rows, main_rows
+from bddl.terminal import pluralize
+from executor.bench.baselines.methods import baseline_version
+from executor.bench.baselines.one_demonstration import SOURCE_SEEDS, source_seeds_text
+from executor.bench.campaign import WORKER, BenchFolder, Shard, UnitCallback, claim_units, pending, run_units
+from executor.bench.tables import FOOTNOTE, Cell, bench_page, detail_rows, main_rows
 from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, Unit, outcome_version
 from executor.bench.work import replay
+from executor.cli.command_options import BenchOptions, BenchReplayOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.executing import check_seed, check_workers, command_line, studio_for
+from executor.cli.execution import check_seed, check_unit_limit, check_workers, command_line, read_shard, results_writer
 from executor.cli.output import ERR, OUT, print_json, say, tell
-from executor.cli.sharing import check_unit_limit, read_shard
-from executor.cli.summary import print_summary, summary_json
-from executor.cli.words.running import BenchOptions, BenchReplayOptions
-from executor.machine.files import write_json, write_text
-from executor.pictures.render import check_size
-from executor.results.evolution_files import evolution_json
-from executor.results.run_folder import RunFolder
-from executor.results.run_record import RunRecord
+from executor.cli.rollout_display import print_summary, summary_json
+from executor.reports.run_folder import RunFolder
+from executor.rollouts.run_record import RunRecord, evolution_json
+from executor.sim.render.pool import check_size
+from executor.system.files import write_json, write_text
 
-BASELINE_WORKER = "executor.baselines.worker"
+BASELINE_WORKER = "executor.bench.baselines.worker"
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 
 
 def execute(options: BenchOptions | BenchReplayOptions) -> int:
-    """Measures, or runs one unit again; returns the exit code."""
+    """Measure, or run one unit again; return the exit code."""
     return _replay(options) if isinstance(options, BenchReplayOptions) else _measure(options)
 
 
 def _measure(options: BenchOptions) -> int:
-    """Runs what is not done yet, prints the table, and writes summary and report."""
+    """Run what is not done yet, print the table, and write summary and report."""
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version() if options.baseline is None else baseline_version()
@@ -69,10 +63,10 @@ def _measure(options: BenchOptions) -> int:
     units = list(pending(folder, asked, shard, again=options.again))
     worker = WORKER if options.baseline is None else BASELINE_WORKER
     interrupted = False
-    with at_work(folder.path, [unit.id(version) for unit, version in units]):
+    with claim_units(folder.path, [unit.id(version) for unit, version in units]):
         try:
-            with _progress(folder, asked, len(units), quiet=options.json) as told:
-                run_units(folder, units, options.workers, told, limit_s=options.limit_s, worker=worker)
+            with _progress(folder, asked, len(units), quiet=options.json) as on_unit_done:
+                run_units(folder, units, options.workers, on_unit_done, limit_s=options.limit_s, worker=worker)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -91,7 +85,7 @@ def _measure(options: BenchOptions) -> int:
 
 
 def write_results(folder: BenchFolder) -> list[Cell]:
-    """Writes summary and report of everything in a folder, and returns its cells."""
+    """Write summary and report of everything in a folder, and return its cells."""
     cells = [Cell(series, folder.results(series)) for series in folder.series()]
     write_json(folder.path / "summary.json", bench_json(cells))
     write_text(folder.path / "report.html", bench_page(cells, folder.path))
@@ -99,7 +93,7 @@ def write_results(folder: BenchFolder) -> list[Cell]:
 
 
 def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
-    """Returns the summary as plain data: the table, every cell, and one line a unit."""
+    """Return the summary as plain data: the table, every cell, and one line a unit."""
     return {
         "schema": SUMMARY_SCHEMA,
         "table": [dict(zip(("method", *FAMILIES), row, strict=True)) for row in main_rows(cells)],
@@ -113,7 +107,7 @@ def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
 
 
 def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
-    """Prints the main table, and the details of the cells that were asked for."""
+    """Print the main table, and the details of the requested cells."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("SR / score [%]")
     for family in FAMILIES:
@@ -140,7 +134,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
 
 
 def _checked(options: BenchOptions) -> Shard:
-    """Returns the shard, after refusing options that make no sense.
+    """Return the shard, after refusing options that make no sense.
 
     Raises:
         BadOption: One does not.
@@ -159,18 +153,18 @@ def _checked(options: BenchOptions) -> Shard:
 
 
 def _check_rooms(seed: int, asked: Sequence[Series]) -> None:
-    """Refuses to measure a demonstration in the room that it was made in.
+    """Refuse to measure a demonstration in the room that it was made in.
 
     Raises:
         BadOption: A unit is of one of their seeds.
     """
     own = any(unit.seed in SOURCE_SEEDS for series in asked for unit in series.units())
-    check(not own, "--seed", seed, f"no episode of the seeds {told_sources()}, which the demonstrations are of")
+    check(not own, "--seed", seed, f"no episode of the seeds {source_seeds_text()}, which the demonstrations are of")
 
 
 @contextmanager
-def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool) -> Iterator[Told]:
-    """Gives what is told every unit's ending, and shows it: on a terminal a bar with the success count, else lines.
+def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool) -> Iterator[UnitCallback]:
+    """Provide a callback for every unit's ending that shows it: on a terminal a bar with the success count, else lines.
 
     Args:
         folder: Where results are kept; what is done already counts.
@@ -184,13 +178,13 @@ def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, q
     endings = Counter(result["ended"] for series in asked for result in folder.results(series))
     total, before = sum(series.episodes for series in asked), endings.total()
     if before:
-        tell(f"  {before} of {counted(total, 'unit')} done already, {remaining} to run now")
+        tell(f"  {before} of {pluralize(total, 'unit')} done already, {remaining} to run now")
     shows_bar = ERR.is_terminal and remaining > 0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=ERR, disable=not shows_bar) as bar:
         task = bar.add_task(f"{endings['succeeded']} of {before} succeeded", total=total, completed=before)
 
-        def told(unit: Unit, result: Mapping[str, Any]) -> None:
+        def show_unit(unit: Unit, result: Mapping[str, Any]) -> None:
             endings[result["ended"]] += 1
             good, failure = result["ended"] == "succeeded", result.get("failure") or {}
             words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
@@ -198,11 +192,11 @@ def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, q
                 tell(f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
             bar.update(task, advance=1, description=f"{endings['succeeded']} of {endings.total()} succeeded")
 
-        yield told
+        yield show_unit
 
 
 def _replay(options: BenchReplayOptions) -> int:
-    """Runs the unit again, writes what `run` writes, and says whether it was the same."""
+    """Run the unit again, write what `run` writes, and print whether the states were the same."""
     check_size(options.size)
     recorded = BenchFolder(options.folder).find(options.unit)
     if recorded["setting"].get("baseline") is not None:
@@ -210,7 +204,7 @@ def _replay(options: BenchReplayOptions) -> int:
     folder = RunFolder.prepare(options.out, force=options.force)
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")
-    with folder.filling(), studio_for(options) as studio:
+    with folder.filling(), results_writer(options) as studio:
         began = time.perf_counter()
         again = replay(recorded)
         wall = {"planning and physics": time.perf_counter() - began}

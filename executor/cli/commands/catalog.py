@@ -1,4 +1,4 @@
-"""`scene2demo scenes` and `assets`: what comes with the package; `assets import` makes a model of somebody's files."""
+"""`scene2demo scenes`, `assets`, `assets import`: list packaged scenes and models; import a model from files."""
 
 from __future__ import annotations
 
@@ -8,40 +8,39 @@ from pathlib import Path
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bddl import format as written
-from bddl.files import temporary_beside
-from bddl.visible import counted
-from executor.assets.imports.importer import import_asset
-from executor.assets.imports.stored import as_json
+from bddl.files import atomic_path
+from bddl.terminal import pluralize
+from executor.assets.importers.importer import import_asset
+from executor.assets.importers.store import as_json
 from executor.assets.library import LIBRARY, kind
-from executor.assets.parameters import ModelEntry, Quantity, Range
+from executor.assets.parameters import ModelEntry, NumericParameter, Range
+from executor.cli.command_options import AssetsOptions, ImportOptions, ScenesOptions
 from executor.cli.errors import BAD_INPUT, DONE, BadOption
 from executor.cli.inputs import refuse_existing
 from executor.cli.output import ERR, print_json, say, tell, tell_notes, tell_warnings
-from executor.cli.words.running import AssetsOptions, ImportOptions, ScenesOptions
-from executor.machine.files import write_json
-from executor.pictures.sheet import asset_sheet
-from executor.pictures.stage import scene_picture
-from executor.scenes import drawn, library
-from executor.scenes.cousins import Converted
-from executor.scenes.furnishing.furnish import furnished
-from executor.scenes.plausible import Flaw, flaws, refuse
-from executor.scenes.reading import converted
+from executor.scenes import library
+from executor.scenes.digital_cousins import SceneWithNotes
+from executor.scenes.file import complete_scene, load_with_notes
+from executor.scenes.generators import by_name
+from executor.scenes.validation import Issue, issues, raise_errors
+from executor.sim.render.stage import asset_sheet, render_scene
+from executor.system.files import write_json
 from oag import Scene
-from oag.model.sceneform import json_schema
+from oag.model.forms import json_schema
 
 PICTURES = (".png", ".jpg", ".jpeg")
 
 
 def execute(options: ScenesOptions | AssetsOptions | ImportOptions) -> int:
-    """Lists scenes or models, tells, checks, draws or writes a scene, or imports a model; returns 0.
+    """List scenes or models; describe, check, draw or write a scene; or import a model; return 0.
 
-    A scene that is checked and has something wrong makes it 2.
+    A checked scene with errors makes it 2.
 
     Raises:
-        SceneError, SceneNotFound: There is no such scene, or it is not right; the message says all that is wrong.
+        SceneError, SceneNotFound: There is no such scene, or it is not right; the message lists all errors.
         ImportRefused: The files cannot be used.
         BadOption: A file to write exists, or there is nothing to write into it.
-        RendererNotFound: A picture is wanted, and nothing can draw one.
+        RendererNotFound: A picture was requested, and nothing can draw one.
     """
     if isinstance(options, ScenesOptions):
         return _scenes(options)
@@ -69,9 +68,9 @@ def _scenes(options: ScenesOptions) -> int:
 
 
 def _list_scenes(options: ScenesOptions) -> None:
-    """Prints the scenes by families."""
+    """Print the scenes by families."""
     scenes = [library.load(name) for name in library.names()]
-    rooms, kitchens = drawn.rooms(), drawn.kitchens()
+    rooms, kitchens = by_name.rooms(), by_name.kitchens()
     if options.json:
         fixed = [
             {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
@@ -90,18 +89,18 @@ def _list_scenes(options: ScenesOptions) -> None:
     say("kitchens drawn from a seed, T1 to T4: t1-SEED with any seed, such as")
     for one in kitchens:
         say(f"  {one.name:{width}}  {one.query}")
-    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {drawn.USUAL_SEED}")
+    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {by_name.USUAL_SEED}")
     for one in rooms:
         say(f"  {one.name:{width}}  {one.query}")
 
 
 def _show_scene(options: ScenesOptions, name: str) -> None:
-    """Prints what a scene has, and writes or draws it where that is wanted."""
+    """Print the content of a scene, and write or draw it where requested."""
     _refuse_outputs(options)
-    found = converted(name)
-    scene, wrong = found.scene, flaws(found.scene)
-    refuse(scene, wrong)
-    warnings = [str(flaw) for flaw in wrong]
+    found = load_with_notes(name)
+    scene, wrong = found.scene, issues(found.scene)
+    raise_errors(scene, wrong)
+    warnings = [str(issue) for issue in wrong]
     _draw(options, scene)
     if options.out is not None:
         write_json(options.out, scene.to_json())
@@ -120,11 +119,11 @@ def _show_scene(options: ScenesOptions, name: str) -> None:
 
 
 def _check_scene(options: ScenesOptions, name: str) -> int:
-    """Prints all that is wrong with a scene, else the facts that follow; draws or writes it where that is wanted."""
+    """Print all errors of a scene, else the facts that follow; draw or write it where requested."""
     _refuse_outputs(options)
     found, problems, misread, wrong = _examined(name)
-    errors = [*problems, *(str(flaw) for flaw in wrong if flaw.error)]
-    warnings = [*misread, *(str(flaw) for flaw in wrong if not flaw.error)]
+    errors = [*problems, *(str(issue) for issue in wrong if issue.error)]
+    warnings = [*misread, *(str(issue) for issue in wrong if not issue.error)]
     facts = [] if found is None else [written(fact) for fact in found.scene.facts]
     notes = [] if found is None else list(found.notes)
     if options.json:
@@ -137,7 +136,7 @@ def _check_scene(options: ScenesOptions, name: str) -> int:
         if errors or found is None:
             say(f"{name}: {len(errors)} {'thing is' if len(errors) == 1 else 'things are'} wrong")
         else:
-            verdict = f"no errors, {counted(len(warnings), 'warning')}" if warnings else "nothing is wrong"
+            verdict = f"no errors, {pluralize(len(warnings), 'warning')}" if warnings else "nothing is wrong"
             say(f"{name}: {verdict}; {len(found.scene.objects)} objects, and these facts:")
             for fact in facts:
                 say(f"  {fact}")
@@ -148,20 +147,20 @@ def _check_scene(options: ScenesOptions, name: str) -> int:
     return BAD_INPUT if errors else DONE
 
 
-def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[str, ...], tuple[Flaw, ...]]:
-    """Returns a scene as far as there is one, and what has to be known of it.
+def _examined(name: str) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[str, ...], tuple[Issue, ...]]:
+    """Return a scene as far as it can be read, and its findings.
 
-    That is what is wrong in its file, what was read otherwise than it is written, and what is wrong with the scene.
+    These are the errors of its file, its reinterpreted values, and the flaws of the scene.
     """
     path = library.file_of(name)
     if path is None or library.holds_cousins(path):
-        found = converted(name)
-        return found, (), (), flaws(found.scene)
-    read = furnished(path)
+        found = load_with_notes(name)
+        return found, (), (), issues(found.scene)
+    read = complete_scene(path)
     scene = read.scene or read.rest
     if scene is None:
         return None, read.problems, (), ()
-    return Converted(scene, ()), read.problems, read.warnings, flaws(scene)
+    return SceneWithNotes(scene, ()), read.problems, read.warnings, issues(scene)
 
 
 def _refuse_outputs(options: ScenesOptions) -> None:
@@ -174,21 +173,20 @@ def _refuse_outputs(options: ScenesOptions) -> None:
 
 
 def _draw(options: ScenesOptions, scene: Scene) -> None:
-    """Draws the scene where that is wanted."""
     if options.picture is None:
         return
-    picture = scene_picture(scene)
-    with temporary_beside(options.picture) as temporary:
+    picture = render_scene(scene)
+    with atomic_path(options.picture) as temporary:
         picture.save(temporary)
 
 
-def _tell(found: Converted, warnings: list[str]) -> None:
+def _tell(found: SceneWithNotes, warnings: list[str]) -> None:
     tell_notes(found.notes)
     tell_warnings(warnings)
 
 
 def _list_models(options: AssetsOptions) -> None:
-    """Prints each model with what it is and the ranges it varies in."""
+    """Print each model with what it is and the ranges it varies in."""
     if options.json:
         print_json({"ok": True, "assets": [_described(entry) for entry in LIBRARY.values()]})
     else:
@@ -214,7 +212,7 @@ def _described(entry: ModelEntry) -> dict[str, object]:
         },
         "parameters": [
             {"name": p.name, "low": p.low, "high": p.high, "default": p.default, "whole": p.whole}
-            if isinstance(p, Quantity)
+            if isinstance(p, NumericParameter)
             else {"name": p.name, "words": list(p.words), "default": p.words[0]}
             for p in entry.parameters
         ],
@@ -227,13 +225,13 @@ def _range(span: Range) -> dict[str, object]:
 
 def _draw_models(path: Path, seed: int) -> None:
     picture = asset_sheet([entry.sample(seed) for entry in LIBRARY.values()])
-    with temporary_beside(path) as temporary:
+    with atomic_path(path) as temporary:
         picture.save(temporary)
     tell(f"wrote {path}")
 
 
 def _import(options: ImportOptions) -> None:
-    """Imports the asset and prints what was found, with the lines that a scene needs."""
+    """Import the asset and prints what was found, with the lines that a scene needs."""
     columns = (
         TextColumn("splitting meshes into convex pieces"),
         BarColumn(),

@@ -1,17 +1,17 @@
-"""`scene2demo doctor`: what works on this machine."""
+"""`scene2demo doctor`: report what works on this machine."""
 
 from __future__ import annotations
 
+from executor.cli.command_options import DoctorOptions
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
-from executor.cli.words.running import DoctorOptions
-from executor.machine.doctor import examine, healthy
+from executor.system.doctor import examine, healthy
 
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "problem": ("problem", "red")}
 
 
 def execute(options: DoctorOptions) -> int:
-    """Prints what was examined and what to do about it; returns 1 when something is a problem, else 0."""
+    """Print the findings and their remedies; return 1 when something is a problem, else 0."""
     findings = examine()
     good = healthy(findings)
     if options.json:

@@ -1,6 +1,7 @@
-"""`scene2demo evolve`: executes a task file, revising the flows that fail, and tells every attempt.
+"""`scene2demo evolve`: execute a task file, revise the flows that fail, and report every attempt.
 
-Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
+Faults are typed as `pose:glass_0,size_m=0.02`, `navigation:left_m=0.15`, `grip:force_n=0.5`.
+Exit code 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -8,91 +9,193 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from bddl.visible import counted
+from bddl import near_names
+from bddl.terminal import pluralize
+from executor.cli.command_options import EvolveOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
-from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
-from executor.cli.fault_words import FaultWords
-from executor.cli.judging import Judging, judge_arguments, stopped_words
+from executor.cli.evolution_setup import EvolutionSetup, judge_arguments, stopped_message
+from executor.cli.execution import check_limit, check_seed, command_line, refuse, task_to_run
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.progress import RolloutProgress
-from executor.cli.words.running import EvolveOptions
-from executor.evolution.record import Evolution, EvolutionInterrupted
-from executor.machine.extras import MissingExtra
-from executor.machine.files import json_text, read_json
-from executor.records.captions import readable
-from executor.results.evolution_files import evolution_json
-from executor.results.run_folder import RunFolder, episode_folder
-from executor.results.run_record import RunRecord
-from executor.world.faults import Fault, fault_json
-from llm.answers.spending import Spending
+from executor.cli.rollout_display import RolloutProgress
+from executor.records import readable
+from executor.reports.run_folder import RunFolder, episode_folder
+from executor.rollouts.evolution_record import Evolution, EvolutionInterrupted
+from executor.rollouts.run_record import RunRecord, evolution_json
+from executor.sim.faults import KINDS, Fault, NavigationOffset, PoseError, fault_json
+from executor.system.extras import MissingExtra
+from executor.system.files import json_text, read_json
+from llm.structured.conversation import Spending
 from oag import ObjectActionGraph, Task, clopper_pearson, compose, flow_to_json
-from oag.task.sizes import resizings
+from oag.sizes import planned_resizings
+
+_OBJECT = "object_id"
+_DRAWN_SIZE = "size_m"
+_DRAWN = ("pose", "navigation")
+
+
+class BadFault(ValueError):
+    """The typed fault cannot be made."""
+
+    def __init__(self, text: str, problem: str) -> None:
+        super().__init__(f"--fault {text!r}: {problem}; {FORMS}")
+
+
+FORMS = (
+    "faults are pose:OBJECT,size_m=N (its direction drawn by the seed) or pose:OBJECT,dx_m=N,dy_m=N; "
+    "scale:OBJECT,factor=N; door:OBJECT,fraction=N; navigation:size_m=N or navigation:forward_m=N,left_m=N,yaw_deg=N; "
+    "grip:force_n=N"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultOption:
+    """A fault as typed, before a seed draws what it leaves open.
+
+    Attributes:
+        text: As typed.
+        kind: The kind's word.
+        object_id: Its object; None for kinds without one.
+        numbers: Its numbers by name.
+    """
+
+    text: str
+    kind: str
+    object_id: str | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, text: str) -> FaultOption:
+        """Parse a fault.
+
+        Raises:
+            BadFault: The text names none, or lacks something; the message describes the syntax.
+        """
+        kind, _, rest = text.partition(":")
+        if kind not in KINDS:
+            near = near_names(kind, sorted(KINDS))
+            hint = f", did you mean {' or '.join(near)}?" if near else ""
+            raise BadFault(text, f"there is no kind {kind!r}{hint}")
+        known = {f.name: f for f in fields(KINDS[kind])}
+        object_id, numbers = None, {}
+        for word in filter(None, (part.strip() for part in rest.split(","))):
+            name, equals, value = word.partition("=")
+            if not equals and _OBJECT in known and object_id is None:
+                object_id = word
+            elif name in known or (name == _DRAWN_SIZE and kind in _DRAWN):
+                numbers[name] = _number(text, name, value)
+            else:
+                legal = ", ".join(n for n in known if n != _OBJECT)
+                raise BadFault(text, f"{word!r} is not one of its numbers, which are {legal}")
+        words = cls(text, kind, object_id, numbers)
+        words.drawn(0)
+        return words
+
+    def drawn(self, seed: int) -> Fault:
+        """Return the fault of an episode.
+
+        Raises:
+            BadFault: Something is missing, or a number is not one that the fault can have.
+        """
+        made = KINDS[self.kind]
+        if _OBJECT in {f.name for f in fields(made)} and self.object_id is None:
+            raise BadFault(self.text, "it is about an object, such as glass_0")
+        if _DRAWN_SIZE in self.numbers:
+            if len(self.numbers) > 1:
+                raise BadFault(self.text, f"{_DRAWN_SIZE} leaves the direction to the seed; give it alone")
+            size_m = self.numbers[_DRAWN_SIZE]
+            if self.kind == "navigation":
+                return NavigationOffset.drawn(size_m, seed)
+            return PoseError.drawn(self.object_id or "", size_m, seed)
+        given: dict[str, object] = {} if self.object_id is None else {_OBJECT: self.object_id}
+        given.update(self.numbers)
+        if self.kind == "navigation":
+            given = {"forward_m": 0.0, "left_m": 0.0, **given}
+        if self.kind == "pose" and self.numbers:
+            given = {"dx_m": 0.0, "dy_m": 0.0, **given}
+        missing = [f.name for f in fields(made) if f.name not in given and f.default is MISSING]
+        if missing:
+            raise BadFault(self.text, f"it needs {' and '.join(missing)}")
+        try:
+            return made(**given)  # type: ignore[arg-type]
+        except ValueError as problem:
+            raise BadFault(self.text, str(problem)) from problem
+
+
+def _number(text: str, name: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        raise BadFault(text, f"{name} is a number, not {value!r}") from None
+    if not -1e3 < number < 1e3:
+        raise BadFault(text, f"{name} is a number of metres, degrees, newtons or a fraction, not {value}")
+    return number
 
 
 def execute(options: EvolveOptions) -> int:
-    """Runs the episodes, prints their attempts, and returns the exit code."""
+    """Run the episodes, print their attempts, and return the exit code."""
     check_seed(options.seed, options.episodes)
     check_limit(options.limit)
     without = options.resume and options.out is None
     check(not without, "--resume", "is given without --out", "the folder of the episodes to go on from")
-    faults = tuple(FaultWords.parse(words) for words in options.fault)
+    faults = tuple(FaultOption.parse(words) for words in options.fault)
     task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     for words in faults:
         if words.object_id is not None:
-            scene[words.object_id]  # Says which objects there are when it is none.
+            scene[words.object_id]  # Raises an error that lists the objects when it is none.
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
-    notes = tuple(map(str, resizings(task.scales, scene)))
+    notes = tuple(map(str, planned_resizings(task.scales, scene)))
     if not options.json:
         tell_notes(notes)
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
-    told: list[dict[str, Any]] = []
+    results: list[dict[str, Any]] = []
     last: Evolution | None = None
     interrupted, stopped = False, ""
     spent: list[Spending] = []
     try:
         for done, episode in _episodes(options, faults, graph, spent):
             last, stopped = done, episode.get("stopped", "")
-            told.append(episode)
+            results.append(episode)
             if not options.json and options.episodes > 1:
                 say(_headline(episode), style="green" if episode["succeeded"] else "red")
     except EvolutionInterrupted:
         interrupted = True
     usage = spent[0].to_json() if spent else None
-    good = not interrupted and all(episode["succeeded"] for episode in told)
+    good = not interrupted and all(episode["succeeded"] for episode in results)
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
         head |= {"usage": usage, "stopped": stopped}
-        print_json({**head, **_summary_of(told), "episodes": told})
+        print_json({**head, **_summary_of(results), "episodes": results})
     else:
-        _print(told, last, options)
+        _print(results, last, options)
         for spending in spent:
             say(spending.total())
         if stopped:
-            tell(f"scene2demo: {stopped_words(stopped)}", style="red")
+            tell(f"scene2demo: {stopped_message(stopped)}", style="red")
         elif interrupted:
             tell("scene2demo: interrupted; finished episodes were kept, --resume goes on", style="yellow")
     return code
 
 
 def _episodes(
-    options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph, spent: list[Spending]
+    options: EvolveOptions, faults: tuple[FaultOption, ...], graph: ObjectActionGraph, spent: list[Spending]
 ) -> Iterator[tuple[Evolution | None, dict[str, Any]]]:
-    """Yields the episodes in JSON form, in the order of seeds, each with what was run here; None where it was kept.
+    """Yield the episodes in JSON form, in the order of seeds, each with its evolution; None where the result was kept.
 
-    The one in which the model stops answering is the last, and says so; it is none that is kept.
+    The one in which the model stops answering is the last, and has the reason; it does not count as kept.
 
     Args:
-        options: What was typed.
-        faults: What is wrong on purpose.
+        options: The typed options.
+        faults: Deliberate faults.
         graph: The proved plan.
-        spent: Where what the model takes is put, if there is one.
+        spent: Receives the usage of the model, if there is one.
 
     Raises:
         BadOption: The folder to go on from has episodes of another experiment.
@@ -110,7 +213,7 @@ def _episodes(
         else:
             # An episode that was interrupted has no evolution.json, and is run again.
             folders[seed] = RunFolder.prepare(path, force=options.force or options.resume)
-    judged_by = Judging(
+    judged_by = EvolutionSetup(
         options.judged,
         options.out,
         force=options.force,
@@ -128,10 +231,10 @@ def _episodes(
             drawn = tuple(words.drawn(seed) for words in faults)
             done = judging.evolve(graph, seed=seed, limit=options.limit, listen=progress, faults=drawn)
             stopped = "" if done.succeeded else judging.stopped
-            told = evolution_json(done) | {"wall_s": time.perf_counter() - began, "stopped": stopped}
+            episode_result = evolution_json(done) | {"wall_s": time.perf_counter() - began, "stopped": stopped}
             if seed in folders:
                 _write(folders[seed], graph, done, options, judging.spending, stopped)
-            yield done, told
+            yield done, episode_result
             if stopped:
                 return
 
@@ -164,30 +267,30 @@ def _write(
 
 
 def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:
-    """Returns the episode that a file has, None when it has none.
+    """Return the episode of a file, None when it has none.
 
     Raises:
         BadOption: It is one of another experiment.
     """
     try:
-        told = read_json(path)
+        recorded = read_json(path)
     except (OSError, ValueError):
         return None
-    if isinstance(told, dict) and told.get("stopped"):
+    if isinstance(recorded, dict) and recorded.get("stopped"):
         return None
     asked = {"original": task.to_json(), "faults": [fault_json(fault) for fault in faults], "seed": seed}
-    same = isinstance(told, dict) and all(told.get(key) == json.loads(json_text(asked[key])) for key in asked)
+    same = isinstance(recorded, dict) and all(recorded.get(key) == json.loads(json_text(asked[key])) for key in asked)
     check(same, "--resume", path, "episodes of the same task with the same faults")
-    return dict(told)
+    return dict(recorded)
 
 
-def _print(told: Sequence[Mapping[str, Any]], last: Evolution | None, options: EvolveOptions) -> None:
-    if options.episodes == 1 and told:
+def _print(results: Sequence[Mapping[str, Any]], last: Evolution | None, options: EvolveOptions) -> None:
+    if options.episodes == 1 and results:
         for text, style in () if last is None else _story_lines(last):
             say(text, style=style)
-        say(_headline(told[0]), style="green" if told[0]["succeeded"] else "red")
-    elif told:
-        counts = _summary_of(told)
+        say(_headline(results[0]), style="green" if results[0]["succeeded"] else "red")
+    elif results:
+        counts = _summary_of(results)
         say(
             f"{counts['successes_before']} of {counts['trials']} succeeded at once, "
             f"{counts['successes_after']} after evolution"
@@ -197,7 +300,7 @@ def _print(told: Sequence[Mapping[str, Any]], last: Evolution | None, options: E
 
 
 def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
-    """Returns successes before and after evolution with exact 95 % intervals, and how many revisions they took.
+    """Return successes before and after evolution with exact 95 % intervals, and how many revisions they took.
 
     Args:
         episodes: Evolutions in their JSON form.
@@ -217,11 +320,11 @@ def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
 
 
 def _story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
-    """Yields the table of the attempts at every subtask, with the revisions between them, and its styles."""
+    """Yield the table of the attempts at every subtask, with the revisions between them, and its styles."""
     for story in evolution.stories:
         mark, style = ("✓", "green") if story.solved else ("✗", "red")
         name = readable(story.records[-1].name)
-        yield f"{mark} {story.history.subtask + 1} {name:44} {counted(len(story.records), 'attempt')}", style
+        yield f"{mark} {story.history.subtask + 1} {name:44} {pluralize(len(story.records), 'attempt')}", style
         if len(story.records) == 1 and story.solved:
             continue
         for number, (attempt, revision) in enumerate(story.history.iterations, start=1):
@@ -248,7 +351,7 @@ def _refused(answers: Sequence[str]) -> Iterator[tuple[str, str | None]]:
 
 
 def _headline(episode: Mapping[str, Any]) -> str:
-    """Returns an episode in a line.
+    """Return an episode in a line.
 
     Args:
         episode: An evolution in its JSON form, with the wall time that it took where that is known.
@@ -257,5 +360,5 @@ def _headline(episode: Mapping[str, Any]) -> str:
     words = "failed" if not episode["succeeded"] else "succeeded" if revisions else "succeeded at once"
     wall_s = episode.get("wall_s")
     took = "before" if wall_s is None else f"{wall_s:5.1f} s"
-    made = counted(revisions, "revision")
+    made = pluralize(revisions, "revision")
     return f"seed {episode['seed']:4}  {took:>7}  {episode['state_hash'][:16]}  {made}  {words}"

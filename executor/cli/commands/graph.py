@@ -1,23 +1,23 @@
-"""`scene2demo graph`: the object-action graph of a task, for other tools or to look at."""
+"""`scene2demo graph`: write the object-action graph of a task as a picture, or for other tools."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from executor.cli.command_options import GraphOptions
 from executor.cli.errors import DONE, BadOption
 from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.output import print_text, tell
-from executor.cli.words.planning import GraphOptions
-from executor.machine.files import json_text, write_text
-from executor.results.report.graph_picture import graph_file
+from executor.reports.graph_picture import graph_file
+from executor.system.files import json_text, write_text
 from oag import ObjectActionGraph, compose, to_dot, to_drawing, to_graphml, to_mermaid
 
 
 def execute(options: GraphOptions) -> int:
-    """Writes the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
+    """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
 
     Raises:
-        BadOption: When neither `--format` nor the file's ending says what to write.
+        BadOption: When neither `--format` nor the file's ending determines the format.
     """
     form = _format(options)
     task, scene = task_and_scene(options.task, options.scene)
@@ -32,7 +32,7 @@ def execute(options: GraphOptions) -> int:
 
 
 def _format(options: GraphOptions) -> str:
-    """Returns the format that is asked for, by name or by the ending of the file."""
+    """Return the requested format, by name or by the ending of the file."""
     if options.json:
         return "json"
     if options.format is not None or options.out is None:

@@ -1,24 +1,24 @@
-"""`scene2demo plan`: a sentence planned, its plan proved, and asked of the arm's reach; nothing moves.
+"""`scene2demo plan`: plan a sentence, prove the plan, and check the arm's reach; nothing moves.
 
-Returns 0 when the plan is proved and everything in it can be reached, else 1.
+Exit code 0 when the plan is proved and everything in it can be reached, else 1.
 """
 
 from __future__ import annotations
 
+from executor.cli.command_options import PlanOptions
 from executor.cli.errors import DONE, FAILED
-from executor.cli.executing import check_seed
+from executor.cli.execution import check_seed
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
-from executor.cli.words.running import PlanOptions
-from executor.scenes.plausible import require_possible
+from executor.scenes.file import scene_for
 from executor.scenes.reachability import Reach, reach
-from executor.scenes.reading import scene_for
+from executor.scenes.validation import require_valid
 from llm import propose
 from oag import compose
-from oag.task.sizes import Sizing
+from oag.sizes import Sizing
 
 
 def execute(options: PlanOptions) -> int:
-    """Prints the verdict as soon as there is one, and what the hand has to get to.
+    """Print the verdict as soon as there is one, and what the hand has to reach.
 
     Raises:
         SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
@@ -28,7 +28,7 @@ def execute(options: PlanOptions) -> int:
     quiet = options.json
     with counting(f"reading the scene {options.scene}", quiet=quiet):
         scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
-        tell_warnings(require_possible(scene))
+        tell_warnings(require_valid(scene))
     with counting("planning, and proving the plan", quiet=quiet):
         proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
         graph = compose(proposal.task, scene=scene)
@@ -38,9 +38,9 @@ def execute(options: PlanOptions) -> int:
         say(str(report))
     found = None
     if report:
-        # Of a plan that is not proved nobody knows what the hand would have to get to.
-        with counting("asking for the arm's reach, subtask by subtask", quiet=quiet) as told:
-            found = reach(scene.with_scales(graph.task.scales), graph.task, told)
+        # A plan that is not proved has no defined targets of the hand.
+        with counting("asking for the arm's reach, subtask by subtask", quiet=quiet) as on_progress:
+            found = reach(scene.with_scales(graph.task.scales), graph.task, on_progress)
     code = DONE if found is not None and found.reachable else FAILED
     if options.json:
         head = {"ok": code == DONE, "exit_code": code, "query": options.query, "notes": list(proposal.notes)}

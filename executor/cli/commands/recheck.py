@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from executor.cli.command_options import RecheckOptions
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
-from executor.cli.words.planning import RecheckOptions
 from executor.scenes.library import load_own
 from oag import recheck
-from oag.model.errors import CertificateError
-from oag.model.jsonfile import load
+from oag.model.codec import load
+from oag.model.diagnostics import CertificateError
 
 
 def execute(options: RecheckOptions) -> int:
-    """Prints whether a certificate bears out its verdict, about what is asked; returns 0 when it does, else 1.
+    """Print whether a certificate supports its verdict about the given task and scene; return 0 when it does, else 1.
 
     Raises:
-        TaskError, SceneError, SceneNotFound: The task or the scene that is asked about cannot be read.
+        TaskError, SceneError, SceneNotFound: The given task or scene cannot be read.
         CertificateError: The file is no JSON object, or one that is neither a certificate nor a report.
     """
     document = load(options.certificate, CertificateError)

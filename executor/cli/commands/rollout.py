@@ -1,6 +1,6 @@
-"""`scene2demo rollout`: executes a task file over seeds, in this process or in several, and counts.
+"""`scene2demo rollout`: execute a task file over seeds, in this process or in several, and count successes.
 
-Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
+Exit code 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from bddl.visible import counted
+from bddl.terminal import pluralize
+from executor.cli.command_options import RolloutOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.executing import check_seed, check_workers, command_line, refuse, task_to_run
+from executor.cli.execution import check_seed, check_workers, command_line, refuse, task_to_run
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.progress import RolloutProgress
-from executor.cli.words.running import RolloutOptions
-from executor.machine.extras import MissingExtra, require
-from executor.machine.files import plain, write_json
-from executor.machine.workers.pool import WorkerPool
-from executor.machine.workers.process import serve
-from executor.records.rollout import Rollout, RolloutInterrupted
-from executor.results.run_folder import RunFolder, episode_folder
-from executor.results.run_record import RunRecord, numbered, opened
-from executor.rollouts.running import failure_of, rollout
+from executor.cli.rollout_display import RolloutProgress
+from executor.records import Rollout, RolloutInterrupted
+from executor.reports.run_folder import RunFolder, episode_folder
+from executor.rollouts.rollout import failure_of, rollout
+from executor.rollouts.run_record import RunRecord, numbered_steps, with_open_numbers
+from executor.system.extras import MissingExtra, require
+from executor.system.files import plain, write_json
+from executor.system.workers import WorkerPool, serve
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
-from oag.task.sizes import resizings
+from oag.sizes import planned_resizings
 
 WORKER = "executor.cli.commands.rollout"
 """What a worker process runs: this file, from its end."""
@@ -56,7 +55,7 @@ class EpisodeResult:
 
 
 def execute(options: RolloutOptions) -> int:
-    """Runs the episodes, prints their counts, and returns the exit code."""
+    """Run the episodes, print their counts, and return the exit code."""
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     graph = _graph_of(options)
@@ -112,26 +111,26 @@ def execute(options: RolloutOptions) -> int:
 
 
 def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
-    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for."""
+    """Return the composed task to execute, its numbers left open where requested."""
     task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
-    return compose(opened(task) if options.open_numbers else task, scene=scene)
+    return compose(with_open_numbers(task) if options.open_numbers else task, scene=scene)
 
 
 def _notes(graph: ObjectActionGraph) -> Iterator[str]:
-    """Yields what a reader of the counts has to know: sizes that were changed, and numbers that no seed changes."""
-    yield from map(str, resizings(graph.task.scales, graph.scene))
-    steps = numbered(graph.task)
+    """Yield notes for a reader of the counts: changed sizes, and numbers that no seed changes."""
+    yield from map(str, planned_resizings(graph.task.scales, graph.scene))
+    steps = numbered_steps(graph.task)
     if steps:
         yield (
-            f"numbers are written into {counted(len(steps), 'step')} ({', '.join(steps)}), and every seed runs these, "
-            "such as those that `run` wrote for its own; --open-numbers leaves them to the planner"
+            f"numbers are written into {pluralize(len(steps), 'step')} ({', '.join(steps)}), and every seed runs these"
+            ", such as those that `run` wrote for its own; --open-numbers leaves them to the planner"
         )
 
 
 def _run_here(
     graph: ObjectActionGraph, options: RolloutOptions, keeper: _Keeper, progress: RolloutProgress
 ) -> Iterator[EpisodeResult]:
-    """Yields the episodes' results in order, run one after the other in this process.
+    """Yield the episodes' results in order, run one after the other in this process.
 
     Raises:
         KeyboardInterrupt: After the interrupted episode's result was yielded and its files were kept.
@@ -151,7 +150,7 @@ def _run_here(
 
 
 def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
-    """Yields the episodes' results as they come, from worker processes: a crash in native code costs one episode.
+    """Yield the episodes' results as they come, from worker processes: a crash in native code costs one episode.
 
     Raises:
         WorkersUnusable: No worker process can be started.
@@ -179,7 +178,7 @@ def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> Episo
 
 
 class _Keeper:
-    """Writes what episodes leave behind, each into its folder; nothing where no folder was asked for.
+    """Writes the files of episodes, each into its folder; nothing without an output folder.
 
     Raises:
         ResultsExist, FolderUnusable: A folder cannot take the results; found before the first episode runs.
@@ -195,12 +194,12 @@ class _Keeper:
             if paths:
                 require("h5py", "data")
         except MissingExtra as missing:
-            # Said once; everything else is written.
+            # Reported once; everything else is written.
             tell(f"no dataset: {missing}", style="yellow")
             self._dataset = False
 
     def keep(self, done: Rollout, interrupted: bool) -> None:
-        """Writes one episode's files."""
+        """Write one episode's files."""
         folder, options = self._folders.get(done.seed), self._options
         if folder is None:
             return
@@ -214,7 +213,7 @@ class _Keeper:
 
 
 def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
-    """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
+    """Return counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
     finished = [result for result in results if result.reason != "interrupted"]
     successes = sum(result.succeeded for result in finished)
     reasons = Counter(result.reason for result in finished if not result.succeeded)
@@ -235,7 +234,7 @@ def _line(result: EpisodeResult) -> str:
 
 
 def _run_one(request: dict[str, Any]) -> dict[str, Any]:
-    """Runs an episode in a worker process of `--workers`."""
+    """Run an episode in a worker process of `--workers`."""
     out = None if request["out"] is None else Path(request["out"])
     same = {name: request[name] for name in ("seed", "open_numbers", "keep_sizes")}
     options = RolloutOptions(Path(request["task"]), request["scene"], out=out, **same)

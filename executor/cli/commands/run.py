@@ -1,6 +1,6 @@
 """`scene2demo run`: from a sentence to a verified plan, a rollout, a video and a dataset.
 
-Returns 0 when the task succeeded, 1 when it did not or the plan is not proved, 130 after Ctrl-C.
+Exit code 0 when the task succeeded, 1 when it did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -11,44 +11,43 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from bddl.files import read_bounded
-from bddl.visible import counted
+from bddl.terminal import pluralize
+from executor.cli.command_options import JudgeOptions, RunOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.executing import check_limit, check_seed, command_line, studio_for
-from executor.cli.judging import (
+from executor.cli.evolution_setup import (
     NO_VIEWS,
     PICTURES,
     REPLAY,
-    Judging,
-    connected,
-    counted_to_the_end,
+    EvolutionSetup,
+    connect_model,
+    report_spending_on_error,
     spending_of,
-    stopped_words,
+    stopped_message,
     tell_kept,
 )
+from executor.cli.execution import check_limit, check_seed, command_line, results_writer
 from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
-from executor.cli.progress import RolloutProgress
-from executor.cli.summary import print_summary, summary_json
-from executor.cli.words.running import JudgeOptions, RunOptions
-from executor.evolution.record import EvolutionInterrupted
-from executor.machine import vulkan
-from executor.pictures.render import check_size
-from executor.records.rollout import RolloutInterrupted
-from executor.results.run_folder import RunFolder
-from executor.results.run_record import RunRecord
-from executor.rollouts.running import rollout
-from executor.scenes.plausible import require_possible
-from executor.scenes.reading import scene_for
+from executor.cli.rollout_display import RolloutProgress, print_summary, summary_json
+from executor.records import RolloutInterrupted
+from executor.reports.run_folder import RunFolder
+from executor.rollouts.evolution_record import EvolutionInterrupted
+from executor.rollouts.rollout import rollout
+from executor.rollouts.run_record import RunRecord
+from executor.scenes.file import scene_for
+from executor.scenes.validation import require_valid
+from executor.sim.render.pool import check_size
+from executor.system import vulkan
 from llm import Image, ModelProposer, Proposal, propose
-from llm.answers.spending import Spending
+from llm.structured.conversation import Spending
 from oag import Scene, compose
-from oag.task.sizes import Sizing
+from oag.sizes import Sizing
 
 LARGEST_PICTURE_BYTES = 20_000_000
-"""Of a picture that a model is shown; services take less."""
+"""Largest picture [bytes] that is sent to a model; services take less."""
 
 
 def execute(options: RunOptions) -> int:
-    """Runs the whole chain and returns the exit code; everything that stands is on disk when it returns."""
+    """Run the whole chain and return the exit code; everything finished is on disk when it returns."""
     check_seed(options.seed)
     # The physics steps at 250 Hz; NaN is in no range.
     check(1.0 <= options.record_hz <= 125.0, "--record-hz", options.record_hz, "a rate from 1 to 125 samples a second")
@@ -60,43 +59,43 @@ def execute(options: RunOptions) -> int:
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
     scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
-    # A model would be paid for a plan with things that nobody can build.
-    tell_warnings(require_possible(scene))
+    # Validate the scene before paying for a model call.
+    tell_warnings(require_valid(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
-        propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.
+        propose(options.query, scene, sizing=sizing)  # Raises before a folder is made.
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     # A recording that is replayed is read before its folder is prepared for other results.
-    replayed = connected(options, None) if (options.model or "").startswith(REPLAY) else None
+    replayed = connect_model(options, None) if (options.model or "").startswith(REPLAY) else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
     tell_kept(folder.kept_aside)
     same = not options.resume or folder.query in (None, options.query)
     check(same, "--resume", options.out, f"the folder of a run of the same sentence, not of {folder.query!r}")
     with folder.filling():
-        model = replayed or connected(options, folder.exchanges, resume=options.resume)
+        model = replayed or connect_model(options, folder.exchanges, resume=options.resume)
         spending = spending_of(model, quiet=options.json)
-        with counted_to_the_end(spending, quiet=options.json):
+        with report_spending_on_error(spending, quiet=options.json):
             if spending is None:
                 proposal = propose(options.query, scene, sizing=sizing)
             else:
-                proposal = _proposed_by(spending, options, scene, folder, images)
+                proposal = _propose_with_model(spending, options, scene, folder, images)
             if options.resume:
                 folder.clear()
-            record = _executed(options, proposal, scene, folder, spending)
+            record = _prove_and_execute(options, proposal, scene, folder, spending)
     return _finish(record, folder, options)
 
 
-def _executed(
+def _prove_and_execute(
     options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
 ) -> RunRecord:
-    """Returns the record of a run, when everything that stands is in its folder.
+    """Return the record of a run, with its finished files in the folder.
 
     Args:
-        options: What was typed.
-        proposal: What the offline planner, or the model, proposed.
-        scene: Where it is.
+        options: The typed options.
+        proposal: The proposal of the offline planner, or of the model.
+        scene: The scene.
         folder: The run's folder.
-        spending: Who proposed it, and what it took; None for the offline planner.
+        spending: The proposing model and its usage; None for the offline planner.
     """
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
@@ -131,15 +130,19 @@ def _executed(
     if not report:
         folder.write_report(record, None)
         return record
-    _say_plan(record, options)
-    with studio_for(options) as studio:
-        record = _evolved(record, options, folder) if options.evolve else folder.write_rollout(_moved(record, options))
+    _print_plan(record, options)
+    with results_writer(options) as studio:
+        record = (
+            _evolve_plan(record, options, folder)
+            if options.evolve
+            else folder.write_rollout(_execute_plan(record, options))
+        )
         record = studio.finish(record, folder)
     return record
 
 
-def _moved(record: RunRecord, options: RunOptions) -> RunRecord:
-    """Executes the plan; Ctrl-C leaves the part that was done."""
+def _execute_plan(record: RunRecord, options: RunOptions) -> RunRecord:
+    """Execute the plan; Ctrl-C keeps the finished part."""
     began = time.perf_counter()
     interrupted = False
     try:
@@ -151,18 +154,20 @@ def _moved(record: RunRecord, options: RunOptions) -> RunRecord:
     return replace(record, rollout=done, interrupted=interrupted, wall_s=wall)
 
 
-def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRecord:
-    """Returns the record of a run whose failing flows were revised; how is in the folder.
+def _evolve_plan(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRecord:
+    """Return the record of a run whose failing flows were revised; the evolution is in the folder.
 
     Args:
         record: The proved plan; the model that proposed it, if one did, judges and revises as well.
-        options: What was typed.
+        options: The typed options.
         folder: The run's folder.
     """
     began = time.perf_counter()
     interrupted = False
     with (
-        Judging(_judged(options), folder.path, spending=record.spending, pictures=options.video) as judging,
+        EvolutionSetup(
+            _judge_options(options), folder.path, spending=record.spending, pictures=options.video
+        ) as judging,
         RolloutProgress(quiet=options.json) as progress,
     ):
         try:
@@ -177,8 +182,8 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRe
     return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
-def _judged(options: RunOptions) -> JudgeOptions:
-    """Returns who judges: the model that plans, with pictures where there are any to be had."""
+def _judge_options(options: RunOptions) -> JudgeOptions:
+    """Return the judges' options: the model that plans, with pictures where they are available."""
     model = options.model
     if model is None:
         return JudgeOptions(memory=options.memory)
@@ -190,7 +195,7 @@ def _judged(options: RunOptions) -> JudgeOptions:
 
 
 def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
-    """Prints the end of a run and returns its exit code."""
+    """Print the end of a run and return its exit code."""
     code = DONE if record.outcome == "succeeded" else INTERRUPTED if record.interrupted else FAILED
     if options.json:
         print_json({**summary_json(record, folder), "exit_code": code})
@@ -202,14 +207,14 @@ def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
     if record.interrupted:
         tell("scene2demo: interrupted; what was finished is in the folder", style="yellow")
     elif record.stopped:
-        tell(f"scene2demo: {stopped_words(record.stopped)}", style="red")
+        tell(f"scene2demo: {stopped_message(record.stopped)}", style="red")
     return code
 
 
-def _proposed_by(
+def _propose_with_model(
     spending: Spending, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> Proposal:
-    """Returns a model's proposal for a run's query; what it was asked and answered is in the folder, also on failure.
+    """Return a model's proposal for a run's query; the conversation is in the folder, also on failure.
 
     Raises:
         QueryError: The query is not understood, or cannot be done in the scene.
@@ -218,32 +223,32 @@ def _proposed_by(
     """
     sizing = Sizing(options.seed, options.keep_sizes)
     name = options.model or ""
-    proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.hear)
+    proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.add_round)
     try:
         return proposer.propose(options.query, scene)
     finally:
-        # What is gone on with keeps its record until there is a new one.
+        # A resumed run keeps its conversation until there is a new one.
         if proposer.conversation is not None and (spending.rounds or not options.resume):
             folder.write_conversation(proposer.conversation.to_json())
 
 
-def _say_plan(record: RunRecord, options: RunOptions) -> None:
+def _print_plan(record: RunRecord, options: RunOptions) -> None:
     if options.json:
         return
     tell_notes(record.notes)
-    task, steps = counted(len(record.graph.task.subtasks), "subtask"), counted(len(record.graph.nodes), "step")
+    task, steps = pluralize(len(record.graph.task.subtasks), "subtask"), pluralize(len(record.graph.nodes), "step")
     tell(f"{record.report.verdict.value.lower()}: {task}, {steps}")
 
 
 def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
-    """Returns the pictures of the scene that module 1 is shown.
+    """Return the pictures of the scene for module 1.
 
     Args:
-        paths: As they were typed after `--image`.
-        model: Who looks at them.
+        paths: As typed after `--image`.
+        model: The model that looks at them.
 
     Raises:
-        BadOption: Nobody looks at them, or a file cannot be read, is too large, or is no picture that models take.
+        BadOption: There is no model, or a file cannot be read, is too large, or is no picture that models take.
         PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
@@ -252,7 +257,6 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
 
 
 def _picture(path: Path) -> Image:
-    """Returns one picture."""
     try:
         data = read_bounded(path, LARGEST_PICTURE_BYTES)
     except OSError as error:
@@ -267,7 +271,7 @@ def _picture(path: Path) -> Image:
 
 
 def _media_type(data: bytes) -> str | None:
-    """Returns what kind of picture the first bytes announce, None for another kind of file."""
+    """Return the kind of picture that the first bytes announce, None for another kind of file."""
     if data.startswith(b"\x89PNG\r\n\x1a\n"):
         return "image/png"
     if data.startswith(b"\xff\xd8\xff"):

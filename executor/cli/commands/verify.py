@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from executor.cli.command_options import VerifyOptions
 from executor.cli.errors import DONE, FAILED, BadOption
 from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.output import print_json, say, tell
-from executor.cli.words.planning import VerifyOptions
-from executor.machine.files import write_json
-from llm.offline.sentences import other_readings
+from executor.system.files import write_json
+from llm.offline.planner import other_readings
 from oag import Fix, Report, Verdict, canonical_digest, compose
 
 
 def execute(options: VerifyOptions) -> int:
-    """Prints the verdict with its findings, and writes the task and the certificate where that is asked for.
+    """Print the verdict with its findings, and write the task and the certificate where requested.
 
     Returns:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
@@ -46,7 +46,7 @@ def execute(options: VerifyOptions) -> int:
         return DONE if report else FAILED
     if fix is None:
         write_json(options.out, report.task.to_json())
-        tell(f"\nwritten to {options.out}: the task as it was verified, {_flows_said(report)}")
+        tell(f"\nwritten to {options.out}: the task as it was verified, {_describe_flows(report)}")
         return DONE if report else FAILED
     write_json(options.out, fix.apply(report.task).to_json())
     tell(f"\nwritten to {options.out}: {fix}")
@@ -54,7 +54,7 @@ def execute(options: VerifyOptions) -> int:
 
 
 def _write_certificate(report: Report, path: Path) -> None:
-    """Writes the certificate, or says why there is none."""
+    """Write the certificate, or print why there is none."""
     if report.certificate is None:
         tell(f"\n{path} is not written: there is no certificate; what is said above cannot be listed step by step")
         return
@@ -62,14 +62,14 @@ def _write_certificate(report: Report, path: Path) -> None:
     tell(f"\ncertificate written to {path}: scene2demo recheck {path}")
 
 
-def _flows_said(report: Report) -> str:
-    """Returns what the written task has of searched flows."""
+def _describe_flows(report: Report) -> str:
+    """Return the note about searched flows in the written task."""
     count = sum(finding.code == "flow/searched" for finding in report.diagnostics)
     return f"{count} of its flows searched" if count else "unchanged"
 
 
 def _chosen(report: Report, number: int | None) -> Fix | None:
-    """Returns the fix of a number, counted from 1; None when none is offered and none was named."""
+    """Return the fix of a number, counted from 1; None when none is offered and none was named."""
     if number is None and not report.fixes:
         tell("no fix was found, so nothing is written")
         return None

@@ -1,8 +1,8 @@
-"""The level frame of a close picture of a table: by the rim of something round on it, and the size it usually has.
+"""Level frame and scale of a close picture of a table, from the rim of a round object of usual size.
 
-A circle is an ellipse in a picture, which tells how its plane is tilted, and, if its radius is known, how far off it is
-(Forsyth et al. 1991). Where neither floor nor upright lines are seen, a cup so tells the vertical and the scale: as
-exactly as cups are of one size, which is what is said of it.
+A circle is an ellipse in a picture. It gives the tilt of its plane and, if its radius is known, the distance (Forsyth
+et al. 1991). Where neither floor nor vertical lines are visible, a cup gives the vertical and the scale. The stated
+uncertainty is the spread of the sizes of cups.
 """
 
 from __future__ import annotations
@@ -16,51 +16,51 @@ import numpy as np
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.machine.extras import require
-from executor.photo.fitting.body import Guess, is_round
-from executor.photo.fitting.likelihood import Around, Fit, RatedGuess
-from executor.photo.fitting.prior import OF_RANGE, usual_size_m
-from executor.photo.inputs.annotations import Sighting
-from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.picture import Photograph
-from executor.photo.refusal import PhotoRefused
-from executor.photo.space.floor import FloorSeen
+from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
+from executor.photo.fitting.likelihood import OF_RANGE, Fit, RatedHypothesis, SearchContext, usual_size_m
+from executor.photo.geometry.observation import FloorPlane
+from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.picture import Intrinsics, Photograph
+from executor.system.extras import require
 from oag import Kind, kind_of
 
 _WIDEST, _NARROWEST = 1.05, 0.5  # Of the box's width, that a rim may take up.
 _LEVEL_RAD = math.radians(12.0)  # Off the picture's own level, that the longer axis of a rim may be.
-_FLATTEST, _ROUNDEST = 0.15, 0.95  # Shorter axis by longer: seen from the side or from straight above it says nothing.
-_LEAST_POINTS, _NEAR_PX, _LEAST_SEEN = 30, 1.5, 0.6  # Points of a curve; of an ellipse, how much of it is edge.
+_FLATTEST, _ROUNDEST = 0.15, 0.95  # Shorter axis by longer: a view from the side or from straight above gives nothing.
+_LEAST_POINTS, _NEAR_PX, _LEAST_EDGE_SHARE = 30, 1.5, 0.6  # Points of a curve; of an ellipse, how much of it is edge.
 _CANNY = ((50, 120), (25, 70), (90, 200))
 _AROUND = 0.1  # Of a box's sides, looked at around it.
 
 
 @dataclass(frozen=True)
-class RimSeen:
-    """A level circle as a camera sees it.
+class LevelCircle:
+    """A level circle in the picture.
 
     Attributes:
         up: (3,) normal of its plane in the camera's frame.
         distance: Of the camera from that plane, in radii of the circle.
         ellipse_px: Middle, full axes, turn in degrees, as OpenCV has them.
-        seen: Share of the ellipse along which there are edges.
+        edge_share: Share of the ellipse that lies on edges.
     """
 
     up: Array
     distance: float
     ellipse_px: tuple[tuple[float, float], tuple[float, float], float]
-    seen: float
+    edge_share: float
 
 
-def levelled_by_rim(picture: Photograph, camera: Intrinsics, things: Sequence[Sighting]) -> FloorSeen:
-    """Returns the floor below a table that fills the picture, by the rim of something round on it, both of usual size.
+def level_by_rim(picture: Photograph, camera: Intrinsics, things: Sequence[Detection]) -> FloorPlane:
+    """Return the floor below a table that fills the picture, from the rim of a round object on it.
+
+    Both are assumed to be of usual size.
 
     Args:
-        picture, camera: What is given.
-        things: With a table whose edges are not in the picture, and something round.
+        picture, camera: The input.
+        things: Detections, with a table whose edges are outside the picture, and a round object.
 
     Raises:
-        PhotoRefused: There is no such table, or no rim is seen.
+        PhotoRefused: There is no such table, or no rim is visible.
         MissingExtra: OpenCV is not installed.
     """
     table = next((entry for one in things for entry in beneath(one, picture.size_px)), None)
@@ -70,18 +70,18 @@ def levelled_by_rim(picture: Photograph, camera: Intrinsics, things: Sequence[Si
         missing = "no table fills the picture" if table is None else "no rim of something round on its table is seen"
         hint = "give --depth or a recording, --camera-height-m, --length along the floor, or --board"
         raise PhotoRefused("depth", picture.source, f"{problem}: {missing}", hint)
-    rim, entry = max(found, key=lambda one: one[0].seen)
+    rim, entry = max(found, key=lambda one: one[0].edge_share)
     _, width_m, height_m = usual_size_m(entry)
     table_m = usual_size_m(table)[2]
     above_m = rim.distance * width_m / 2 + height_m
     spread = OF_RANGE * (entry.width.high - entry.width.low) / width_m
-    told = f"the rim of a {entry.category} as wide as usual, {width_m:.3f} m; a {table.category} as high as usual"
+    reference = f"the rim of a {entry.category} as wide as usual, {width_m:.3f} m; a {table.category} as high as usual"
     tilt = math.degrees(math.asin(float(np.clip(-rim.up[2], -1.0, 1.0))))
-    return FloorSeen(rim.up, above_m + table_m, 0.0, tilt, 0.0, f"{told}, {table_m:.2f} m", spread)
+    return FloorPlane(rim.up, above_m + table_m, 0.0, tilt, 0.0, f"{reference}, {table_m:.2f} m", spread)
 
 
-def beneath(thing: Sighting, size_px: tuple[int, int]) -> list[ModelEntry]:
-    """Returns the models of a support whose box reaches three borders of the picture: what all else stands on."""
+def beneath(thing: Detection, size_px: tuple[int, int]) -> list[ModelEntry]:
+    """Return the models of a support whose box reaches three borders of the picture: it carries everything else."""
     x0, y0, x1, y1 = thing.box_px
     width, height = size_px
     reached = (x0 < 0.04 * width, y0 < 0.04 * height, x1 > 0.96 * width, y1 > 0.96 * height)
@@ -90,29 +90,29 @@ def beneath(thing: Sighting, size_px: tuple[int, int]) -> list[ModelEntry]:
     return supports if sum(reached) >= 3 else []
 
 
-def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) -> Fit:
-    """Returns a support of usual size whose edges are not in the picture, with some places over its middle.
+def assumed_beneath(around: SearchContext, entries: Sequence[ModelEntry], over: Array) -> Fit:
+    """Return a support of usual size whose edges are outside the picture, centred below some places.
 
     Args:
-        around: What else is known.
-        entries: The models that it may be, the likeliest first.
-        over: (N, 2) places on the floor that it is under.
+        around: The context.
+        entries: Candidate models, the likeliest first.
+        over: (N, 2) places on the floor that it is below.
     """
     x, y = (float(value) for value in np.mean(over, axis=0))
     facing = math.atan2(y, x)
-    first, *others = [Guess(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
+    first, *others = [PoseHypothesis(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
     spread_m = around.scale_share * math.hypot(x, y)
-    told = "its edges are not in the picture: as large as usual, its middle under what stands on it"
-    alternatives = tuple(RatedGuess(one, 0.0) for one in others)
-    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, told)
+    assumption = "its edges are not in the picture: as large as usual, its middle under what stands on it"
+    alternatives = tuple(RatedHypothesis(one, 0.0) for one in others)
+    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, assumption)
 
 
 def tilted_circle(
     ellipse_px: tuple[tuple[float, float], tuple[float, float], float], camera: Intrinsics
 ) -> tuple[Array, float]:
-    """Returns the normal (3,) of the plane of a circle that is seen as an ellipse, and the plane's distance in radii.
+    """Return the normal (3,) of the plane of a circle from its ellipse, and the plane's distance in radii.
 
-    Of the two planes that there are it is that which faces the camera from below: a ceiling has no cups.
+    Of the two solutions it is the one that faces the camera from below: a ceiling has no cups.
     """
     (u, v), (across, along), turn_deg = ellipse_px
     c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
@@ -129,20 +129,20 @@ def tilted_circle(
     stand = math.sqrt(max(0.0, (middle_value - low) / (high - low)))
     candidates = [lean * sign * vectors[:, 2] + stand * vectors[:, 0] for sign in (-1.0, 1.0)]
     ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
-    # Of tables the upper side is seen.
+    # The upper side of a table is visible.
     towards = [normal if float(normal @ ray) < 0.0 else -normal for normal in candidates]
     up = min(towards, key=lambda normal: float(normal[1]))
     return up, middle_value / math.sqrt(-low * high)
 
 
-def _round(thing: Sighting) -> list[ModelEntry]:
-    """The round models that a thing may be, of which one is enough."""
+def _round(thing: Detection) -> list[ModelEntry]:
+    """Return the round models of a detection; one of them is enough."""
     entries = (one for one in LIBRARY.values() if one.category == thing.category)
     return [one for one in entries if is_round(one) and kind_of(one.category, one.width.low) is Kind.ITEM][:1]
 
 
-def _rims(picture: Photograph, camera: Intrinsics, thing: Sighting) -> Iterator[RimSeen]:
-    """Level ellipses in a thing's box, along which there are edges."""
+def _rims(picture: Photograph, camera: Intrinsics, thing: Detection) -> Iterator[LevelCircle]:
+    """Yield level ellipses of edges in a detection's box."""
     cv2 = require("cv2", "photo")
     x0, y0, x1, y1 = thing.box_px
     over_x, over_y = _AROUND * (x1 - x0), _AROUND * (y1 - y0)
@@ -164,15 +164,15 @@ def _rims(picture: Photograph, camera: Intrinsics, thing: Sighting) -> Iterator[
             inside = y0 < v + top < y1 and x0 < u + left < x1
             if not (level and fits and inside):
                 continue
-            seen = _share_seen(away_px, (u, v), (across, along), turn)
-            if seen > _LEAST_SEEN:
+            edge_share = _edge_share(away_px, (u, v), (across, along), turn)
+            if edge_share > _LEAST_EDGE_SHARE:
                 ellipse = (u + left + 0.5, v + top + 0.5), (across, along), turn
                 up, distance = tilted_circle(ellipse, camera)
-                yield RimSeen(up, distance, ellipse, seen)
+                yield LevelCircle(up, distance, ellipse, edge_share)
 
 
-def _share_seen(away_px: Array, middle: tuple[float, float], axes: tuple[float, float], turn_deg: float) -> float:
-    """Share of an ellipse that has an edge beside it."""
+def _edge_share(away_px: Array, middle: tuple[float, float], axes: tuple[float, float], turn_deg: float) -> float:
+    """Return the share of an ellipse that lies next to an edge."""
     angle = np.linspace(0.0, 2.0 * math.pi, 180, endpoint=False)
     c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
     x, y = axes[0] / 2 * np.cos(angle), axes[1] / 2 * np.sin(angle)

@@ -1,4 +1,8 @@
-"""Where a search begins: boxes around the points of a thing, turned as their outline and as the walls are."""
+"""Start hypotheses of a search, and the few that are refined.
+
+With depth, starts are boxes around the object's points, oriented like their outline and like the walls. Without depth
+they are boxes of usual size whose foot is where the detection ends.
+"""
 
 from __future__ import annotations
 
@@ -14,73 +18,90 @@ from scipy.ndimage import label
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess, Size, body_of, has_ear, is_round, largest_m
-from executor.photo.fitting.options import shapes
-from executor.photo.fitting.prior import AT_WALLS, CARRIED, is_large, usual_size_m
-from executor.photo.inputs.annotations import Sighting
-from executor.photo.space.observation import Observation
-from executor.photo.space.walls import Wall
+from executor.photo.fitting.hypothesis import PoseHypothesis, Size, has_ear, is_round, largest_m, raycaster_of
+from executor.photo.fitting.likelihood import (
+    AT_WALLS,
+    CARRIED,
+    Likelihood,
+    RatedHypothesis,
+    SearchContext,
+    best_of_models,
+    by_cost,
+    is_large,
+    usual_size_m,
+)
+from executor.photo.fitting.refinement import (
+    cheapest_openings,
+    cheapest_turns,
+    distinct,
+    fit_handles,
+    refine_nelder_mead,
+    shapes,
+)
+from executor.photo.geometry.observation import Observation
+from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.annotations import Detection
 from oag import Kind, kind_of
 
-_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
+_OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
-_APART_M, _AJAR = 0.1, (0.2, 0.35, 0.5, 0.65, 0.8, 0.95)  # Places and openings at which what stands open is looked for.
+_APART_M, _AJAR = 0.1, (0.2, 0.35, 0.5, 0.65, 0.8, 0.95)  # Step of places, and openings, of open starts.
 _SAME_RAD = math.radians(6.0)
 LEAST_POINTS = 12
 """Of a thing: fewer have neither size nor turn."""
 
 _GAP_M = 0.05
 _HEADINGS, _ASKEW_HEADINGS = 8, 24
-_BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
-_CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
-# What is behind a pillow or a seat may be another piece in depths.
+_BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # The visible part may seem so much larger than the model can be,
+_CUT_SHARE = 0.3  # and its top so much lower, if it is hidden.
+# Depth may separate what is behind a pillow or a seat.
 _BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
-_UNDER_OTHERS = 80.0  # Percentile of a thing's heights in the picture, with what stands on it.
+_UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
-_SEEMS_HIGHER, _SEEMS_LOWER = 2.5, 1.5  # Than it is, what is taken to stand where its box ends.
+_SEEMS_HIGHER, _SEEMS_LOWER = 2.5, 1.5  # Errors of the height of an object placed where its box ends.
 _NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
-_IN_HAND_SHARE = 0.6  # Of the least that an item comes as: what is too wide for the hand is scaled.
-_SCALED = (1.0, 0.7)  # Of its usual size, as which a thing is looked for where only its box tells that.
-_LOW = 0.6  # Of its usual height, what is a low one.
-_FLAT_M = 0.05  # What is no higher: plates, lying books.
-_ODD_SHARE = 0.7  # Of the least that a model comes as, which a thing may be.
+_IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scaled.
+_SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box gives the size.
+_LOW = 0.6  # Share of the usual height of a low model.
+_FLAT_M = 0.05  # Largest height of a flat object: plates, lying books.
+_ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
 
-def named_models(detection: Sighting) -> list[ModelEntry]:
-    """Returns the models of what a box is called, all of them where it has no name."""
+def named_models(detection: Detection) -> list[ModelEntry]:
+    """Return the models of a detection's category, all of them without one."""
     return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
 
 
-def stands_on_floor(detection: Sighting) -> bool:
-    """Decides whether what a box is called is taken to stand on the floor."""
+def stands_on_floor(detection: Detection) -> bool:
+    """Return whether a detection's category stands on the floor."""
     large = all(is_large(entry) for entry in named_models(detection))
     return detection.category is not None and large and detection.category not in CARRIED
 
 
 def points_of(
-    seen: Observation,
+    observation: Observation,
     box_px: tuple[float, float, float, float],
     other_m: Array,
     smaller: NDArray[np.bool_],
 ) -> Array:
-    """Returns the points (N, 3) that are most likely the thing's: the piece in the middle of its box that stands out.
+    """Return the points (N, 3) that are most likely the object's: the central residual segment of its box.
 
     Args:
-        seen: The picture.
-        box_px: The thing's box.
-        other_m: (H, W) depth of everything else that is known.
-        smaller: (H, W) pixels in boxes of smaller things, which may be in front of it.
+        observation: The picture.
+        box_px: The detection's box.
+        other_m: (H, W) depth of everything else known.
+        smaller: (H, W) pixels in boxes of smaller objects, which may be in front of it.
     """
     x0, y0, x1, y1 = (round(value) for value in box_px)
     window = np.s_[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
-    z, sigma = seen.z_m[window], seen.sigma_m[window]
-    out = seen.measured[window] & (z < other_m[window] - np.maximum(0.015, 3.0 * sigma))
+    z, sigma = observation.z_m[window], observation.sigma_m[window]
+    out = observation.measured[window] & (z < other_m[window] - np.maximum(0.015, 3.0 * sigma))
     apart = out & ~smaller[window]
     out = apart if apart.sum() > 0.3 * out.sum() else out
-    pieces, count = label(out & ~seen.edges[window])
-    points = seen.points_m[window]
+    pieces, count = label(out & ~observation.edges[window])
+    points = observation.points_m[window]
     if count == 0:
         return np.zeros((0, 3))
     rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
@@ -91,7 +112,7 @@ def points_of(
     chosen = pieces == best
     if int(chosen.sum()) < LEAST_POINTS:
         return np.asarray(points[out])
-    # Pieces near it belong to it too: legs, a door that stands open, what a rod divides.
+    # Segments near it belong to it too: legs, an open door, parts divided by a rod.
     low, high = points[chosen].min(axis=0) - _GAP_M, points[chosen].max(axis=0) + _GAP_M
     for piece in np.flatnonzero(worth > 0.02 * worth[best]):
         near = (points[pieces == piece] > low).all(axis=1) & (points[pieces == piece] < high).all(axis=1)
@@ -100,14 +121,16 @@ def points_of(
     return np.asarray(points[chosen])
 
 
-def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls: Sequence[Wall]) -> Iterator[Guess]:
-    """Yields guesses around some points (N, 3): every model, turned four ways, with sizes inside the model's ranges.
+def starts(
+    points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls: Sequence[Wall]
+) -> Iterator[PoseHypothesis]:
+    """Yield hypotheses around some points (N, 3): every model, in four orientations, within the model's sizes.
 
     Args:
         points: In the level frame.
         entries: The models.
-        bottom_m: Height of what the thing stands on.
-        walls: Whose directions furniture often has.
+        bottom_m: Height of the support.
+        walls: Their directions are usual ones of furniture.
     """
     if not len(points):
         return
@@ -121,7 +144,7 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
             # Its own x axis along the view: across it noise widens nothing.
             bases = [math.atan2(*flat.mean(axis=0)[::-1])]
         if has_ear(entry):
-            # What has no sides, such as a mug with its ear, looks otherwise from turn to turn.
+            # An object with an ear, such as a mug, has no sides but an orientation.
             bases = [own + share * math.pi / 2 for share in _ASKEW]
         for base in bases:
             for quarter in range(1 if is_round(entry) else 4):
@@ -130,14 +153,14 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
 
 def opened_starts(
     points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls: Sequence[Wall]
-) -> Iterator[Guess]:
-    """Yields guesses of what stands open: bodies of usual size over some points (N, 3), doors and drawers out.
+) -> Iterator[PoseHypothesis]:
+    """Yield open hypotheses: bodies of usual size over some points (N, 3), doors and drawers out.
 
     Args:
         points: In the level frame.
-        entries: The models; only those with doors or drawers are taken.
-        bottom_m: Height of what the thing stands on.
-        walls: Whose directions furniture often has.
+        entries: The models; only those with doors or drawers are used.
+        bottom_m: Height of the support.
+        walls: Their directions are usual ones of furniture.
     """
     if len(points) < LEAST_POINTS:
         return
@@ -155,11 +178,13 @@ def opened_starts(
             places = (np.arange(first[axis], last[axis] + _APART_M, _APART_M) for axis in range(2))
             for x, y, fraction in itertools.product(*places, _AJAR):
                 at = float(c * x - s * y), float(s * x + c * y)
-                yield from shapes(Guess(entry, *at, yaw, bottom_m, size).with_parameters(open_fraction=fraction))
+                yield from shapes(
+                    PoseHypothesis(entry, *at, yaw, bottom_m, size).with_parameters(open_fraction=fraction)
+                )
 
 
 def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
-    """That of the smallest rectangle around points (N, 2), and those of the walls that differ from it."""
+    """Return the yaw of the smallest rectangle around points (N, 2), and those of walls that differ from it."""
     distinct: list[float] = []
     for yaw in (_outline_yaw(flat), *(wall.yaw_rad for wall in walls)):
         if all(abs(math.remainder(yaw - other, math.pi / 2)) > _SAME_RAD for other in distinct):
@@ -169,18 +194,18 @@ def _likely_yaws(flat: Array, walls: Sequence[Wall]) -> list[float]:
 
 @cache
 def _is_turned(entry: ModelEntry) -> bool:
-    """Decides whether a model is of an item that is the same from all sides, as a glass is and a die is not."""
-    body = body_of(Guess(entry, 0.0, 0.0, 0.0, 0.0, usual_size_m(entry)))
+    """Return whether a model is a rotationally symmetric item: a glass is, a die is not."""
+    body = raycaster_of(PoseHypothesis(entry, 0.0, 0.0, 0.0, 0.0, usual_size_m(entry)))
     return kind_of(entry.category, entry.width.low) is Kind.ITEM and body is not None and body.symmetric
 
 
 def flat_among(entries: Iterable[ModelEntry]) -> list[ModelEntry]:
-    """Returns those of some models of which hardly a point stands out where they are far."""
+    """Return the flat models, of which hardly a point stands out at a distance."""
     return [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
 
 
 def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
-    """Returns the models that may look as large as some points (N, 3) that stand on one of some heights."""
+    """Return the models that can have the extent of some points (N, 3) on one of some heights."""
     if len(points) < LEAST_POINTS:
         return flat_among(LIBRARY.values())
     flat = points[:, :2] - np.median(points[:, :2], axis=0)
@@ -203,24 +228,24 @@ def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
 
 
 def high_enough(
-    seen: Observation, box_px: tuple[float, float, float, float], bottoms_m: Sequence[float]
+    observation: Observation, box_px: tuple[float, float, float, float], bottoms_m: Sequence[float]
 ) -> list[ModelEntry]:
-    """Returns the models that without depth may look as high as a box that ends on one of some heights.
+    """Return the models that, without depth, can have the height of a box on one of some heights.
 
-    Its foot may be hidden, and what is seen at its upper end may be farther off; what a border cuts may be higher.
+    The foot may be hidden, the upper end may be farther off, and an object cut by a border may be higher.
     """
     x0, y0, x1, y1 = box_px
-    width, height = seen.size_px
+    width, height = observation.size_px
     is_cut = y0 <= 1.0 or y1 >= height - 1.0
-    up = seen.rays[min(height - 1, max(0, int(y0))), min(width - 1, int((x0 + x1) / 2))]
+    up = observation.rays[min(height - 1, max(0, int(y0))), min(width - 1, int((x0 + x1) / 2))]
     rise = float(up[2] / max(float(np.linalg.norm(up[:2])), 1e-6))
     found = []
     for entry in LIBRARY.values():
         most_m = _SEEMS_HIGHER * largest_m(entry)[2]
         least_m = entry.height.low * (entry.width.low if entry.height.of_width else 1.0) / _SEEMS_LOWER
         for bottom_m in bottoms_m:
-            foot = foot_of(seen, box_px, bottom_m)
-            high_m = None if foot is None else seen.eye_m[2] + rise * float(np.linalg.norm(foot)) - bottom_m
+            foot = foot_of(observation, box_px, bottom_m)
+            high_m = None if foot is None else observation.eye_m[2] + rise * float(np.linalg.norm(foot)) - bottom_m
             if high_m is None or (high_m < most_m and (is_cut or high_m > least_m)):
                 found.append(entry)
                 break
@@ -228,37 +253,39 @@ def high_enough(
 
 
 def outline_starts(
-    seen: Observation,
+    observation: Observation,
     box_px: tuple[float, float, float, float],
     entries: Sequence[ModelEntry],
     bottom_m: float,
     headings_rad: Sequence[float] = (),
-) -> Iterator[Guess]:
-    """Yields guesses of a thing of which there is no depth: of usual size and smaller, its foot where its box ends.
+) -> Iterator[PoseHypothesis]:
+    """Yield hypotheses without depth: of usual size and smaller, with the foot at the box's lower end.
 
     Args:
-        seen: The picture.
-        box_px: The thing's box.
+        observation: The picture.
+        box_px: The detection's box.
         entries: The models.
-        bottom_m: Height of what the thing stands on.
-        headings_rad: Directions that furniture often has; without them all are tried.
+        bottom_m: Height of the support.
+        headings_rad: Usual headings of furniture; without them all are tried.
     """
-    foot = foot_of(seen, box_px, bottom_m)
+    foot = foot_of(observation, box_px, bottom_m)
     if foot is None:
         return
     for entry in entries:
         for size in _sizes_m(entry):
-            for x, y in _middles_m(seen, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)):
+            for x, y in _middles_m(
+                observation, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)
+            ):
                 # Tables stand as they like in a room, cabinets along its walls.
                 count = 4 if entry.category in AT_WALLS or not is_large(entry) else _ASKEW_HEADINGS
                 turns = [heading + 2 * math.pi * step / count for heading in headings_rad for step in range(count)]
                 away = math.atan2(y, x)
                 for turned in turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
-                    yield Guess(entry, x, y, turned, bottom_m, size)
+                    yield PoseHypothesis(entry, x, y, turned, bottom_m, size)
 
 
 def _sizes_m(entry: ModelEntry) -> Iterator[Size]:
-    """Yields sizes that a model is looked for as: its usual one and smaller, and those that it has if it is a low one.
+    """Yield start sizes of a model: its usual one, smaller ones, and the size of a low model.
 
     Shelves are as high as a knee or as a man, and as wide either way.
     """
@@ -270,7 +297,7 @@ def _sizes_m(entry: ModelEntry) -> Iterator[Size]:
 
 
 def _middles_m(
-    seen: Observation,
+    observation: Observation,
     box_px: tuple[float, float, float, float],
     foot_m: float,
     size_m: Size,
@@ -278,48 +305,53 @@ def _middles_m(
     *,
     large: bool,
 ) -> Iterator[tuple[float, float]]:
-    """Where the middle of a thing may be whose box ends so far off: behind its box's middle, or beyond a border."""
+    """Yield possible middles of an object whose box ends at this distance: behind its box, or beyond a border."""
     x0, y0, x1, y1 = box_px
-    width_px, height_px = seen.size_px
+    width_px, height_px = observation.size_px
     # Upright edges lean in a picture from above: above the middle of a box's end is something else.
-    ahead = seen.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
+    ahead = observation.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-6)
     half_m = (size_m[0] + size_m[1]) / 4
     reaches, asides = [foot_m], [0.0]
     if large:
-        # A box is off by some share of its sides, and what the picture's border cuts ends farther down.
+        # A box is inexact by some share of its sides, and an object cut by the border ends farther down.
         reaches = [share * foot_m for share in _NEARER]
         asides += [share for share in _ASIDE if x0 < _CUT * width_px]
         asides += [-share for share in _ASIDE if x1 > (1.0 - _CUT) * width_px]
-        far = foot_of(seen, (x0, y0, x1, y0), bottom_m + size_m[2])
+        far = foot_of(observation, (x0, y0, x1, y0), bottom_m + size_m[2])
         if far is not None and y1 > (1.0 - _CUT) * height_px:
-            # Its far edge tells more.
+            # Its far edge is better evidence.
             reaches += [float(np.linalg.norm(far)) - share * half_m for share in (2.0, 2.4)]
     for reach, aside in itertools.product(reaches, asides):
         along, across = reach + half_m, 2.0 * half_m * aside
         yield float(along * ahead[0] - across * ahead[1]), float(along * ahead[1] + across * ahead[0])
 
 
-def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:
-    """Returns (2,) where the middle of a box's lower edge is on a level plane, None where it is above the horizon."""
+def foot_of(observation: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:
+    """Return (2,) the point of a level plane at the middle of a box's lower edge; None above the horizon."""
     x0, _, x1, y1 = box_px
-    width, height = seen.size_px
+    width, height = observation.size_px
     column, row = min(int((x0 + x1) / 2), width - 1), min(int(y1), height - 1)
-    ray = seen.rays[row, column]
-    share = (bottom_m - seen.eye_m[2]) / ray[2] if ray[2] < -1e-3 else math.inf
-    return np.asarray((seen.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
+    ray = observation.rays[row, column]
+    share = (bottom_m - observation.eye_m[2]) / ray[2] if ray[2] < -1e-3 else math.inf
+    return np.asarray((observation.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
 
 
-def feet_of(seen: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:
-    """Returns (N, 2) where boxes end on a level plane; without any, where the camera looks at it, or the origin."""
-    found = [foot for box in boxes_px if (foot := foot_of(seen, box, height_m)) is not None]
-    width, height = seen.size_px
-    middle = foot_of(seen, (0.0, 0.0, float(width), height / 2), height_m)
+def feet_of(observation: Observation, boxes_px: Sequence[tuple[float, float, float, float]], height_m: float) -> Array:
+    """Return (N, 2) the points of a level plane where boxes end.
+
+    Without boxes it is the plane's point that the camera looks at, or the origin.
+    """
+    found = [foot for box in boxes_px if (foot := foot_of(observation, box, height_m)) is not None]
+    width, height = observation.size_px
+    middle = foot_of(observation, (0.0, 0.0, float(width), height / 2), height_m)
     return np.array(found or [np.zeros(2) if middle is None else middle])
 
 
-def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m: Sequence[float]) -> Iterator[Guess]:
-    """Turned so, by the corners of some points: as high as any of some tops, and as high as it may be."""
+def _placed(
+    entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m: Sequence[float]
+) -> Iterator[PoseHypothesis]:
+    """Yield hypotheses of one yaw by the corners of some points: at some tops' heights and the largest one."""
     lower_m, top_m = tops_m
     c, s = math.cos(yaw), math.sin(yaw)
     local = flat @ np.array([[c, -s], [s, c]])
@@ -329,14 +361,14 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
         width = min(width, max(float(high[1] - low[1]), _IN_HAND_SHARE * entry.width.low))
     length = entry.length.clipped(float(high[0] - low[0]), width)
     unit = width if entry.height.of_width else 1.0
-    seen_m = entry.height.clipped(top_m - bottom_m, width)
-    # What is thin before a wall, such as a headboard, does not stand out from it: the box may know better.
-    # What is lower or higher than its model mostly is, is looked for as high as it is seen, too.
+    visible_m = entry.height.clipped(top_m - bottom_m, width)
+    # Thin parts before a wall, such as a headboard, do not stand out: the box may be better evidence.
+    # Objects lower or higher than their model usually is are also tried at their visible height.
     highest_m, least_m = entry.height.high * unit, _ODD_SHARE * entry.height.low * unit
     odd_m = min(max(top_m - bottom_m, least_m), highest_m / _ODD_SHARE)
     under_m = entry.height.clipped(lower_m - bottom_m, width)
-    heights = {round(one, 3) for one in (seen_m, (seen_m + highest_m) / 2, highest_m, odd_m, under_m)}
-    size: Size = (length, width, seen_m)
+    heights = {round(one, 3) for one in (visible_m, (visible_m + highest_m) / 2, highest_m, odd_m, under_m)}
+    size: Size = (length, width, visible_m)
     to_eye = -local.mean(axis=0)
     along: list[list[float]] = []
     for axis, side in enumerate(size[:2]):
@@ -351,13 +383,13 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, tops_m:
         for y in along[1]:
             for height in sorted(heights):
                 at = c * x - s * y, s * x + c * y
-                yield Guess(entry, *at, yaw, bottom_m, (length, width, height))
+                yield PoseHypothesis(entry, *at, yaw, bottom_m, (length, width, height))
 
 
 def _outline_yaw(flat: Array) -> float:
-    """The turn, within a quarter, in which the rectangle around points (N, 2) is smallest."""
+    """Return the yaw, within a quarter turn, of the smallest rectangle around points (N, 2)."""
     best, smallest = 0.0, math.inf
-    for yaw in np.linspace(0.0, math.pi / 2, _TURNS, endpoint=False):
+    for yaw in np.linspace(0.0, math.pi / 2, _OUTLINE_TURNS, endpoint=False):
         c, s = math.cos(yaw), math.sin(yaw)
         local = flat @ np.array([[c, -s], [s, c]])
         sides = np.percentile(local, 98.0, axis=0) - np.percentile(local, 2.0, axis=0)
@@ -365,3 +397,107 @@ def _outline_yaw(flat: Array) -> float:
         if area < smallest:
             best, smallest = float(yaw), area
     return best
+
+
+_FOLLOWED = 10  # Starts: the sides they find are shared by all models and orientations.
+_SKETCHED, _SKETCH, _SEARCH = 30, 120, 240  # Starts that are followed roughly, and renderings of a search.
+_FIRST_TURNS = 20  # Of these, the first are of as many models and turns.
+_MOSTLY = 0.9  # Share of its pixels that a correct closed model explains, without handles and edges.
+_FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
+_RIVALS = 6  # Models of other names that are followed.
+
+
+def likely_boxes(
+    around: SearchContext,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottoms_m: Sequence[float],
+    points: Array,
+    coarse: Likelihood,
+    search: Likelihood,
+) -> list[RatedHypothesis]:
+    """Search for an object and return the end points, cheapest first; sides found once count for all models.
+
+    Args:
+        around: The context.
+        box_px: The detection's box.
+        entries: Candidate models.
+        bottoms_m: Heights that it may stand on.
+        points: (N, 3) its own points; none if its box is better evidence, or without depth.
+        coarse, search: Likelihoods for choosing starts and for searching.
+    """
+    near = around.near
+
+    monocular = around.observation.monocular
+    draw_outlines = entries if monocular else flat_among(entries)
+    begun: list[PoseHypothesis] = []
+    for bottom in bottoms_m:
+        begun += starts(points, entries, bottom, near.walls)
+        begun += outline_starts(around.observation, box_px, draw_outlines, bottom, near.headings_rad)
+    if monocular:
+        boxes = _sketched(coarse, search, begun)
+    else:
+        # With hardly any residual pixels, colours are better evidence than depth.
+        by_look = not len(points)
+        followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
+        boxes = by_cost(_searched(search, followed, colours=by_look))
+    named = {entry.category for entry in entries}
+    if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
+        # A door that stands wide open makes the points' rectangle another thing's.
+        out = search.evidence.own_points_m
+        ajar = (guess for bottom in bottoms_m for guess in opened_starts(out, entries, bottom, near.walls))
+        openings = cheapest_openings(coarse.rated(guess, colours=False) for guess in ajar)
+        boxes = by_cost([*boxes, *_searched(search, openings, colours=False)])
+    return boxes
+
+
+def boxes_of_others(
+    coarse: Likelihood, points: Array, entries: Sequence[ModelEntry], bottom_m: float, most_cost: float
+) -> list[PoseHypothesis]:
+    """Return the end points of rough searches for other models from an object's points, one for each model.
+
+    The sides of round models are not worth trying for a book.
+
+    Args:
+        coarse: The likelihood.
+        points: (N, 3) the object's own.
+        entries: The models.
+        bottom_m: Height of its support.
+        most_cost: Largest depth cost of an end point.
+    """
+    if len(points) < LEAST_POINTS:
+        return []
+    begun = best_of_models(coarse.rated(guess, colours=False) for guess in starts(points, entries, bottom_m, ()))
+    near = [one for one in begun if one.cost < most_cost + _FAR_WORSE][:_RIVALS]
+    return [refine_nelder_mead(coarse, one.guess, _SKETCH, colours=False) for one in near]
+
+
+def _sketched(coarse: Likelihood, search: Likelihood, begun: Iterable[PoseHypothesis]) -> list[RatedHypothesis]:
+    """Refine starts by the picture alone, first with few pixels; return the end points, cheapest first."""
+    rated = [one for one in by_cost(map(coarse.rated, begun)) if math.isfinite(one.cost)]
+    # One model's many starts would take the places of all others.
+    first = cheapest_turns(rated)[:_FIRST_TURNS]
+    likely = [*first, *(one for one in rated if all(one is not other for other in first))][:_SKETCHED]
+    rough = by_cost(coarse.rated(refine_nelder_mead(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
+    return by_cost(_searched(search, distinct(rough)[:_FOLLOWED], colours=True))
+
+
+def _searched(search: Likelihood, begun: Iterable[RatedHypothesis], *, colours: bool) -> Iterable[RatedHypothesis]:
+    """Yield the end points of searches from some starts."""
+    for one in begun:
+        guess = refine_nelder_mead(search, fit_handles(search, one.guess), _SEARCH, colours=colours)
+        yield search.rated(guess, colours=colours)
+
+
+def _explains(search: Likelihood, boxes: Sequence[RatedHypothesis]) -> bool:
+    """Return whether the cheapest hypothesis explains most of the residual pixels."""
+    body = raycaster_of(boxes[0].guess) if boxes else None
+    return body is not None and search.evidence.explained(boxes[0].guess, body) > _MOSTLY
+
+
+def _worth_following(begun: list[RatedHypothesis]) -> list[RatedHypothesis]:
+    """Return the cheapest start of each model, then those of other turns and heights; far worse ones are dropped."""
+    found = cheapest_turns(begun)
+    models = best_of_models(found)
+    first = [*models, *(one for one in found if all(one is not model for model in models))]
+    return [one for one in first if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]

@@ -1,10 +1,10 @@
-"""Boxes with names: what a detector finds, and those of files, as people and programs write them.
+"""Labelled boxes: detections, and the annotation files that people and programs write.
 
-Files are COCO, LabelMe, YOLO, or of a form of our own.
-
-Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
-with boxes in pixels from the upper left corner of the picture. A "size_px": [width, height] next to "things" is the
-size of what they were drawn on, where that is not the picture as it is: [1000, 1000] of thousandths of it.
+Formats are COCO, LabelMe, YOLO and our own:
+{"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
+with boxes in pixels from the upper left corner of the picture. "size_px": [width, height] next to "things" is the size
+of
+the image on which the boxes were drawn, if it is not the picture itself: [1000, 1000] for thousandths.
 """
 
 from __future__ import annotations
@@ -24,40 +24,39 @@ from numpy.typing import NDArray
 from bddl.files import read_bounded_text
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
-from executor.photo.inputs.agreement import box_doubts
+from executor.photo.errors import PhotoRefused
+from executor.photo.inputs.consistency import box_doubts
 from executor.photo.inputs.picture import Photograph
-from executor.photo.refusal import PhotoRefused
-from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, written_category
+from executor.scenes.reconstruction import FLAT, NoMatchingModel, category_of, written_category
 from llm.offline.lexicon import built_in
 from oag import kind_of
 
 LEAST_PX = 3.0
 """Of a box's sides."""
 
-_OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
+_OVER_PX = 2.0  # Tolerance of boxes over the picture's border, in percent of its side: rounding and jitter.
 _PLAIN = re.compile("[a-z][a-z0-9_]*")  # Labels that can be categories, and begin names of things.
 Provenance: TypeAlias = Literal["person", "detector", "search"]
-"""Whose a box and its label are: a person's, whose label is kept; a detector's (a network or a model), whose label is
-evidence and gives way to what fits clearly better; or the search's for what nobody has boxed, which has no label."""
+"""Origin of a box and its label. A person's label is kept. A detector's (a network or a model) is evidence, which a
+clearly better fit overrides. The search for unboxed objects gives no label."""
 
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
 
 @dataclass(frozen=True)
-class Sighting:
-    """One thing that somebody has found in the picture.
+class Detection:
+    """One detected object of the picture.
 
     Attributes:
         label: As it was written.
-        category: The library's category for it, or None where the label says nothing (`thing`, `unknown`).
+        category: The library's category, or None if the label has no meaning (`thing`, `unknown`).
         box_px: x0, y0, x1, y1 from the upper left corner, inside the picture.
-        score: 0 to 1, how sure who found it is.
-        source: Who found it, for people.
-        mask: (H, W) which pixels are its own, where somebody knows that; the box is then around them.
-        doors, drawers: How many it was told to have; None where nobody says.
-        on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
-            nobody says.
-        provenance: Whose the box and its label are, which decides whether the fit may take another name.
+        score: 0 to 1, the detector's confidence.
+        source: Detector or annotator, for people.
+        mask: (H, W) its own pixels, if they are known; the box is then around them.
+        doors, drawers: Given numbers; None if unknown.
+        on: Index of the given support among the detections; FLOOR, or None if unknown.
+        provenance: Origin of box and label, which decides whether the fit may change the category.
     """
 
     label: str
@@ -78,13 +77,13 @@ class Sighting:
         return (x1 - x0) * (y1 - y0)
 
     def may_be(self, entry: ModelEntry) -> bool:
-        """Decide whether the thing may be taken for a model: of a person's label only for one of that category."""
+        """Return whether a model is allowed: a person's label only allows models of its category."""
         return self.provenance != "person" or self.category in (None, entry.category)
 
     def name_as(self, entry: ModelEntry) -> str:
-        """Returns what a scene calls the thing as a model: as it was labelled, where that says more than the model.
+        """Return the category in a scene if it is fitted by a model: the label, if that is more specific.
 
-        More it says where the lexicon has other names for it: a dresser is no cabinet to who asks for one.
+        A label is more specific if the lexicon has other names for it: a dresser is no cabinet for a query.
         """
         label = _written(self.label)
         if self.category != entry.category or not _PLAIN.fullmatch(label):
@@ -95,7 +94,7 @@ class Sighting:
         return written_category(label, entry)
 
     def pixels(self, size_px: tuple[int, int]) -> NDArray[np.bool_]:
-        """Returns (H, W) its own pixels; without a mask those of its box.
+        """Return (H, W) its own pixels; without a mask those of its box.
 
         Args:
             size_px: Width and height of the picture.
@@ -108,7 +107,7 @@ class Sighting:
         return inside
 
     def to_json(self) -> dict[str, object]:
-        """Returns it as plain data; of the mask the sum of its bytes."""
+        """Return it as plain data, with the hash of the mask."""
         own = None if self.mask is None else hashlib.sha256(np.packbits(self.mask).tobytes()).hexdigest()
         return {
             "label": self.label,
@@ -125,12 +124,12 @@ class Sighting:
 
 
 FLOOR = -1
-"""In place of the index of what a thing stands on."""
+"""In place of the index of a support."""
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Something that was found in the picture and that the library has nothing for."""
+    """A detection for which the library has no model."""
 
     label: str
     box_px: tuple[float, float, float, float]
@@ -139,15 +138,15 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Detections:
-    """What was found in a picture.
+    """The detections of a picture.
 
     Attributes:
-        things: What a scene can be made of.
-        left_out: What else was found.
-        doubts: What speaks against their boxes, in sentences.
+        things: Detections that a scene can be made of.
+        left_out: Other detections.
+        doubts: Evidence against the boxes, as sentences.
     """
 
-    things: tuple[Sighting, ...]
+    things: tuple[Detection, ...]
     left_out: tuple[LeftOut, ...] = ()
     doubts: tuple[str, ...] = ()
 
@@ -163,7 +162,7 @@ _UNNAMED = ("", "thing", "object", "unknown", "?")
 
 
 def boxes_in(path: Path, picture_name: str) -> Detector:
-    """Returns the detector whose boxes are in a file.
+    """Return the detector that reads boxes from a file.
 
     Args:
         path: The file, see `read_boxes`.
@@ -171,7 +170,7 @@ def boxes_in(path: Path, picture_name: str) -> Detector:
     """
 
     def detect(picture: Photograph) -> Detections:
-        """Raises PhotoRefused where the file cannot be used, or its boxes end at no edges but larger ones do."""
+        """Raise PhotoRefused if the file is unusable, or only enlarged boxes end at edges."""
         things, drawn_on = _read(path, picture.size_px, picture_name)
         if drawn_on is None:
             doubts = box_doubts(path, [one.box_px for one in things], picture) if things else ()
@@ -186,9 +185,9 @@ def boxes_in(path: Path, picture_name: str) -> Detector:
 
 
 def category_named(label: str) -> str | None:
-    """Returns the library's category for a label as people and models write it, None for one that says nothing.
+    """Return the library's category for a label of people or models, None for a label without meaning.
 
-    A `night table` is a nightstand: the lexicon has it so, and nothing else of that name.
+    A `night table` is a nightstand: it is the lexicon's only category of that name.
 
     Raises:
         Unlike: The library has none; the message has near ones.
@@ -207,17 +206,17 @@ def category_named(label: str) -> str | None:
 def _category_or_none(name: str) -> str | None:
     try:
         return category_of(name)
-    except Unlike:
+    except NoMatchingModel:
         return None
 
 
 def _written(label: str) -> str:
-    """A label in the form of a category."""
+    """Write a label as a category."""
     return label.strip().lower().replace(" ", "_")
 
 
-def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:
-    """Returns the things of an annotation file.
+def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Detection, ...]:
+    """Return the detections of an annotation file.
 
     Args:
         path: The file.
@@ -225,15 +224,15 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
         picture_name: Name of the picture's file, by which a COCO file of many pictures finds its boxes.
 
     Raises:
-        PhotoRefused: The file cannot be read, boxes are outside the picture, or labels are not known; all of them are
+        PhotoRefused: The file cannot be read, boxes are outside the picture, or labels are unknown; all of them are
             listed, with the nearest labels.
         OSError: The file cannot be read.
     """
     return _read(path, size_px, picture_name)[0]
 
 
-def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tuple[Sighting, ...], _Size | None]:
-    """The things of a file, and the size of what their boxes were drawn on, where it has that."""
+def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tuple[Detection, ...], _Size | None]:
+    """Return the detections of a file, and the size of the image that its boxes were drawn on, if it has one."""
     try:
         text = read_bounded_text(path)
     except UnicodeDecodeError as error:
@@ -252,7 +251,7 @@ def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tupl
     return _checked(path, scaled, source, size_px), drawn_on
 
 
-def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Sighting, ...]:
+def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Detection, ...]:
     width, height = size_px
     over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
     outside, unknown, kept = [], [], []
@@ -266,11 +265,11 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
             continue
         try:
             category = category_named(label)
-        except Unlike as error:
+        except NoMatchingModel as error:
             unknown.append(f"{label!r}: {error}")
             continue
         box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
-        kept.append(Sighting(label, category, box, score, source))
+        kept.append(Detection(label, category, box, score, source))
     if outside:
         problem = f"{len(outside)} of {len(found)} boxes are not in the picture of {width} x {height} pixels"
         raise PhotoRefused("boxes", path, problem, f"the first: {outside[0]}; are they in another unit?")
@@ -284,7 +283,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
 def _of_json(
     path: Path, text: str, size_px: tuple[int, int], picture_name: str
 ) -> tuple[list[_Found], str, _Size | None]:
-    """The boxes of a JSON file, their source, and the size of what they were drawn on, where it has that."""
+    """Return the boxes of a JSON file, their source, and the size of the image they were drawn on, if any."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -313,7 +312,7 @@ def _of_json(
 
 
 def _size(sides: Sequence[object] | None) -> _Size | None:
-    """A width and a height, None where they are not both there.
+    """Return a width and a height, None if one is absent.
 
     Raises:
         ValueError: They are no sizes.
@@ -372,10 +371,10 @@ def _labelme(data: Mapping[str, Any], picture_name: str) -> Iterator[_Found]:
 
 
 def _yolo(path: Path, text: str, size_px: tuple[int, int]) -> Iterator[_Found]:
-    beside = path.with_name("classes.txt")
-    if not beside.is_file():
+    classes_path = path.with_name("classes.txt")
+    if not classes_path.is_file():
         raise PhotoRefused("boxes", path, "there is no classes.txt beside it", "one label a line, the first is class 0")
-    names = read_bounded_text(beside).splitlines()
+    names = read_bounded_text(classes_path).splitlines()
     width, height = size_px
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip():

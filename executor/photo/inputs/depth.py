@@ -1,7 +1,21 @@
-"""The depth of every pixel, in metres along the camera's axis, from the files that cameras and networks write."""
+"""Depth files, and single frames of RGB-D recordings.
+
+Depths are in metres along the camera's axis. Two kinds of recordings are read:
+
+TUM        rgb.txt and depth.txt list pictures and depths by timestamp; one step of a depth is 1/5000 m. The folder's
+name
+           tells the camera (freiburg1, 2 or 3); else `--camera` has to.
+Record3D   an .r3d file (a ZIP with `metadata` and rgbd/N.jpg, N.depth, N.conf, the last two packed by LZFSE), or the
+           export of EXR and pictures (metadata.json, rgb/N.jpg, depth/N.exr).
+
+Sources: the page of TUM's RGB-D benchmark; Record3D's two exports as their users read them.
+"""
 
 from __future__ import annotations
 
+import json
+import math
+import re
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,21 +24,31 @@ from pathlib import Path
 from typing import IO, Any, TypeAlias
 
 import numpy as np
+from PIL import Image
 
+from bddl.files import read_bounded_text
 from executor.geometry import Array
-from executor.machine.extras import require
-from executor.photo.inputs.picture import MOST_SIDE_PX, Photograph, opened_picture, read_file
-from executor.photo.refusal import PhotoRefused
+from executor.photo.errors import PhotoRefused
+from executor.photo.inputs.picture import (
+    MOST_BYTES,
+    MOST_SIDE_PX,
+    Intrinsics,
+    Photograph,
+    opened_picture,
+    read_file,
+    read_picture,
+)
+from executor.system.extras import require
 
 NEAREST_M, FARTHEST_M = 0.1, 25.0
-"""What lies outside is taken for not measured."""
+"""Depth outside this range counts as not measured."""
 
 _LIKELY_M = (0.3, 15.0)
-"""Where the middle of a room's depths is; another one means another unit."""
+"""Range of the median depth of a room; another median means another unit."""
 
 _LEAST_MEASURED = 0.05  # Of the pixels.
-BEND_SHARE = 0.02
-"""How far depths that a network guesses slowly go off, where nothing tells how far these do."""
+DEFAULT_DEPTH_DISTORTION = 0.02
+"""Relative distortion of a network's depth if it is unknown."""
 
 _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
 MOST_DECODED_BYTES = 300_000_000
@@ -38,18 +62,19 @@ _UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
 @dataclass(frozen=True)
 class Depth:
-    """Depths as they were read.
+    """Depth as it was read.
 
     Attributes:
         z_m: (H, W) along the camera's axis, 0 where nothing was measured.
         source: The file and its unit, for people.
-        bend_share: How far off they slowly go over the picture, as a share of themselves, where a network has guessed
-            them: what is flat is bent in them. 0 for what was measured.
+        depth_distortion: Relative error that varies slowly over the picture, if a network guessed the depth: flat
+            surfaces
+            are bent. 0 for measured depth.
     """
 
     z_m: Array
     source: str
-    bend_share: float = 0.0
+    depth_distortion: float = 0.0
 
 
 DepthSource: TypeAlias = Callable[[Photograph], Depth]
@@ -57,18 +82,18 @@ DepthSource: TypeAlias = Callable[[Photograph], Depth]
 
 
 def depth_in(path: Path, unit_m: float | None) -> DepthSource:
-    """Returns the source whose depths are in a file, see `read_depth`."""
+    """Return the source that reads depth from a file, see `read_depth`."""
     return lambda picture: read_depth(path, picture.size_px, unit_m)
 
 
 def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None) -> Depth:
-    """Returns the depth that belongs to a picture.
+    """Return the depth of a picture.
 
     Args:
-        path: A 16-bit PNG (millimetres, unless a unit says otherwise), a NumPy array (`.npy`, or `.npz` with one
+        path: A 16-bit PNG (millimetres, unless a unit is given), a NumPy array (`.npy`, or `.npz` with one
             array or one called `depth`; whole numbers are millimetres, others metres), or an EXR in metres.
         size_px: Width and height of the picture.
-        unit_m: What one step of the numbers is in metres, such as 0.0002 for the TUM sets.
+        unit_m: Size of one step [m], such as 0.0002 for the TUM sets.
 
     Raises:
         PhotoRefused: It cannot be read, is of another size, measures almost nothing, or is in another unit.
@@ -81,17 +106,17 @@ def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None
 
 
 def checked_depth(path: Path, values: np.ndarray, size_px: tuple[int, int], unit_m: float, source: str) -> Depth:
-    """Returns an array of depths as those of a picture.
+    """Check an array of depths and return it as the depth of a picture.
 
     Args:
-        path: Where they are from, for messages.
+        path: Its file, for messages.
         values: (H, W); not finite or 0 where nothing was measured.
         size_px: Width and height of the picture.
-        unit_m: What one step of the numbers is in metres.
+        unit_m: Size of one step [m].
         source: The file and its unit, for people.
 
     Raises:
-        PhotoRefused: They are of another size, measure almost nothing, or are in another unit.
+        PhotoRefused: It is of another size, measures almost nothing, or is in another unit.
     """
     _require_size(path, values.shape[::-1], size_px)
     numbers = np.where(np.isfinite(values), values, 0).astype(float)
@@ -110,9 +135,9 @@ def checked_depth(path: Path, values: np.ndarray, size_px: tuple[int, int], unit
 
 
 def read_exr(path: Path) -> np.ndarray:
-    """Returns the (H, W) depths of an EXR file: its channel Z, or R where a camera wrote it there.
+    """Return the (H, W) depth of an EXR file: its channel Z, or R where a camera wrote it there.
 
-    Its header is read first: what would be more than 300 MB when it is unpacked, or deeper than a picture, never is.
+    The header is read first: content of more than 300 MB unpacked, or larger than a picture, is never unpacked.
 
     Raises:
         PhotoRefused: It cannot be read, is too large, or has no such channel.
@@ -133,7 +158,7 @@ def read_exr(path: Path) -> np.ndarray:
     except PhotoRefused:
         raise
     except Exception as error:
-        # Of what can be wrong with a file, the library raises some ten kinds.
+        # The library raises some ten kinds of errors for faulty files.
         raise PhotoRefused("depth", path, f"cannot be read as EXR ({error})") from error
     if values.shape != size_px[::-1]:
         raise PhotoRefused(
@@ -143,10 +168,10 @@ def read_exr(path: Path) -> np.ndarray:
 
 
 def _announced(path: Path, headers: Sequence[Mapping[str, Any]]) -> tuple[tuple[int, int], set[str]]:
-    """Returns width and height of an EXR file's first part, and its channels, by the headers of all its parts.
+    """Return width and height of an EXR file's first part, and its channels, from all headers.
 
     Raises:
-        PhotoRefused: It would be too large, or is none of pixels with one depth each.
+        PhotoRefused: It would be too large, or has no pixels with one depth each.
     """
     sizes, total = [], 0
     for header in headers:
@@ -170,7 +195,7 @@ def _too_much(path: Path, size: int) -> PhotoRefused:
 
 
 def _values(path: Path, size_px: tuple[int, int]) -> np.ndarray:
-    """The numbers of a file, which are unpacked only where its header has as many as the picture."""
+    """Return the numbers of a file; they are unpacked only if its header has the picture's size."""
     if path.suffix.lower() == ".exr":
         return read_exr(path)
     content = read_file(path, "depth")
@@ -210,7 +235,7 @@ def _array(path: Path, content: bytes, size_px: tuple[int, int]) -> np.ndarray:
 
 
 def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expected: str) -> np.ndarray:
-    """An array in NumPy's form, of which as much is read as its header has, if that is as much as it should."""
+    """Read a NumPy array of at most the size in its header, if that is the picture's size."""
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"version {version[0]}.{version[1]} of its form has no plain numbers")
@@ -229,7 +254,7 @@ def _plain_array(path: Path, stream: IO[bytes], size_px: tuple[int, int], expect
 
 
 def _require_few_names(content: bytes) -> None:
-    """Refuses an archive with a directory that would take long to read."""
+    """Refuse an archive with a directory that would take long to read."""
     at = content.rfind(b"PK\x05\x06")
     size = int.from_bytes(content[at + 12 : at + 16], "little")
     if at < 0 or size > _MOST_NAMES_BYTES or content[max(0, at - 20) : at].startswith(b"PK\x06\x07"):
@@ -237,7 +262,7 @@ def _require_few_names(content: bytes) -> None:
 
 
 def _require_size(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> None:
-    """Refuses depths that are not as many as the picture's pixels."""
+    """Refuse depth of another size than the picture."""
     if tuple(got) == size_px:
         return
     shown, (width, height) = " x ".join(map(str, got)), size_px
@@ -249,3 +274,210 @@ def _require_size(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> N
     else:
         hint = "scale one to the other, depth by nearest neighbours"
     raise PhotoRefused("depth", path, problem, hint)
+
+
+_TUM_UNIT_M = 0.0002
+_TUM_CAMERAS = {
+    "freiburg1": (517.3, 516.5, 318.6, 255.3),
+    "freiburg2": (520.9, 521.0, 325.1, 249.7),
+    "freiburg3": (535.4, 539.2, 320.1, 247.6),
+}
+"""As TUM calibrated them, with the first pixel's centre at zero."""
+
+_TOGETHER_S = 0.02  # Between a picture and its depth, as TUM's own tool has it.
+_LARGEST_BYTES = 4_000_000_000  # Of a recording, of which one moment is read.
+_LEAST_SURE = 1  # Of Record3D's 0, 1 and 2: depths that its sensor itself takes for guesses are left out.
+_EXPECTED = (
+    "expected a TUM folder (rgb.txt, depth.txt), or Record3D's .r3d file or EXR export (metadata.json, rgb, depth)"
+)
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One frame of a recording.
+
+    Attributes:
+        picture, depth: As they were recorded, of one size.
+        camera: None if the recording has no intrinsics.
+    """
+
+    picture: Photograph
+    depth: Depth
+    camera: Intrinsics | None
+
+
+def is_capture(path: Path) -> bool:
+    """Return whether a path is a recording and no picture."""
+    return path.is_dir() or path.suffix.lower() == ".r3d"
+
+
+def read_capture(path: Path, frame: int | None = None) -> Capture:
+    """Return one frame of a recording.
+
+    Args:
+        path: A folder, or an .r3d file.
+        frame: Number of the frame, from 0; by default the middle one.
+
+    Raises:
+        PhotoRefused: The format is unknown, the frame is absent, or its content is unusable.
+        MissingExtra: A library that reads its depths is not installed.
+        OSError: A file cannot be read.
+    """
+    if path.suffix.lower() == ".r3d":
+        return _packed(path, frame)
+    if (path / "rgb.txt").is_file() and (path / "depth.txt").is_file():
+        return _tum(path, frame)
+    for folder in (path, path / "EXR_RGBD"):
+        if (folder / "metadata.json").is_file():
+            return _exported(folder, frame)
+    raise PhotoRefused("picture", path, "is no recording of a known form", _EXPECTED)
+
+
+def _tum(folder: Path, frame: int | None) -> Capture:
+    pictures, depths = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
+    time_s, name = pictures[_chosen(folder, len(pictures), frame)]
+    nearest_s, depth = min(depths, key=lambda one: abs(one[0] - time_s))
+    if abs(nearest_s - time_s) > _TOGETHER_S:
+        problem = f"no depth was measured within {_TOGETHER_S:g} s of the picture {name}"
+        raise PhotoRefused("depth", folder / "depth.txt", problem, "choose another one by --frame")
+    picture = read_picture(_beneath(folder, name))
+    camera = next((key for key in _TUM_CAMERAS if key in folder.resolve().name), None)
+    known = None
+    if camera is not None:
+        fx, fy, cx, cy = _TUM_CAMERAS[camera]
+        known = Intrinsics(fx, fy, cx + 0.5, cy + 0.5, f"TUM's calibration of {camera}")
+    return Capture(picture, read_depth(_beneath(folder, depth), picture.size_px, _TUM_UNIT_M), known)
+
+
+def _listed(path: Path) -> list[tuple[float, str]]:
+    """Return the entries of a TUM list: timestamps [s] and files."""
+    found = []
+    for number, line in enumerate(read_bounded_text(path).splitlines(), start=1):
+        words = line.split()
+        if not words or line.startswith("#"):
+            continue
+        try:
+            found.append((float(words[0]), words[1]))
+        except (ValueError, IndexError) as error:
+            raise PhotoRefused("picture", path, f"line {number} is no time and file: {line!r}", _EXPECTED) from error
+    if not found:
+        raise PhotoRefused("picture", path, "names no file", _EXPECTED)
+    return found
+
+
+def _beneath(folder: Path, name: str) -> Path:
+    """Return a file of a list, which has to be in the list's own folder."""
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise PhotoRefused("picture", folder, f"names {name!r}, which is outside of it")
+    return path
+
+
+def _exported(folder: Path, frame: int | None) -> Capture:
+    try:
+        metadata = _metadata(folder, json.loads(read_bounded_text(folder / "metadata.json")))
+    except (ValueError, RecursionError) as error:
+        raise PhotoRefused("picture", folder / "metadata.json", f"is no JSON ({error})", _EXPECTED) from error
+    numbers = sorted(int(one.stem) for one in (folder / "depth").glob("*.exr") if one.stem.isdecimal())
+    number = numbers[_chosen(folder, len(numbers), frame)]
+    shown = next((one for one in sorted((folder / "rgb").glob(f"{number}.*"))), None)
+    if shown is None:
+        raise PhotoRefused("picture", folder, f"has depth/{number}.exr and no picture of that number in rgb")
+    path = folder / "depth" / f"{number}.exr"
+    return _together(path, read_picture(shown), read_exr(path), metadata, number)
+
+
+def _packed(path: Path, frame: int | None) -> Capture:
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise PhotoRefused("picture", path, f"is larger than {_LARGEST_BYTES / 1e9:g} GB", "export fewer seconds")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            metadata = _metadata(path, json.loads(_member(path, archive, "metadata")))
+            found = (re.fullmatch(r"rgbd/(\d+)\.depth", name) for name in archive.namelist())
+            numbers = sorted(int(one[1]) for one in found if one is not None)
+            number = numbers[_chosen(path, len(numbers), frame)]
+            jpeg = _member(path, archive, f"rgbd/{number}.jpg")
+            depth = _member(path, archive, f"rgbd/{number}.depth")
+            sure = f"rgbd/{number}.conf"
+            trust = _member(path, archive, sure) if sure in archive.namelist() else None
+    except (zipfile.BadZipFile, ValueError, RecursionError, EOFError) as error:
+        raise PhotoRefused("picture", path, f"cannot be read as an .r3d file ({error})", _EXPECTED) from error
+    picture = read_picture(path, jpeg)
+    values = _unpacked(path, depth, np.float32)
+    height = round(math.sqrt(len(values) * picture.size_px[1] / picture.size_px[0]))
+    width = len(values) // max(1, height)
+    if width * height != len(values):
+        shape = f"{len(values)} depths, which make no picture shaped as {picture.size_px[0]} x {picture.size_px[1]}"
+        raise PhotoRefused("depth", path, f"frame {number} has {shape}")
+    values = values.reshape(height, width)
+    if trust is not None and len(levels := _unpacked(path, trust, np.uint8)) == values.size:
+        values = np.where(levels.reshape(height, width) >= _LEAST_SURE, values, 0.0)
+    return _together(path, picture, values, metadata, number)
+
+
+def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
+    try:
+        size = archive.getinfo(name).file_size
+    except KeyError:
+        raise PhotoRefused("picture", path, f"has no {name}", _EXPECTED) from None
+    if size > MOST_BYTES:
+        raise PhotoRefused("picture", path, f"its {name} is larger than {MOST_BYTES / 1e6:g} MB")
+    return archive.read(name)
+
+
+def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
+    lzfse = require("lzfse", "captures")
+    # Each of its blocks begins with how much it unpacks to.
+    size = sum(int.from_bytes(one, "little") for one in re.findall(rb"bvx[-12n](.{4})", content, re.DOTALL))
+    if size > MOST_DECODED_BYTES:
+        raise PhotoRefused("depth", path, f"its depth would take {size / 1e6:.0f} MB when it is unpacked")
+    try:
+        return np.frombuffer(lzfse.decompress(content), dtype=kind)
+    except (lzfse.error, ValueError) as error:
+        raise PhotoRefused("depth", path, f"its depth cannot be unpacked ({error})", "is the file complete?") from error
+
+
+def _together(
+    source: Path, picture: Photograph, values: np.ndarray, metadata: Mapping[str, Any], number: int
+) -> Capture:
+    """Join a picture and its smaller depth, enlarged by nearest neighbours: values in between are unknown."""
+    width, height = picture.size_px
+    depth = np.asarray(
+        Image.fromarray(np.nan_to_num(values.astype(np.float32))).resize((width, height), Image.Resampling.NEAREST)
+    )
+    description = f"frame {number} of {source.name}, {values.shape[1]} x {values.shape[0]} depths in metres"
+    return Capture(
+        picture, checked_depth(source, depth, picture.size_px, 1.0, description), _camera(metadata, picture, number)
+    )
+
+
+def _camera(metadata: Mapping[str, Any], picture: Photograph, number: int) -> Intrinsics | None:
+    each = metadata.get("perFrameIntrinsicCoeffs")
+    width, height = picture.size_px
+    try:
+        if isinstance(each, Sequence) and number < len(each):
+            fx, fy, cx, cy = (float(value) for value in each[number])
+        else:
+            # It is written column by column.
+            K = np.asarray(metadata["K"], dtype=float).reshape(3, 3).T
+            fx, fy, cx, cy = (float(value) for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+        factor = width / float(metadata.get("w", width))
+    except (KeyError, TypeError, ValueError):
+        return None
+    likely = fx > 0 and fy > 0 and 0 < cx * factor < width and 0 < cy * factor < height
+    source = "the recording's own"
+    return Intrinsics(fx * factor, fy * factor, cx * factor, cy * factor, source) if likely else None
+
+
+def _metadata(path: Path, data: object) -> Mapping[str, Any]:
+    if not isinstance(data, Mapping):
+        raise PhotoRefused("picture", path, "its metadata is no object", _EXPECTED)
+    return data
+
+
+def _chosen(path: Path, count: int, frame: int | None) -> int:
+    if count == 0:
+        raise PhotoRefused("picture", path, "has no moment with a depth", _EXPECTED)
+    if frame is not None and not 0 <= frame < count:
+        raise PhotoRefused("picture", path, f"has {count} moments and no number {frame}", f"--frame 0 to {count - 1}")
+    return count // 2 if frame is None else frame

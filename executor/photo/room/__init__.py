@@ -1,1 +1,0 @@
-"""The whole room: what is known of it at any time, and how one thing after the other is fitted among that."""

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from executor.assets.asset_geometry import joint_transform
 from executor.assets.build import build_asset
 from executor.assets.model import Asset
-from executor.assets.transforms import joint_transform
 from executor.geometry import Array, pose_vector
-from executor.machine.extras import load_sapien
-from executor.world.engine import ORACLE_TIMESTEP_S
+from executor.sim.engine import ORACLE_TIMESTEP_S
+from executor.system.extras import load_sapien
 
 
 class Sweep:
@@ -34,7 +34,7 @@ class Sweep:
             self.bodies[link.name] = built.bodies[link.name]
 
     def deepest(self, positions: Mapping[str, float]) -> tuple[float, str]:
-        """Returns the smallest separation [m] between two bodies, and which, at joint positions (shut where absent)."""
+        """Return the smallest separation [m] between two bodies, and which, at joint positions (shut where absent)."""
         poses: dict[str, Array] = {self.asset.links[0].name: np.eye(4)}
         for joint in self.asset.joints:
             poses[joint.child] = joint_transform(joint, positions.get(joint.name, joint.limits[0]))

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import llm
+from executor.assets.asset_geometry import bounds
 from executor.assets.library import FAMILIES, asset_for
 from executor.assets.model import Asset, Shape
 from executor.assets.parameters import AssetError
-from executor.assets.transforms import bounds
 from executor.geometry import rotation_z
-from executor.scenes.long_horizon import draw
+from executor.scenes.generators.long_horizon import draw
 from oag import Kind
 from tests.executor.helpers import SIZES, scene_object
 
@@ -137,7 +137,7 @@ def test_refrigerator_shelves_are_where_the_parameter_says() -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_the_door_opens_away_from_the_body_on_either_side(hinge: str) -> None:
-    from executor.assets.transforms import joint_transform
+    from executor.assets.asset_geometry import joint_transform
 
     asset = asset_for(scene_object("refrigerator", hinge=hinge))
     (joint,), (handle,) = asset.joints, asset.handles

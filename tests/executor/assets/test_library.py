@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from executor.assets.asset_geometry import bounds, width_at
 from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError, ModelEntry
-from executor.assets.transforms import bounds, width_at
-from executor.primitives.driving import fits_between, grip_width_m, misfit
-from executor.robot.description import robot_xml
+from executor.sim.robot.description import robot_xml
+from executor.skills.navigate import fits_between, grip_width_m, misfit
 from oag import Kind
-from oag.revision.measurements import TooWide
-from oag.task.sizes import GRIP_CLEARANCE_M, LEAST_SCALE, PAPER_GRIPPER, Sizing
+from oag.measurements import TooWide
+from oag.sizes import GRIP_CLEARANCE_M, LEAST_SCALE, PAPER_GRIPPER, Sizing
 from tests.source_tree import ROOT
 
 SEEDS = range(5)
@@ -28,7 +28,7 @@ FINGERS_M = (PAPER_GRIPPER.opening_m / 2 + 0.015, 0.012, 0.030, 0.020)
 
 
 def assets(model: str) -> list[Asset]:
-    """Returns five variations of a model."""
+    """Return five variations of a model."""
     return [asset_for(sample(model, seed)) for seed in SEEDS]
 
 
@@ -72,7 +72,7 @@ def test_every_affordance_names_what_exists() -> None:
 
 
 def opening_m() -> float:
-    """Returns how far the fingers of the simulated robot open."""
+    """Return how far the fingers of the simulated robot open."""
     joints = ET.fromstring(robot_xml(visual=False)).iter("joint")
     limits = [joint.find("limit") for joint in joints if "finger" in joint.attrib["name"]]
     return sum(float(limit.attrib["upper"]) for limit in limits if limit is not None)
@@ -140,7 +140,7 @@ def test_handles_can_be_gripped(model: str) -> None:
 
 @pytest.mark.parametrize("model", [m for m in MODELS if kind(LIBRARY[m]) is Kind.ARTICULATED])
 def test_positive_motion_takes_the_handle_forward(model: str) -> None:
-    from executor.assets.transforms import joint_transform
+    from executor.assets.asset_geometry import joint_transform
 
     for asset in assets(model):
         for handle in asset.handles:
@@ -152,7 +152,7 @@ def test_positive_motion_takes_the_handle_forward(model: str) -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_an_open_door_stays_in_front_of_its_own_cabinet(hinge: str) -> None:
-    from executor.assets.transforms import joint_transform
+    from executor.assets.asset_geometry import joint_transform
 
     obj = replace(sample("cabinet_one_door", 0), parameters={"hinge": hinge})
     asset = asset_for(obj)
@@ -198,7 +198,7 @@ def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], m
 
 
 def row(entry: ModelEntry) -> str:
-    """Returns a model's line of the table in docs/assets.md."""
+    """Return a model's line of the table in docs/assets.md."""
     size = f"{entry.length}, {entry.width}, {entry.height}"
     parameters = ", ".join(
         f"`{parameter}`" for parameter in entry.parameters if not str(parameter).startswith("handle_")

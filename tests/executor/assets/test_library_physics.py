@@ -11,17 +11,11 @@ import pytest
 sapien = pytest.importorskip("sapien")
 
 from bddl import Atom  # noqa: E402
-from executor.assets.build import Built, build_asset  # noqa: E402
-from executor.assets.library import (  # noqa: E402
-    LIBRARY,
-    asset_for,
-    kind,
-    sample,
-)
+from executor.assets.build import BuiltAsset, build_asset  # noqa: E402
+from executor.assets.library import LIBRARY, asset_for, kind, lever_of, sample, with_resistance  # noqa: E402
 from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
-from executor.assets.resistance import lever_of, with_resistance  # noqa: E402
-from executor.world.detectors import read  # noqa: E402
-from executor.world.engine import TIMESTEP_S  # noqa: E402
+from executor.sim.detectors import read  # noqa: E402
+from executor.sim.engine import TIMESTEP_S  # noqa: E402
 from oag import Kind, RobotPose, Scene  # noqa: E402
 from tests.executor.assets.sweep import Sweep  # noqa: E402
 from tests.executor.helpers import MakeWorld, at, settle  # noqa: E402
@@ -38,7 +32,7 @@ MASS_KG = {"die": (0.02, 0.3), "teddy_bear": (0.02, 0.3), "bottle": (0.2, 0.9), 
 
 @pytest.fixture
 def scene() -> Iterator[object]:
-    """Returns an empty physics scene with a floor."""
+    """Return an empty physics scene with a floor."""
     sapien.physx.set_scene_config(bounce_threshold=2.0)
     sapien.physx.set_body_config(solver_position_iterations=15, solver_velocity_iterations=1)
     made = sapien.Scene([sapien.physx.PhysxCpuSystem()])
@@ -48,7 +42,7 @@ def scene() -> Iterator[object]:
     del made
 
 
-def _placed(scene: object, asset: Asset, place: int) -> Built:
+def _placed(scene: object, asset: Asset, place: int) -> BuiltAsset:
     T = at(SPACING_M * (place % 8), SPACING_M * (place // 8), asset.extent_m[2] / 2)
     return build_asset(scene, f"asset_{place}", asset, T, visual=False)
 

@@ -24,7 +24,7 @@ AIM_M = 0.05
 
 
 def run(name: str, objects: dict[str, SceneObject], fact: str, *subtasks: dict[str, object], scale: float = 1.0) -> str:
-    """Returns why a subtask failed, or nothing."""
+    """Return why a subtask failed, or nothing."""
     scene = Scene(
         name=name,
         robot=RobotPose(position=(-0.4, 0.2, 0.0)),

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from executor.baselines import constraint_pose, sampled_grasp
-from executor.baselines.methods import baseline_version, run_baseline
+from executor.bench.baselines import constraint_pose, sampled_grasp
+from executor.bench.baselines.methods import baseline_version, run_baseline
 from executor.bench.units import BenchSetting, Unit, outcome_version
-from executor.motion.planning.moves import MOVES
-from executor.primitives.library import LIBRARY
+from executor.planning.planner import MOVES
+from executor.skills.library import LIBRARY
 from oag import Primitive
 
 OPEN = Unit("T5", 62000, 0, BenchSetting(baseline="constraint-pose"))
@@ -24,7 +24,7 @@ def test_only_what_makes_up_a_manner_is_done_otherwise() -> None:
     taking = {Primitive.CONVERGE, Primitive.GRASP, Primitive.UNGRASP, Primitive.RETREAT}
     assert all(library[primitive] is LIBRARY[primitive] for library in (constrained, sampled) for primitive in taking)
     assert all(constrained[primitive] is LIBRARY[primitive] for primitive in MOVES)
-    left_out = {primitive for primitive in Primitive if sampled[primitive] is sampled_grasp.left_out}
+    left_out = {primitive for primitive in Primitive if sampled[primitive] is sampled_grasp.skip_primitive}
     assert left_out == {
         Primitive.ARTICULATE_OPEN,
         Primitive.ARTICULATE_CLOSE,

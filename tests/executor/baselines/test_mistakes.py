@@ -8,11 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from executor.baselines.checking import checked, mistaken, repaired
-from executor.baselines.methods import run_baseline
-from executor.baselines.mistakes import MISTAKES, with_mistake
+from executor.bench.baselines.methods import (
+    MISTAKES,
+    prepare_mistaken,
+    run_baseline,
+    run_checked,
+    run_repaired,
+    with_mistake,
+)
 from executor.bench.units import BenchSetting, Unit
-from executor.records.rollout import PlanRefused
+from executor.records import PlanRefused
 from executor.scenes.pair import ScenePair
 from oag import Scene, Task, compose
 
@@ -51,17 +56,19 @@ def test_what_is_refuted_is_not_executed_without_its_fix(monkeypatch: pytest.Mon
     unit = Unit("T1", 1, None, BenchSetting(baseline="repaired"))
     graph = compose(broken, scene=SCENE)
     with pytest.raises(PlanRefused):
-        checked(unit, pair, graph)
+        run_checked(unit, pair, graph)
     run: list[Task] = []
-    monkeypatch.setattr("executor.baselines.checking.rollout", lambda graph, *rest, **options: run.append(graph.task))
-    repaired(unit, pair, graph)
+    monkeypatch.setattr(
+        "executor.bench.baselines.methods.rollout", lambda graph, *rest, **options: run.append(graph.task)
+    )
+    run_repaired(unit, pair, graph)
     (task,) = run
     assert compose(task, scene=SCENE).verify() and len(task.subtasks) == len(TASK.subtasks)
 
 
 @pytest.mark.slow
 def test_unchecked_it_moves_and_fails_checked_it_stays_still_and_repaired_it_succeeds() -> None:
-    assert mistaken(PICK)[0] == "dropped step"
+    assert prepare_mistaken(PICK)[0] == "dropped step"
     results = {
         name: run_baseline(replace(PICK, setting=BenchSetting(baseline=name)))
         for name in ("unchecked", "checked", "repaired")

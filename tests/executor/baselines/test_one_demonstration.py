@@ -9,10 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.baselines.methods import run_baseline
-from executor.baselines.one_demonstration import RECORD_HZ, HandPose, Segment, action_between, bridged, moved
+from executor.bench.baselines.methods import run_baseline
+from executor.bench.baselines.one_demonstration import (
+    RECORD_HZ,
+    HandPose,
+    Segment,
+    action_between,
+    interpolate_moments,
+    transform_segment,
+)
 from executor.bench.units import BenchSetting, Unit
-from executor.cli.main import run
+from executor.cli.app import run
 from executor.geometry import inverse, rotation_z, transform
 
 HAND = transform(rotation_z(0.3), [0.4, 0.1, 0.7])
@@ -29,14 +36,14 @@ def test_the_hand_stays_where_it_was_beside_its_thing() -> None:
     before = transform(rotation_z(0.2), [1.5, 2.2, 0.8])
     now = transform(rotation_z(2.9), [-3.0, 0.4, 0.95])
     segment = Segment(before, (START, LATER))
-    for was, moment in zip(segment.moments, moved(segment, now), strict=True):
+    for was, moment in zip(segment.moments, transform_segment(segment, now), strict=True):
         np.testing.assert_allclose(inverse(now) @ in_the_world(moment), inverse(before) @ in_the_world(was), atol=1e-9)
         assert moment.opening == was.opening
 
 
 def test_what_stands_where_it_stood_is_done_as_it_was() -> None:
     thing = transform(rotation_z(0.2), [1.5, 2.2, 0.8])
-    for was, moment in zip((START, LATER), moved(Segment(thing, (START, LATER)), thing), strict=True):
+    for was, moment in zip((START, LATER), transform_segment(Segment(thing, (START, LATER)), thing), strict=True):
         np.testing.assert_allclose(moment.base, was.base, atol=1e-12)
         np.testing.assert_allclose(moment.T_base_eef, was.T_base_eef, atol=1e-12)
 
@@ -51,7 +58,7 @@ def test_actions_lead_from_one_moment_to_the_next() -> None:
 
 def test_the_way_between_segments_is_straight_and_slow() -> None:
     far = replace(LATER, base=np.array([4.0, -2.0, -2.5]))
-    way = [START, *bridged(START, far), far]
+    way = [START, *interpolate_moments(START, far), far]
     steps = [action_between(a, b) for a, b in pairwise(way)]
     assert max(np.hypot(*step[7:9]) for step in steps) <= 0.5 / RECORD_HZ + 1e-9
     assert max(np.linalg.norm(step[:3]) for step in steps) <= 0.25 / RECORD_HZ + 1e-9

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks import baselines, robogen_executed, robogen_plans
-from executor.bench.store import BenchFolder
+from executor.bench.campaign import BenchFolder
 from executor.bench.units import BenchSetting, Series
-from executor.records.rollout import FailureKind
+from executor.records import FailureKind
 from tests.source_tree import ROOT
 
 # Of the form of RoboGen's examples, written for this test.

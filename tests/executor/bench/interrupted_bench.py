@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from executor.cli import main
+from executor.cli import app
 from executor.cli.commands import bench
 
 if __name__ == "__main__":
     bench.WORKER = "tests.executor.bench.invented_worker"
     bench.outcome_version = lambda: "the version of a test"
-    main.main(sys.argv[1:])
+    app.main(sys.argv[1:])

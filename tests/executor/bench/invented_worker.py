@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any
 
-from executor.machine.workers.process import serve
+from executor.system.workers import serve
 
 CRASH, RAISE, FAIL, FAIL_TOO, SLOW = 3, 4, 5, 6, 9
 SLOW_S = 120.0
@@ -14,7 +14,7 @@ NAMES = ["pick_up_apple", "put_apple_into_bowl"]
 
 
 def invented(seed: int) -> dict[str, Any]:
-    """Returns a unit's result; the last digit of the seed decides how it ends."""
+    """Return a unit's result; the last digit of the seed decides how it ends."""
     failed = seed % 10 in (FAIL, FAIL_TOO)
     failure = {
         "kind": "grasp-missed",

@@ -17,12 +17,12 @@ from typing import Any
 
 import pytest
 
-from executor.bench import run as run_module
-from executor.bench.store import BenchFolder, NotABench
+from executor.bench import campaign as run_module
+from executor.bench.campaign import BenchFolder, NotABench
 from executor.bench.units import BenchSetting, Series
-from executor.cli import main
+from executor.cli import app
 from executor.cli.commands import bench
-from executor.machine.workers.pool import WorkerOutcome
+from executor.system.workers import WorkerOutcome
 from tests.executor.bench.invented_worker import SLOW_S
 from tests.executor.cli.conftest import environment
 
@@ -34,14 +34,14 @@ Bench = Callable[..., tuple[int, dict[str, Any]]]
 
 @pytest.fixture
 def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
-    """Runs the command in this process, its units in invented workers; returns exit code and summary."""
+    """Run the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
     monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
-        code = main.run(given)
+        code = app.run(given)
         return code, json.loads(capsys.readouterr().out)
 
     return run
@@ -55,7 +55,7 @@ def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
     for version in ("outcome_version", "baseline_version"):
         monkeypatch.setattr(bench, version, lambda: "0123456789abcdef")
     given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
-    assert main.run(given) == 1
+    assert app.run(given) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "the request is for version '0123456789abcdef'" in said and "start the same command again" in said
     assert not unit_files(tmp_path / "b")
@@ -182,7 +182,7 @@ def test_the_terminal_shows_the_table(
     run_bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_bench("--seed", SEED, "--episodes", EPISODES)
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), "--seed", str(SEED), "--episodes", "4"]) == 0
+    assert app.run(["bench", "T3", "--out", str(tmp_path / "b"), "--seed", str(SEED), "--episodes", "4"]) == 0
     answer = capsys.readouterr()
     assert "here: planned flows" in answer.out and "38.8/82.1" in answer.out
     assert "3 of 4, 75 % (19.4 to 99.4)" in answer.out
@@ -201,10 +201,10 @@ def test_a_baseline_is_a_row_of_its_own(run_bench: Bench, tmp_path: Path, capsys
     assert own["mistakes"]["dropped step"]["successes"] == own["all"]["successes"] == 2
     assert cells["here: planned flows"]["mistakes"] == {} and cells["here: planned flows"]["finished"] == EPISODES
     assert own["version"] != "the version of a test"
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), *map(str, words)]) == 0
+    assert app.run(["bench", "T3", "--out", str(tmp_path / "b"), *map(str, words)]) == 0
     out = capsys.readouterr().out
     assert "success with dropped step" in out and "0 of 40 s" in out
-    assert main.run(["bench", "replay", str(tmp_path / "b"), "T3-014000-unchecked", "--out", str(tmp_path / "r")]) == 2
+    assert app.run(["bench", "replay", str(tmp_path / "b"), "T3-014000-unchecked", "--out", str(tmp_path / "r")]) == 2
     assert "baselines are not shown again" in capsys.readouterr().err
 
 
@@ -273,7 +273,7 @@ def test_ctrl_c_before_anything_is_loaded(
         return load(name)
 
     monkeypatch.setattr(importlib, "import_module", interrupted)
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 130
+    assert app.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 130
     assert capsys.readouterr().err == "scene2demo: interrupted\n"
 
 
@@ -293,23 +293,23 @@ def test_ctrl_c_before_anything_is_loaded(
 def test_options_that_make_no_sense(
     words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), *words]) == 2
+    assert app.run(["bench", "T3", "--out", str(tmp_path / "b"), *words]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "b").exists()
 
 
 def test_a_bench_of_nothing_is_misuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["bench", "--out", str(tmp_path / "b")]) == 2
+    assert app.run(["bench", "--out", str(tmp_path / "b")]) == 2
     assert "at least one of T1, T2, T3, T4, T5, T6" in capsys.readouterr().err
 
 
 def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["bench", "T1", "T5", "--flows", "paper", "--out", str(tmp_path / "b")]) == 2
+    assert app.run(["bench", "T1", "T5", "--flows", "paper", "--out", str(tmp_path / "b")]) == 2
     assert "prints no flows" in capsys.readouterr().err
 
 
 def _index_of(many: str) -> str:
-    """Returns the text of an index that lists one series of so many episodes."""
+    """Return the text of an index that lists one series of so many episodes."""
     return f'{{"series": [{{"family": "T1", "seed": 1, "episodes": {many}, "setting": {{}}, "version": "v"}}]}}'
 
 
@@ -331,7 +331,7 @@ def test_a_folder_of_something_else_is_bad_input(
     index: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "bench.json").write_text(index)
-    assert main.run(["bench", "T3", "--out", str(tmp_path)]) == 2
+    assert app.run(["bench", "T3", "--out", str(tmp_path)]) == 2
     told = " ".join(capsys.readouterr().err.split())
     assert "is not a benchmark's folder" in told and message in told
     assert (tmp_path / "bench.json").read_text() == index and len(list(tmp_path.iterdir())) == 1
@@ -339,13 +339,13 @@ def test_a_folder_of_something_else_is_bad_input(
 
 def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "b").write_text("mine")
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 2
+    assert app.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 2
     assert "is not a benchmark's folder: it is a file" in " ".join(capsys.readouterr().err.split())
 
 
 def test_results_of_something_else_are_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "report.html").write_text("of a run")
-    assert main.run(["bench", "T3", "--out", str(tmp_path)]) == 2
+    assert app.run(["bench", "T3", "--out", str(tmp_path)]) == 2
     told = " ".join(capsys.readouterr().err.split())
     assert "it has report.html of something else; choose another folder with --out" in told
     assert (tmp_path / "report.html").read_text() == "of a run" and not (tmp_path / "bench.json").exists()
@@ -359,7 +359,7 @@ def test_a_unit_that_cannot_be_read_cannot_be_replayed(
     folder.add_series([Series("T3", 1, 1, BenchSetting(), "v")])
     folder.write(unit, "v", {"ended": "succeeded"})
     folder.place(unit, "v").write_text(content)
-    assert main.run(["bench", "replay", str(tmp_path), unit.name, "--out", str(tmp_path / "out")]) == 2
+    assert app.run(["bench", "replay", str(tmp_path), unit.name, "--out", str(tmp_path / "out")]) == 2
     assert "is not a unit of a benchmark" in " ".join(capsys.readouterr().err.split())
 
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from executor.bench.store import BenchFolder, is_result
+from executor.bench.campaign import BenchFolder, is_result
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.cli.commands.bench import write_results
-from oag.task.sizes import Resizing
+from oag.sizes import Resizing
 from tests.executor.bench.invented_worker import FAIL, invented
 
 SERIES = Series("T3", 1, 1, BenchSetting(), "v")
 
 
 def result(unit: Unit, seed: int) -> dict[str, Any]:
-    """Returns what a unit's file holds."""
+    """Return what a unit's file holds."""
     wall = {"started_s": 1.7e9, "elapsed_s": 3.0, "worker": 7}
     scaled = [Resizing("apple_0", (0.62,) * 3, (0.08,) * 3, (0.05,) * 3).to_json()]
     told = {**invented(seed), **wall, "revisions": 1, "succeeded_at_once": False, "scaled": scaled}
@@ -37,7 +37,7 @@ HOSTILE: list[object] = [None, "x", -1, 1e308, float("nan"), 10**400, [], {}, [N
 
 
 def changes(value: Any) -> Iterator[Any]:
-    """Yields the value with one of its parts replaced or left out."""
+    """Yield the value with one of its parts replaced or left out."""
     yield from HOSTILE
     if isinstance(value, dict):
         for key, part in value.items():

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.audit import units
 from benchmarks.sensitivity import SEED, USUAL, VALUES, cells, path_of, physics_of, run, table
-from executor.world.physics import STANDARD, Physics
+from executor.sim.engine import STANDARD, Physics
 
 
 def test_every_setting_is_changed_alone_and_never_to_its_usual_value() -> None:

@@ -10,8 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
-from executor.bench.table import DASH, SCALE_ROW, detail_rows, main_rows, rate_text
+from executor.bench.tables import (
+    DASH,
+    SCALE_ROW,
+    Cell,
+    Rate,
+    busy_s,
+    detail_rows,
+    main_rows,
+    memory_growth,
+    rate_text,
+    subtask_score,
+)
 from executor.bench.units import BenchSetting, Series
 
 SERIES = Series("T1", 0, 1, BenchSetting(), "v")

@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.bench import units
+from executor.bench.campaign import Shard
 from executor.bench.paper import NoPaperFlow, families_with_flows, main_table, with_paper_flows
-from executor.bench.run import Shard
 from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, BenchSetting, Series, Unit
-from executor.cli.words import running
-from executor.scenes import household
+from executor.cli import command_options
+from executor.scenes.generators import household
 from oag import Task, flow_to_json
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -35,7 +35,7 @@ def test_other_units_have_other_names_and_ids(a: Unit, b: Unit) -> None:
 
 
 def test_every_baseline_is_said_in_the_same_words_everywhere() -> None:
-    assert get_args(units.Baseline) == get_args(running.Baseline) == tuple(units.BASELINES)
+    assert get_args(units.Baseline) == get_args(command_options.Baseline) == tuple(units.BASELINES)
     named = {BenchSetting(baseline=baseline).name for baseline in get_args(units.Baseline)}
     assert len(named) == len(units.BASELINES) and BenchSetting().name not in named
 

@@ -40,41 +40,41 @@ class Attack:
 
 
 def text(name: str, content: str | bytes) -> Callable[[Path], object]:
-    """Returns what writes one file."""
+    """Return what writes one file."""
     raw = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     return lambda folder: (folder / name).write_bytes(raw)
 
 
 def scene(**changes: Any) -> str:
-    """Returns the text of a scene, with members replaced."""
+    """Return the text of a scene, with members replaced."""
     return json.dumps({**json.loads(SCENE.read_text()), **changes})
 
 
 def task(**changes: Any) -> str:
-    """Returns the text of a task, with members replaced."""
+    """Return the text of a task, with members replaced."""
     return json.dumps({**json.loads(TASK.read_text()), **changes})
 
 
 def subtask(**changes: Any) -> str:
-    """Returns the text of a task whose first subtask has members replaced."""
+    """Return the text of a task whose first subtask has members replaced."""
     steps = json.loads(TASK.read_text())["sub_tasks"]
     return task(sub_tasks=[{**steps[0], **changes}, *steps[1:]])
 
 
 def moved(number: float) -> str:
-    """Returns the text of a scene with one number wherever its glass has one."""
+    """Return the text of a scene with one number wherever its glass has one."""
     objects = json.loads(SCENE.read_text())["objects"]
     objects["glass_0"] |= {"position": [number] * 3, "bbox_extent": [number] * 3}
     return scene(objects=objects)
 
 
 def renamed(name: str) -> str:
-    """Returns the text of a scene whose glass has another id."""
+    """Return the text of a scene whose glass has another id."""
     return scene().replace("glass_0", json.dumps(name)[1:-1])
 
 
 def link(name: str, target: str) -> Callable[[Path], object]:
-    """Returns what puts a link into the folder `out`."""
+    """Return what puts a link into the folder `out`."""
 
     def plant(folder: Path) -> None:
         (folder / "out").mkdir(exist_ok=True)
@@ -85,7 +85,7 @@ def link(name: str, target: str) -> Callable[[Path], object]:
 
 
 def bench(index: str) -> Callable[[Path], object]:
-    """Returns what writes a benchmark's folder `out` with an index."""
+    """Return what writes a benchmark's folder `out` with an index."""
 
     def plant(folder: Path) -> None:
         (folder / "out" / "units").mkdir(parents=True)
@@ -95,7 +95,7 @@ def bench(index: str) -> Callable[[Path], object]:
 
 
 def memory(front: str) -> Callable[[Path], object]:
-    """Returns what writes a folder of notes with one note."""
+    """Return what writes a folder of notes with one note."""
 
     def plant(folder: Path) -> None:
         (folder / "notes").mkdir()
@@ -105,14 +105,14 @@ def memory(front: str) -> Callable[[Path], object]:
 
 
 def archive(folder: Path) -> None:
-    """Writes a zip file with members that lead out of it, under the name of a mesh."""
+    """Write a zip file with members that lead out of it, under the name of a mesh."""
     with zipfile.ZipFile(folder / "thing.glb", "w") as made:
         made.writestr("../../outside", "x")
         made.writestr("bomb", bytes(10_000_000), zipfile.ZIP_DEFLATED)
 
 
 def pipe(name: str) -> Callable[[Path], object]:
-    """Returns what makes a pipe that nobody writes to."""
+    """Return what makes a pipe that nobody writes to."""
     return lambda folder: os.mkfifo(folder / name)
 
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
-from executor.machine.files import write_json
+from executor.cli.app import main
+from executor.system.files import write_json
 from tests.executor.rollout.tasks import closing
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -44,7 +44,7 @@ Command = Callable[..., Answer]
 
 
 def environment() -> dict[str, str]:
-    """Returns an environment in which the packages of this checkout are found."""
+    """Return an environment in which the packages of this checkout are found."""
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "80", "NO_COLOR": "1"}
 
@@ -58,13 +58,13 @@ def door(tmp_path: Path) -> Path:
 
 
 def scene_of(task: Path) -> str:
-    """Returns the name of the scene file beside a task file."""
+    """Return the name of the scene file beside a task file."""
     return str(task.with_name("kitchen.json"))
 
 
 # The commands that move nothing, with all that they load; a simulator's threads do not survive being copied.
 _LOADED = [
-    "executor.cli.main",
+    "executor.cli.app",
     "openai",
     *(
         f"executor.cli.commands.{name}"
@@ -84,7 +84,7 @@ def _typed(arguments: list[str], folder: Path, said: Path, environment: dict[str
 
 @pytest.fixture(scope="session")
 def copies() -> ForkServerContext:
-    """Gives what starts processes in which the libraries are loaded."""
+    """Give what starts processes in which the libraries are loaded."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(_LOADED)
     return context
@@ -92,7 +92,7 @@ def copies() -> ForkServerContext:
 
 @pytest.fixture
 def command(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, copies: ForkServerContext) -> Command:
-    """Runs one command line in an empty folder."""
+    """Run one command line in an empty folder."""
 
     def run(*arguments: str | Path, timeout: float = 600.0) -> Answer:
         said = tmp_path_factory.mktemp("said")

@@ -16,12 +16,12 @@ MODEL = "openai-compatible:judge"
 
 
 def judging_server(revision: Mapping[str, Any], faulty: Callable[[str, int], bool]) -> ModelServer:
-    """Returns a server that answers as `judge` does."""
+    """Return a server that answers as `judge` does."""
     return ModelServer(decide=judge(revision, faulty), key=KEY)
 
 
 def judge(revision: Mapping[str, Any], faulty: Callable[[str, int], bool]) -> Callable[[Seen], Act]:
-    """Returns what finds fault with some steps, and always answers with one revision.
+    """Return what finds fault with some steps, and always answers with one revision.
 
     Args:
         revision: The Supervisor's answer.
@@ -39,6 +39,6 @@ def judge(revision: Mapping[str, Any], faulty: Callable[[str, int], bool]) -> Ca
 
 
 def point_to(server: ModelServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes the command line of this process, and those that it starts, talk to a server on this machine."""
+    """Make the command line of this process, and those that it starts, talk to a server on this machine."""
     monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
     monkeypatch.setenv(KEY_VARIABLE, KEY)

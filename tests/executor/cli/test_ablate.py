@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 import oag
-from executor.cli import judging, main
-from executor.cli.judging import Judging
-from executor.cli.words.running import JudgeOptions
-from executor.machine import vulkan
+from executor.cli import app, evolution_setup
+from executor.cli.command_options import JudgeOptions
+from executor.cli.evolution_setup import EvolutionSetup
+from executor.system import vulkan
 from llm import Metered
-from llm.answers.spending import Spending
-from llm.evolution import Situation
+from llm.evolve import Situation
+from llm.structured.conversation import Spending
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
 from tests.llm.evolution.scripted_judges import Judge, ajar, attempt_of, revision_answer
@@ -31,20 +31,20 @@ def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any
     """Stands for an evolution: a door that was left ajar is judged and revised once, and then closed."""
     seen = ajar(VIEWS)
     critiques = [inspector.inspect(seen, step) for step in range(len(seen.steps))]
-    told = Situation(seen.task, 3, scene("T1"), attempt_of(seen, critiques), oag.History(3), seen=seen)
+    told = Situation(seen.task, 3, scene("T1"), attempt_of(seen, critiques), oag.History(3), observation=seen)
     solved = isinstance(supervisor.revise(told), oag.Revision)
     return SimpleNamespace(succeeded=solved, succeeded_at_once=False, revisions=int(solved))
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Takes the physics and the renderer out of the command."""
-    monkeypatch.setattr(judging, "evolve", one_attempt)
+    """Take the physics and the renderer out of the command."""
+    monkeypatch.setattr(evolution_setup, "evolve", one_attempt)
     monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("system", "a stub"))
 
 
 def run(what: str, task: Path, *words: str) -> int:
-    return main.run(["ablate", what, str(task), "--scene", scene_of(task), "--seed", "17001", *words])
+    return app.run(["ablate", what, str(task), "--scene", scene_of(task), "--seed", "17001", *words])
 
 
 @pytest.mark.usefixtures("quick")
@@ -61,8 +61,8 @@ def test_a_model_that_cannot_be_connected_to_costs_nobody_an_earlier_recording(
 def test_what_was_said_before_a_resumption_is_kept(tmp_path: Path) -> None:
     for _ in range(2):
         options = JudgeOptions(model="a:b", views="none")
-        with Judging(options, tmp_path, resume=True, spending=Spending(Metered(Judge()))) as judging:
-            judging.judges("put it away", scene("T1"))
+        with EvolutionSetup(options, tmp_path, resume=True, spending=Spending(Metered(Judge()))) as evolution_setup:
+            evolution_setup.judges("put it away", scene("T1"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["conversations.json", "conversations_2.json"]
 
 
@@ -133,7 +133,7 @@ def test_ctrl_c_leaves_a_table_of_what_was_finished(
             raise KeyboardInterrupt
         return one_attempt(*arguments, **options)
 
-    monkeypatch.setattr(judging, "evolve", until_ctrl_c)
+    monkeypatch.setattr(evolution_setup, "evolve", until_ctrl_c)
     out = tmp_path / "out"
     with judging_server(CLOSED, lambda text, step: step == 5) as server:
         point_to(server, monkeypatch)

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from executor.assets.library import LIBRARY
-from executor.world.world import World
+from executor.sim.world import World
 from oag import Scene
 from tests.executor.cli.conftest import Command
 

@@ -30,7 +30,7 @@ if not child:
     resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[1]),) * 2)
     os.dup2(os.open(sys.argv[2], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
     os.dup2(1, 2)
-    os.execv(sys.executable, [sys.executable, "-m", "executor.cli.main", *sys.argv[3:]])
+    os.execv(sys.executable, [sys.executable, "-m", "executor.cli.app", *sys.argv[3:]])
 signal.signal(signal.SIGALRM, lambda *_: os.kill(child, signal.SIGKILL))
 signal.alarm(4 * int(sys.argv[1]))
 _, status, used = os.wait4(child, 0)
@@ -48,7 +48,7 @@ class Ended(NamedTuple):
 
 
 def ended(attack: Attack, base: Path) -> Ended:
-    """Makes an attack's files in a folder `here`, and runs its command there."""
+    """Make an attack's files in a folder `here`, and runs its command there."""
     here, said = base / "here", base / "said"
     here.mkdir()
     attack.plant(here)
@@ -86,7 +86,7 @@ def test_there_are_enough_of_them() -> None:
 
 
 def main() -> None:
-    """Prints exit code, seconds of one core and memory of every attack, and the first words of what was said."""
+    """Print exit code, seconds of one core and memory of every attack, and the first words of what was said."""
     for attack in ATTACKS[int(sys.argv[1]) if len(sys.argv) > 1 else 0 :]:
         with tempfile.TemporaryDirectory() as base:
             came = ended(attack, Path(base))

@@ -15,8 +15,8 @@ import pytest
 import bddl
 import llm
 from bddl import PROFILES
+from executor.cli.app import run
 from executor.cli.commands import bddl as bddl_command
-from executor.cli.main import run
 from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment
 
@@ -41,7 +41,7 @@ SUSPICIOUS = SOUND.replace("(ontop glass_0 table_0)", "(ontop table_0 glass_0)")
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Runs one command line in this process, which spares the start of another."""
+    """Run one command line in this process, which spares the start of another."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(*arguments: str | Path) -> Answer:
@@ -155,7 +155,7 @@ def test_a_pipe_is_read_like_a_file(tmp_path: Path, verb: str) -> None:
     os.write(writing, SOUND.encode())
     os.close(writing)
     done = subprocess.run(
-        [sys.executable, "-m", "executor.cli.main", "bddl", verb, f"/dev/fd/{reading}"],
+        [sys.executable, "-m", "executor.cli.app", "bddl", verb, f"/dev/fd/{reading}"],
         cwd=tmp_path, env=environment(), pass_fds=[reading], capture_output=True, text=True,
     )  # fmt: skip
     os.close(reading)
@@ -217,7 +217,7 @@ def test_the_standard_input(command: Command, monkeypatch: pytest.MonkeyPatch, v
 
 def test_the_standard_input_from_a_shell(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "executor.cli.main", "bddl", "fmt", "-"],
+        [sys.executable, "-m", "executor.cli.app", "bddl", "fmt", "-"],
         cwd=tmp_path, env=environment(), input=" ".join(SOUND.split()), capture_output=True, text=True,
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, SOUND, "")
@@ -263,7 +263,7 @@ def test_fmt_leaves_a_file_with_mistakes_alone(command: Command, folder: Path) -
 
 def test_neither_loads_what_takes_time() -> None:
     code = (
-        "import sys\nfrom executor.cli.main import run\n"
+        "import sys\nfrom executor.cli.app import run\n"
         "run(['bddl', 'check', 'docs'])\n"
         "sys.exit(','.join(sorted(set(sys.modules) & {'torch', 'sapien', 'numpy', 'z3', 'oag', 'llm'})) or 0)"
     )

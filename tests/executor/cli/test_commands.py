@@ -24,7 +24,7 @@ def test_help_lists_every_sub_command(command: Command) -> None:
 
 def test_help_loads_nothing_that_takes_time() -> None:
     code = (
-        "import sys\nfrom executor.cli.main import run\nrun(['--help'])\n"
+        "import sys\nfrom executor.cli.app import run\nrun(['--help'])\n"
         "names = {name.split('.')[0] for name in sys.modules}\n"
         "sys.exit(','.join(sorted(names & {'numpy', 'scipy', 'oag', 'llm', 'torch', 'sapien', 'av', 'PIL'})) or 0)"
     )
@@ -34,7 +34,7 @@ def test_help_loads_nothing_that_takes_time() -> None:
 
 def test_verify_loads_neither_torch_nor_a_simulator() -> None:
     code = (
-        "import sys\nfrom executor.cli.main import run\n"
+        "import sys\nfrom executor.cli.app import run\n"
         f"run(['verify', {str(DATA / 'T1.json')!r}])\n"
         "sys.exit(','.join(sorted(set(sys.modules) & {'torch', 'sapien', 'av', 'h5py'})) or 0)"
     )

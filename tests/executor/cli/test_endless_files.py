@@ -38,7 +38,7 @@ DOORS: dict[str, tuple[list[str], str]] = {
 }
 _RUN_ALL = """
 import contextlib, io, json, sys
-from executor.cli.main import run
+from executor.cli.app import run
 said = []
 for arguments in json.loads(sys.argv[1]):
     out, err = io.StringIO(), io.StringIO()

@@ -21,16 +21,16 @@ from executor.cli.errors import (
     UNREAD,
     explain,
 )
-from executor.records.rollout import PlanRefused
+from executor.records import PlanRefused
 from executor.rollouts.checkpoint import CheckpointError
 from executor.scenes.library import SceneNotFound
-from executor.world.detectors import UnknownObject
+from executor.sim.detectors import UnknownObject
 from oag import Report, SceneError, TaskError, compose
 from tests.executor.recordings import invented_rollout
 
 
 def report() -> Report:
-    """Returns what was decided about some plan."""
+    """Return what was decided about some plan."""
     recorded = invented_rollout()
     return compose(recorded.task, scene=recorded.scene).verify()
 

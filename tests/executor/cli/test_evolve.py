@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import oag
-from executor.cli import main
-from executor.machine.files import write_json
+from executor.cli import app
+from executor.system.files import write_json
 from tests.executor.cli.conftest import scene_of
 from tests.executor.rollout.tasks import T1_ROLES, graph
 
@@ -18,7 +18,7 @@ from tests.executor.rollout.tasks import T1_ROLES, graph
 @pytest.mark.physics
 def test_it_tells_and_writes_the_attempts(door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["evolve", str(door), "--scene", scene_of(door), "--seed", "7001", "--out", str(tmp_path / "out")]
-    assert main.run(words) == 0
+    assert app.run(words) == 0
     shown = capsys.readouterr().out
     assert "2 attempts" in shown and "raise the upper limit from 0.3 to 0.5" in shown
     folder = tmp_path / "out" / "seed_07001"
@@ -35,7 +35,7 @@ def test_it_tells_and_writes_the_attempts(door: Path, tmp_path: Path, capsys: py
 @pytest.mark.physics
 def test_without_a_revision_it_is_a_rollout(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["evolve", str(door), "--scene", scene_of(door), "--seed", "7001", "--limit", "0", "--json"]
-    assert main.run(words) == 1
+    assert app.run(words) == 1
     told = json.loads(capsys.readouterr().out)
     assert (told["trials"], told["successes_before"], told["successes_after"]) == (1, 0, 0)
     gave_up = told["episodes"][0]["subtasks"][0]["gave_up"]["reason"]
@@ -48,12 +48,12 @@ def test_a_plan_that_is_not_proved_is_not_evolved(
 ) -> None:
     found = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {})
     path = write_json(tmp_path / "task.json", found.task.to_json())
-    assert main.run(["evolve", str(path), "--scene", "kitchen_t1", "--json"]) == 1
+    assert app.run(["evolve", str(path), "--scene", "kitchen_t1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["verdict"] == "REFUTED"
 
 
 def test_a_negative_limit_is_refused(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--limit", "-1", "--json"]) == 2
+    assert app.run(["evolve", str(door), "--scene", scene_of(door), "--limit", "-1", "--json"]) == 2
     assert "--limit" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
@@ -63,23 +63,23 @@ def test_finished_episodes_are_kept_and_the_others_run(
 ) -> None:
     out = tmp_path / "out"
     words = ["evolve", str(door), "--scene", scene_of(door), "--out", str(out), "--fault", "grip:force_n=25"]
-    assert main.run([*words, "--seed", "7001"]) == 0
+    assert app.run([*words, "--seed", "7001"]) == 0
     first = (out / "seed_07001" / "evolution.json").read_bytes()
     assert json.loads(first)["faults"] == [{"kind": "grip", "force_n": 25.0}]
     (out / "seed_07002").mkdir()
     (out / "seed_07002" / "scene.json").write_text("{}")  # What an interrupted episode leaves.
-    assert main.run([*words, "--seed", "7001", "--episodes", "2", "--resume"]) == 0
+    assert app.run([*words, "--seed", "7001", "--episodes", "2", "--resume"]) == 0
     assert (out / "seed_07001" / "evolution.json").read_bytes() == first
     assert json.loads((out / "seed_07002" / "evolution.json").read_text())["seed"] == 7002
     shown = capsys.readouterr().out
     assert "before" in shown and "2 after evolution" in shown
     other = [word.replace("25", "24") for word in words]
-    assert main.run([*other, "--seed", "7001", "--resume", "--json"]) == 2
+    assert app.run([*other, "--seed", "7001", "--resume", "--json"]) == 2
     assert "same task with the same faults" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
 def test_results_are_not_gone_on_from_without_a_folder(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--resume", "--json"]) == 2
+    assert app.run(["evolve", str(door), "--scene", scene_of(door), "--resume", "--json"]) == 2
     assert "--out" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
@@ -94,7 +94,7 @@ def test_results_are_not_gone_on_from_without_a_folder(door: Path, capsys: pytes
 def test_a_fault_that_cannot_be_is_bad_input(
     door: Path, fault: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--fault", fault, "--json"]) == 2
+    assert app.run(["evolve", str(door), "--scene", scene_of(door), "--fault", fault, "--json"]) == 2
     assert said in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
@@ -102,7 +102,7 @@ def test_a_fault_that_cannot_be_is_bad_input(
 def test_a_sentence_can_be_evolved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     words = ["run", "open the refrigerator", "--scene", "kitchen_t1", "--seed", "7001", "--evolve", "--no-video"]
-    assert main.run([*words, "--out", str(out), "--json"]) == 0
+    assert app.run([*words, "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["evolution"]["schema"] == "scene2demo-evolution/2" and told["evolution"]["succeeded_at_once"] is True
     assert {"evolution.json", "pairs.jsonl", "report.html"} <= set(told["files"])
@@ -114,5 +114,5 @@ def test_options_of_evolution_that_make_no_sense(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = ["run", "open the refrigerator", "--scene", "kitchen_t1", "--out", str(tmp_path / "out"), "--json", *words]
-    assert main.run(whole) == 2
+    assert app.run(whole) == 2
     assert words[-2] in json.loads(capsys.readouterr().out)["error"]["message"]

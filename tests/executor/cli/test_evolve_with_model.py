@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from executor.cli import main
-from executor.cli.executing import command_line
-from executor.cli.judging import judge_arguments
-from executor.cli.words.running import JudgeOptions
-from executor.machine import vulkan
-from executor.machine.files import write_json
+from executor.cli import app
+from executor.cli.command_options import JudgeOptions
+from executor.cli.evolution_setup import judge_arguments
+from executor.cli.execution import command_line
 from executor.scenes import library
+from executor.system import vulkan
+from executor.system.files import write_json
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judge, judging_server, point_to
 from tests.executor.rollout.tasks import AJAR, T3_ROLES, graph
@@ -26,8 +26,8 @@ CLOSED = revision_answer([1, 2, 3, {"19": [0.0, 0.6]}, 5], sub_task=1, root_caus
 
 
 def evolve(task: Path, out: Path, *words: str, scene: str = "", seed: int = 17001) -> int:
-    """Runs the command, and returns its exit code."""
-    return main.run(
+    """Run the command, and returns its exit code."""
+    return app.run(
         ["evolve", str(task), "--scene", scene or scene_of(task), "--seed", str(seed), "--out", str(out), *words]
     )
 
@@ -138,7 +138,7 @@ def test_a_server_that_dies_is_said_and_the_evolution_goes_on_with_what_was_answ
     measurements: tuple[str, ...],
 ) -> None:
     views = "none" if not measurements else "global"
-    monkeypatch.setattr("executor.cli.judging.Judging._frames_for_model", lambda self: None)
+    monkeypatch.setattr("executor.cli.evolution_setup.EvolutionSetup._frames_for_model", lambda self: None)
     asked: list[int] = []
     alive = judge(CLOSED, lambda text, step: step == 4)
 

@@ -7,17 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.cli.fault_words import BadFault, FaultWords
-from executor.world.faults import (
-    KINDS,
-    BlockedDoor,
-    Fault,
-    NavigationOffset,
-    PoseError,
-    WeakGrip,
-    WrongScale,
-    fault_json,
-)
+from executor.cli.commands.evolve import BadFault, FaultOption
+from executor.sim.faults import KINDS, BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale, fault_json
 
 METRES = st.floats(-0.5, 0.5, allow_nan=False).map(lambda value: round(value, 4))
 IDS = st.from_regex(r"[a-z]{1,8}_[0-9]", fullmatch=True)
@@ -35,13 +26,13 @@ def test_a_fault_that_is_typed_is_that_fault(fault: Fault, seed: int) -> None:
     values = fault_json(fault)
     kind, object_id = values.pop("kind"), values.pop("object_id", None)
     numbers = [f"{name}={value!r}" for name, value in values.items()]
-    words = FaultWords.parse(f"{kind}:{','.join([*([str(object_id)] if object_id else []), *numbers])}")
+    words = FaultOption.parse(f"{kind}:{','.join([*([str(object_id)] if object_id else []), *numbers])}")
     assert words.drawn(seed) == fault
 
 
 @pytest.mark.parametrize("text", ["pose:glass_0,size_m=0.02", "navigation:size_m=0.02"])
 def test_a_seed_draws_the_direction(text: str) -> None:
-    words = FaultWords.parse(text)
+    words = FaultOption.parse(text)
     assert words.drawn(1) == words.drawn(1) != words.drawn(2)
     values = fault_json(words.drawn(1))
     size = np.hypot(*(float(str(v)) for k, v in values.items() if k.endswith("_m")))
@@ -69,7 +60,7 @@ def test_a_seed_draws_the_direction(text: str) -> None:
 )
 def test_what_nobody_can_make_is_said_with_the_forms(text: str, said: str) -> None:
     with pytest.raises(BadFault) as caught:
-        FaultWords.parse(text)
+        FaultOption.parse(text)
     assert said in str(caught.value) and "faults are pose:OBJECT" in str(caught.value)
 
 

@@ -15,16 +15,16 @@ from typing import Any
 
 import pytest
 
-from bddl.files import temporary_beside
-from executor.cli import main
+from bddl.files import atomic_path
+from executor.cli import app
 from executor.cli.commands import rollout as rollout_command
 from executor.cli.commands import run as run_command
 from executor.cli.errors import explain
-from executor.machine.files import write_json
-from executor.records.rollout import Rollout
-from executor.results.episode import Episode
-from executor.results.robomimic import write_robomimic
-from executor.results.run_folder import ResultsExist, RunFolder
+from executor.data.episode import Episode
+from executor.data.robomimic import write_robomimic
+from executor.records import Rollout
+from executor.reports.run_folder import ResultsExist, RunFolder
+from executor.system.files import write_json
 from tests.executor.cli.conftest import ROOT
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
@@ -34,7 +34,7 @@ QUERY = "put the glass into the refrigerator"
 
 @contextmanager
 def room_for(size: int) -> Iterator[None]:
-    """Lets no file grow beyond a number of bytes."""
+    """Let no file grow beyond a number of bytes."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -45,7 +45,7 @@ def room_for(size: int) -> Iterator[None]:
 
 @pytest.fixture
 def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
-    """Makes rollouts cost nothing."""
+    """Make rollouts cost nothing."""
     recorded = invented_rollout()
 
     def executed(graph: object, scene: object, seed: int, **_: object) -> Rollout:
@@ -57,7 +57,7 @@ def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
 
 
 def run(tmp_path: Path) -> int:
-    return main.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--no-video"])
+    return app.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--no-video"])
 
 
 @pytest.mark.parametrize("size", [100, 2_000, 20_000])
@@ -87,7 +87,7 @@ def test_finished_episodes_stay_and_the_half_one_goes(
 
     monkeypatch.setattr(RunFolder, "write_report", second_has_no_room)
     words = ["rollout", str(task), "--scene", "kitchen_t1", "--episodes", "3", "--out", str(out), "--json"]
-    assert main.run(words) == DISK_FULL
+    assert app.run(words) == DISK_FULL
     said = json.loads(capsys.readouterr().out)
     assert said["exit_code"] == DISK_FULL and said["error"]["kind"] == "disk-full"
     assert str(out / "seed_00001" / "report.html") in said["error"]["message"]
@@ -116,13 +116,13 @@ def test_what_a_model_answered_stays_and_is_kept_aside_when_a_run_is_begun_anew(
 def test_other_commands_name_the_file_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "deep" / "c.json"
     with room_for(100):
-        assert main.run(["verify", str(ROOT / "tests/data/T1.json"), "--certificate", str(target)]) == DISK_FULL
+        assert app.run(["verify", str(ROOT / "tests/data/T1.json"), "--certificate", str(target)]) == DISK_FULL
     said = capsys.readouterr().err
     assert str(target) in said and ".part" not in said
     assert list(target.parent.iterdir()) == []
     with room_for(0):
         words = ["bench", "T3", "--out", str(tmp_path / "b"), "--episodes", "1"]
-        assert main.run(words) == DISK_FULL
+        assert app.run(words) == DISK_FULL
     assert str(tmp_path / "b" / "bench.json") in capsys.readouterr().err
 
 
@@ -133,9 +133,9 @@ def test_libraries_that_lose_the_number_do_not_hide_a_full_disk(tmp_path: Path) 
         write_robomimic(path, [episode])
     assert full.value.errno is not None and full.value.filename == str(path)
     assert list(tmp_path.iterdir()) == []
-    with room_for(10_000), pytest.raises(ZeroDivisionError), temporary_beside(path) as temporary:
+    with room_for(10_000), pytest.raises(ZeroDivisionError), atomic_path(path) as temporary:
         temporary.write_bytes(bytes(1_000))
         raise ZeroDivisionError
-    with room_for(10_000), pytest.raises(OSError, match="File too large"), temporary_beside(path) as temporary:
+    with room_for(10_000), pytest.raises(OSError, match="File too large"), atomic_path(path) as temporary:
         temporary.write_bytes(bytes(9_000))
         raise ZeroDivisionError

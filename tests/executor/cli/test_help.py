@@ -8,14 +8,14 @@ from typing import get_args
 
 import pytest
 
-from executor.cli.main import run
-from executor.cli.words.running import BddlSubCommand, SubCommand
+from executor.cli.app import run
+from executor.cli.command_options import BddlSubCommand, SubCommand
 
 _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 
 
 def commands() -> Iterator[tuple[str, ...]]:
-    """Yields the words of every command."""
+    """Yield the words of every command."""
     for choice in get_args(SubCommand):
         yield (get_args(choice)[1].name,)
     for choice in get_args(BddlSubCommand):
@@ -23,7 +23,7 @@ def commands() -> Iterator[tuple[str, ...]]:
 
 
 def help_of(words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> str:
-    """Returns a command's help, each option's text on one line."""
+    """Return a command's help, each option's text on one line."""
     monkeypatch.setenv("COLUMNS", "400")
     assert run([*words, "--help"]) == 0
     return capsys.readouterr().out

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli import main
-from executor.machine.files import write_json
+from executor.cli import app
+from executor.scenes.layout import against, place, stand
 from executor.scenes.library import load
-from executor.scenes.rooms import Room, against, place, stand
-from executor.world.world import World
+from executor.scenes.room import Room
+from executor.sim.world import World
+from executor.system.files import write_json
 from tests.executor.cli.conftest import environment
 
 QUERY = "put the glass into the refrigerator"
@@ -27,8 +28,8 @@ Planned = tuple[int, str, str]
 
 
 def plan(capsys: pytest.CaptureFixture[str], *words: str | Path) -> Planned:
-    """Returns the exit code, and what was printed on standard output and beside it."""
-    code = main.run(["plan", *map(str, words)])
+    """Return the exit code, and what was printed on standard output and beside it."""
+    code = app.run(["plan", *map(str, words)])
     told = capsys.readouterr()
     return code, told.out, told.err
 
@@ -126,7 +127,7 @@ def test_what_is_being_done_is_told_before_anything_is_loaded() -> None:
         "    raise SystemExit\n"
         "HEAVY = {'numpy', 'scipy', 'oag', 'llm', 'sapien', 'torch'}\n"
         "output.counting = stop\n"
-        f"from executor.cli.main import run\nrun(['plan', {QUERY!r}, '--scene', 'kitchen_t1'])"
+        f"from executor.cli.app import run\nrun(['plan', {QUERY!r}, '--scene', 'kitchen_t1'])"
     )
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout == "loading the planner and the simulator []\n", done.stderr

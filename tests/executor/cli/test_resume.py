@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from executor.cli import main
+from executor.cli import app
 from executor.cli.commands import run as run_command
-from executor.records.rollout import Rollout
-from executor.results.run_folder import RunFolder
+from executor.records import Rollout
+from executor.reports.run_folder import RunFolder
 from tests.executor.cli.conftest import environment
 from tests.executor.cli.judge_server import point_to
 from tests.executor.cli.test_full_disk import room_for
@@ -49,14 +49,14 @@ class Answering:
 
 @pytest.fixture
 def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
-    """Makes rollouts cost nothing."""
+    """Make rollouts cost nothing."""
     recorded = invented_rollout()
     monkeypatch.setattr(run_command, "rollout", lambda graph, scene, seed, **_: replace(recorded, seed=seed))
     return recorded
 
 
 def run(out: Path, *words: str, query: str = QUERIES["T1"]) -> int:
-    return main.run(["run", query, "--scene", "kitchen_t1", "--out", str(out), "--model", MODEL, "--no-video", *words])
+    return app.run(["run", query, "--scene", "kitchen_t1", "--out", str(out), "--model", MODEL, "--no-video", *words])
 
 
 def answers_in(file: Path) -> int:
@@ -109,7 +109,7 @@ def test_a_run_whose_server_failed_goes_on_and_asks_nothing_twice(
     usage = json.loads(capsys.readouterr().out)["usage"]
     assert model.asked == 6 and usage["recorded"] == after and len(usage["rounds"]) == 5
     assert answers_in(out / "exchanges.jsonl") == 5
-    again = main.run(
+    again = app.run(
         ["run", QUERIES["T1"], "--scene", "kitchen_t1", "--out", str(tmp_path / "again"), "--no-video", "--json"]
         + ["--model", f"replay:{out / 'exchanges.jsonl'}"]
     )
@@ -162,7 +162,7 @@ def test_a_full_disk_costs_no_answer(
     out, model = tmp_path / "r", Answering()
     write_report = RunFolder.write_report
 
-    def no_room(self: RunFolder, *arguments: Any) -> None:
+    def is_disk_full(self: RunFolder, *arguments: Any) -> None:
         with room_for(50):
             write_report(self, *arguments)
 
@@ -172,7 +172,7 @@ def test_a_full_disk_costs_no_answer(
             assert run(out) == 3
         asked = model.asked
         assert asked == answers_in(out / "exchanges.jsonl") < 5
-        monkeypatch.setattr(RunFolder, "write_report", no_room)
+        monkeypatch.setattr(RunFolder, "write_report", is_disk_full)
         assert run(out, "--resume") == 3 and model.asked == 5
         assert "--resume goes on from it" in capsys.readouterr().err
         assert [path.name for path in out.iterdir()] == ["exchanges.jsonl"]
@@ -196,7 +196,7 @@ def test_force_keeps_what_was_paid_for_and_says_where(
     assert f"kept in {kept}" in capsys.readouterr().err and kept.read_bytes() == paid
     # A recording that is replayed into its own folder is not lost either.
     words = ["run", QUERIES["T1"], "--scene", "kitchen_t1", "--out", str(out), "--no-video", "--force"]
-    assert main.run([*words, "--model", f"replay:{out / 'exchanges.jsonl'}"]) == 0
+    assert app.run([*words, "--model", f"replay:{out / 'exchanges.jsonl'}"]) == 0
     assert {path.name for path in out.glob("exchanges*")} == {"exchanges_2.jsonl", "exchanges_3.jsonl"}
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from executor.cli import main
+from executor.cli import app
 from executor.cli.commands import rollout as rollout_command
-from executor.machine.files import write_json
-from executor.records.rollout import Rollout, RolloutInterrupted
+from executor.records import Rollout, RolloutInterrupted
+from executor.system.files import write_json
 from oag import ObjectActionGraph, flow_to_json
 from tests.executor.recordings import invented_rollout
 
@@ -35,7 +35,7 @@ def by_a_crash(done: Rollout) -> Rollout:
 
 @pytest.fixture
 def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, dict[str, Any]]]:
-    """Runs the command with invented episodes that end in the given ways; returns exit code and summary."""
+    """Run the command with invented episodes that end in the given ways; returns exit code and summary."""
     recorded = invented_rollout()
     task = recorded.task.to_json()
     # What was invented ends with the glass in the hand; that is the goal that this plan is proved to reach.
@@ -49,7 +49,7 @@ def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple
 
         monkeypatch.setattr(rollout_command, "rollout", invented)
         words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--episodes", str(len(endings))]
-        code = main.run([*words, "--out", str(tmp_path / "r")])
+        code = app.run([*words, "--out", str(tmp_path / "r")])
         return code, json.loads((tmp_path / "r" / "summary.json").read_text())
 
     return run
@@ -87,7 +87,7 @@ def test_numbers_can_be_left_to_every_seed(
     monkeypatch.setattr(rollout_command, "rollout", invented)
     capsys.readouterr()
     words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--open-numbers"]
-    assert main.run([*words, "--out", str(tmp_path / "open")]) == 0
+    assert app.run([*words, "--out", str(tmp_path / "open")]) == 0
     flows = [subtask.flow or () for subtask in seen[0].task.subtasks]
     assert [flow_to_json(flow) for flow in flows] == [[17, 1, 2, 3, {"4": None}, 5, 6], [17, 1, 2, 3, {"7": None}]]
     assert "numbers are written into" not in capsys.readouterr().err

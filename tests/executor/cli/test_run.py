@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from executor.cli import main
-from executor.machine import vulkan
+from executor.cli import app
+from executor.system import vulkan
 from tests.executor.cli.conftest import Command, environment, scene_of
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -31,7 +31,7 @@ FILES = {
 
 
 def opening_task(fraction: float) -> dict[str, Any]:
-    """Returns a task of one subtask that pulls the door open to a fraction of its range."""
+    """Return a task of one subtask that pulls the door open to a fraction of its range."""
     subtask = {
         "task_activity_name": "open_refrigerator",
         "target": "refrigerator_0",
@@ -70,7 +70,7 @@ def test_without_a_renderer_everything_but_pictures_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("none", "no driver was found"))
-    code = main.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--json"])
+    code = app.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--json"])
     data = json.loads(capsys.readouterr().out)
     assert code == 0 and data["ok"] is True
     assert data["pictures"].startswith("Nothing here can draw pictures: no driver was found")
@@ -80,7 +80,7 @@ def test_without_a_renderer_everything_but_pictures_is_there(
 def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     words = ["run", QUERY, "--scene", "kitchen_t1", "--out", "r", "--no-video"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "executor.cli.main", *words],
+        [sys.executable, "-m", "executor.cli.app", *words],
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.PIPE,

@@ -16,7 +16,7 @@ MODEL = "openai-compatible:m"
 
 
 def point_to(server: ModelServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes the command line talk to a server on this machine."""
+    """Make the command line talk to a server on this machine."""
     monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
     monkeypatch.setenv(KEY_VARIABLE, KEY)
 

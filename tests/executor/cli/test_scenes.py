@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from executor.cli import main
+from executor.cli import app
 from executor.scenes import library
-from executor.scenes.cousins import from_cousins
+from executor.scenes.digital_cousins import from_cousins
 from oag import Scene
 from tests.executor.cli.conftest import ROOT
 from tests.executor.scenes.reconstructions import kitchen, thing, write
@@ -20,14 +20,14 @@ T1 = ROOT / "tests" / "data" / "T1.json"
 
 def test_a_reconstruction_is_told_and_written_as_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, out = write(tmp_path, kitchen()), tmp_path / "new" / "kitchen.json"
-    assert main.run(["scenes", str(file), "--out", str(out)]) == 0
+    assert app.run(["scenes", str(file), "--out", str(out)]) == 0
     told = capsys.readouterr()
     assert "fridge_0     refrigerator (upright_one_door), 0.70 x 0.64 x 1.42 m" in told.out
     assert "note: picture_0 was left out: nothing meets a picture" in told.err
     assert Scene.from_json(out) == from_cousins(file).scene
-    assert main.run(["scenes", str(file), "--out", str(out)]) == 2
+    assert app.run(["scenes", str(file), "--out", str(out)]) == 2
     capsys.readouterr()
-    assert main.run(["scenes", str(out), "--json"]) == 0
+    assert app.run(["scenes", str(out), "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["notes"] == [] and Scene.from_json(again["scene"]) == from_cousins(file).scene
 
@@ -35,7 +35,7 @@ def test_a_reconstruction_is_told_and_written_as_a_scene(tmp_path: Path, capsys:
 def test_what_is_not_taken_over_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = write(tmp_path, kitchen() | {"lamp_0": thing("floor_lamp", (0.3, 0.3, 1.5), (0.5, 1.0, 0.75))})
     query = "open the fridge"
-    assert main.run(["run", query, "--scene", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert app.run(["run", query, "--scene", str(file), "--out", str(tmp_path / "out")]) == 2
     message = capsys.readouterr().err
     assert "1 of 8 objects cannot be taken over" in message and "- lamp_0: the library has nothing" in message
     assert not (tmp_path / "out").exists()
@@ -43,19 +43,19 @@ def test_what_is_not_taken_over_is_bad_input(tmp_path: Path, capsys: pytest.Capt
 
 @pytest.mark.parametrize("words", [["--out", "scene.json"], ["absent.json"]])
 def test_a_file_must_be_there(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", *words]) == 2
+    assert app.run(["scenes", *words]) == 2
     assert "Traceback" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", library.names())
 def test_a_scene_of_the_package_is_told_by_its_name(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", name, "--json"]) == 0
+    assert app.run(["scenes", name, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert Scene.from_json(told["scene"]) == library.load(name) and told["warnings"] == []
 
 
 def test_a_misspelt_name_gets_the_near_ones(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", "kitchn_t1"]) == 2
+    assert app.run(["scenes", "kitchn_t1"]) == 2
     assert "did you mean kitchen_t1" in capsys.readouterr().err
 
 
@@ -86,13 +86,13 @@ def test_a_scene_that_cannot_be_is_bad_input(
     changes: dict[str, Any], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, out = _file(tmp_path, **changes), tmp_path / "out.json"
-    assert main.run(["scenes", file, "--out", str(out)]) == 2
+    assert app.run(["scenes", file, "--out", str(out)]) == 2
     told = capsys.readouterr()
     assert said in " ".join(told.err.split()) and told.out == "" and not out.exists()
 
 
 def test_a_warning_is_told_and_the_scene_is_good(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", _file(tmp_path, facts=[])]) == 0
+    assert app.run(["scenes", _file(tmp_path, facts=[])]) == 0
     assert "warning: glass_0 is on table_0 by its position" in " ".join(capsys.readouterr().err.split())
 
 
@@ -102,7 +102,7 @@ def test_what_nobody_can_build_is_told_before_anything_is_planned(
     file = _file(tmp_path, **_glass(category="spoon", model="spoon"))
     words = ["--scene", file, "--out", str(tmp_path / "r")]
     for command in (["run", "open the refrigerator", *words], ["rollout", str(T1), "--scene", file]):
-        assert main.run(command) == 2
+        assert app.run(command) == 2
         told = capsys.readouterr()
         assert "objects.glass_0: the library has nothing of the category 'spoon'" in told.err
         assert "proved" not in told.err + told.out

@@ -14,9 +14,9 @@ from rich.live import Live
 from rich.table import Table
 
 from executor.cli import output
-from executor.cli.main import run
-from executor.cli.progress import RolloutProgress
-from executor.records.rollout import Event
+from executor.cli.app import run
+from executor.cli.rollout_display import RolloutProgress
+from executor.records import Event
 from tests.executor.cli.conftest import ROOT, environment
 
 RED, CSI, TURNED = "\x1b[31m", "\x9b31m", "\u202e"
@@ -25,14 +25,14 @@ STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u20
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Goes into an empty folder, and gives what commands print there."""
+    """Go into an empty folder, and gives what commands print there."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
     return capsys
 
 
 def scene(tmp_path: Path, name: str) -> Path:
-    """Writes a scene whose object and names have some text in them."""
+    """Write a scene whose object and names have some text in them."""
     content = json.loads((ROOT / "tests" / "data" / "T1_scene.json").read_text())
     thing = next(iter(content["objects"].values()))
     content |= {"name": name, "objects": {**content["objects"], f"{name}_0": {**thing, "model": name}}}
@@ -114,9 +114,9 @@ def test_the_program_may_still_use_colours_and_moving_lines(monkeypatch: pytest.
 
 
 def run_into(stream: int | None, *words: str) -> tuple[int, str]:
-    """Returns how a command ends whose standard output is some stream, and what it says beside it."""
+    """Return how a command ends whose standard output is some stream, and what it says beside it."""
     done = subprocess.run(
-        [sys.executable, "-m", "executor.cli.main", *words],
+        [sys.executable, "-m", "executor.cli.app", *words],
         cwd=ROOT,
         env=environment(),
         stdout=stream,

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli.main import run
-from executor.cli.usage import commands, option_names
-from executor.cli.words.datasets import DatasetSubCommand
-from executor.cli.words.running import BddlSubCommand
+from executor.cli.app import commands, option_names, run
+from executor.cli.command_options import BddlSubCommand
+from executor.cli.data_options import DatasetSubCommand
 from tests.executor.cli.conftest import ROOT, environment
 
 NAMED = {
@@ -103,7 +102,7 @@ MISSING = [
 
 def test_a_missing_file_is_told_before_anything_is_loaded(tmp_path: Path) -> None:
     code = (
-        "import sys\nfrom executor.cli.main import run\n"
+        "import sys\nfrom executor.cli.app import run\n"
         f"codes = [run(line.split()) for line in {[line for line, _ in MISSING]!r}]\n"
         "names = {name.split('.')[0] for name in sys.modules}\n"
         "print(codes, sorted(names & {'numpy', 'scipy', 'bddl', 'oag', 'llm', 'rich', 'pydantic', 'torch', 'sapien'}))"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.datasets import samples
-from executor.datasets.footage import DEPTH, SEGMENTATION, encoded, footage_path
-from executor.datasets.plan import series_of
-from executor.datasets.store import SAMPLES, EpisodeStore
-from executor.datasets.units import DemoUnit, Recording
-from executor.datasets.worker import run_unit
+from executor.data import samples
+from executor.data.generation import series_of
+from executor.data.store import SAMPLES, EpisodeStore
+from executor.data.units import DemoUnit, Recording
+from executor.data.views import DEPTH, SEGMENTATION, footage_path, video_encoder
+from executor.data.worker import run_unit
 
 # One opens something, one picks something up: seconds each.
 SIZE = (64, 48)
@@ -24,7 +24,7 @@ PLAN = {"seed": 62990, "episodes": 1, "sources": [{"families": ["T5", "T6"]}]}
 
 @pytest.fixture(scope="session")
 def made_store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns the store; tests that change one copy it first."""
+    """Return the store; tests that change one copy it first."""
     store, series = EpisodeStore(tmp_path_factory.mktemp("store") / "s"), series_of(PLAN)
     store.add_requests([one.to_json() for one in series])
     for one in series:
@@ -35,7 +35,7 @@ def made_store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 
 @pytest.fixture(scope="session")
 def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns a store of four episodes: the two of physics under two seeds each, with videos that brighten.
+    """Return a store of four episodes: the two of physics under two seeds each, with videos that brighten.
 
     Velocities and the hash of states tell the seeds apart, since what has the same states is the same demonstration.
     Depth and segmentation of row i are numbers that follow from i.
@@ -55,7 +55,7 @@ def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFact
                 meta["pictures"] = {"views": {"head": {"size": list(SIZE)}}}
                 film(folder / "head.mp4", int(meta["samples"]), seed % 7)
                 for kind in (DEPTH, SEGMENTATION):
-                    with encoded(footage_path(folder, "head", kind), SIZE, Fraction(10)) as track:
+                    with video_encoder(footage_path(folder, "head", kind), SIZE, Fraction(10)) as track:
                         for row in range(int(meta["samples"])):
                             track.add(numbers(row, kind))
                 store.write(other, "v", {**meta, "version": "v", "unit": other.to_json()}, folder)
@@ -63,7 +63,7 @@ def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFact
 
 
 def film(path: Path, count: int, first: int) -> None:
-    """Writes a video whose picture i is evenly 30 + (first + i) % 200 bright."""
+    """Write a video whose picture i is evenly 30 + (first + i) % 200 bright."""
     av = pytest.importorskip("av")
     with av.open(str(path), "w", options={"fflags": "+bitexact"}) as container:
         stream = container.add_stream("libx264", rate=10)
@@ -77,12 +77,12 @@ def film(path: Path, count: int, first: int) -> None:
 
 
 def numbers(row: int, kind: str) -> np.ndarray:
-    """Returns the picture of a row: millimetres up to 25 m, or numbers of 40 bodies."""
+    """Return the picture of a row: millimetres up to 25 m, or numbers of 40 bodies."""
     places = np.arange(SIZE[0] * SIZE[1], dtype=np.uint16).reshape(SIZE[1], SIZE[0])
     return (row * 31 + places * 7) % 25000 if kind == DEPTH else (row + places // 200) % 40
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Returns where a new store may go."""
+    """Return where a new store may go."""
     return tmp_path / "d"

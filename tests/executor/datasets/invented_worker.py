@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.datasets import samples
-from executor.datasets.store import SAMPLES, EpisodeStore
-from executor.datasets.units import DemoUnit
-from executor.machine.workers.process import serve
+from executor.data import samples
+from executor.data.store import SAMPLES, EpisodeStore
+from executor.data.units import DemoUnit
+from executor.system.workers import serve
 
 FAIL, CRASH, NO_ROOM, SLOW = 3, 4, 5, 9
 SLOW_S = 120.0
@@ -21,7 +21,7 @@ MENDED = "mended"
 
 
 def handle(request: dict[str, Any]) -> dict[str, Any]:
-    """Makes a unit; the last digit of the seed decides how it ends, but nothing crashes beside a file MENDED."""
+    """Make a unit; the last digit of the seed decides how it ends, but nothing crashes beside a file MENDED."""
     unit, store = DemoUnit.from_json(request["unit"]), EpisodeStore(Path(request["store"]))
     digit = unit.seed % 10
     with store.writing(unit, request["version"]) as folder:

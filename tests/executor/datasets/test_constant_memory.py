@@ -12,11 +12,10 @@ from typing import Any
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.datasets.generate import WORKER, Tally, generate
-from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoUnit
-from executor.machine.workers.process import WorkerProcess
+from executor.data.generation import WORKER, Tally, generate, series_of
+from executor.data.store import EpisodeStore
+from executor.data.units import DemoUnit
+from executor.system.workers import WorkerProcess
 
 INVENTED = "tests.executor.datasets.invented_worker"
 SUCCEED = (0, 1, 2, 6, 7, 8)  # Last digits of seeds: what the invented worker makes without ado.
@@ -66,6 +65,6 @@ def test_what_makes_units_keeps_nothing_of_each(folder: Path) -> None:
 
 
 def resident_mb(pid: int) -> float:
-    """Returns how much of a process is in memory."""
+    """Return how much of a process is in memory."""
     status = Path(f"/proc/{pid}/status").read_text()
     return next(int(line.split()[1]) / 1000 for line in status.splitlines() if line.startswith("VmRSS"))

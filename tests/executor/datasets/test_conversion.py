@@ -10,11 +10,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from executor.cli.main import run
-from executor.datasets.formats.export import FORMATS, Format, open_set, write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import EpisodeStream, Extra
-from executor.datasets.store import EpisodeStore, NotADataset
+from executor.cli.app import run
+from executor.data.formats.export import FORMATS, Format, open_set, write_set
+from executor.data.formats.store_reader import stream_of
+from executor.data.formats.table import EpisodeStream, Extra
+from executor.data.store import EpisodeStore, NotADataset
 from tests.executor.datasets.test_formats import files
 
 pytest.importorskip("h5py")
@@ -33,7 +33,7 @@ RING: tuple[tuple[Format, Format], ...] = (
 
 @pytest.fixture(scope="module")
 def stream(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStream:
-    """Returns two episodes with all that there can be."""
+    """Return two episodes with all that there can be."""
     store = EpisodeStore(tmp_path_factory.mktemp("two") / "s")
     store.add_requests([])
     for episode in list(filmed_store.episodes())[::2]:
@@ -45,7 +45,7 @@ def stream(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory)
 
 @pytest.fixture(scope="module")
 def sets(stream: EpisodeStream, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns a folder with a data set of each format."""
+    """Return a folder with a data set of each format."""
     out = tmp_path_factory.mktemp("sets")
     for kind in FORMATS:
         write_set(stream, kind, out / kind)
@@ -53,7 +53,7 @@ def sets(stream: EpisodeStream, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def assert_same(found: EpisodeStream, wanted: EpisodeStream, most_off: int = 0) -> None:
-    """Compares two data sets, the colours up to so many tones of 255."""
+    """Compare two data sets, the colours up to so many tones of 255."""
     assert found.found == wanted.found and found.page == wanted.page
     for again, first in zip(found.episodes(), wanted.episodes(), strict=True):
         assert again.about == first.about and again.index == first.index

@@ -11,38 +11,38 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.cli.main import run
-from executor.datasets import samples
-from executor.datasets.corrections import corrected_by
-from executor.datasets.footage import POSES, Filmed
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.selection import Selection
-from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION
-from executor.datasets.plan import series_of
-from executor.datasets.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
-from executor.datasets.units import DemoUnit
-from executor.datasets.upkeep.check import flaws
-from executor.datasets.worker import run_unit
-from executor.evolution.record import Evolution, SubtaskStory
-from executor.records.rollout import Rollout, Trajectory
+from executor.cli.app import run
+from executor.data import samples
+from executor.data.formats.selection import Selection
+from executor.data.formats.store_reader import stream_of
+from executor.data.formats.table import CORRECTION, DEMONSTRATION
+from executor.data.generation import series_of
+from executor.data.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
+from executor.data.units import DemoUnit
+from executor.data.upkeep import find_flaws
+from executor.data.views import POSES, RenderedViews
+from executor.data.work import corrected_by
+from executor.data.worker import run_unit
+from executor.records import Rollout, Trajectory
+from executor.rollouts.evolution_record import Evolution, SubtaskStory
 from oag import Attempt, History, Revision, flow_from_json
-from oag.revision.history import Iteration
+from oag.revision import Iteration
 from tests.executor.datasets.conftest import SIZE, film
 
 pytestmark = pytest.mark.physics
 
 
-def draw(unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> Filmed:
+def draw(unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> RenderedViews:
     """Stands for the renderer: pictures that brighten."""
     count = len(motion.time_s)
     film(folder / "head.mp4", count, int(motion.subtask[0]))
     poses = {f"{POSES}head": np.tile(np.array([0, 0, 1, 1, 0, 0, 0], np.float32), (count, 1))}
-    return Filmed({"count": count, "views": {"head": {"size": list(SIZE)}}}, poses)
+    return RenderedViews({"count": count, "views": {"head": {"size": list(SIZE)}}}, poses)
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns a store with one episode that succeeded after revisions."""
+    """Return a store with one episode that succeeded after revisions."""
     store = EpisodeStore(tmp_path_factory.mktemp("evolved") / "s")
     wanted = {"seed": 62400, "episodes": 1, "evolve": True, "flows": "paper", "views": ["head"], "size": list(SIZE)}
     wanted |= {"depth": False, "segmentation": False}
@@ -60,7 +60,7 @@ def episode(store: EpisodeStore) -> StoredEpisode:
 
 
 def test_what_failed_is_kept_with_what_was_done_about_it(store: EpisodeStore, episode: StoredEpisode) -> None:
-    assert episode.succeeded and episode.corrections and list(flaws(store)) == []
+    assert episode.succeeded and episode.corrections and list(find_flaws(store)) == []
     for pair in episode.corrections:
         arrays = episode.motion(pair["samples"])
         assert np.all(arrays["subtask"] == pair["context"]["subtask"])
@@ -76,7 +76,7 @@ def test_a_missing_attempt_is_found(store: EpisodeStore, episode: StoredEpisode,
     kept = place.read_bytes()
     place.unlink()
     try:
-        (flaw,) = flaws(store)
+        (flaw,) = find_flaws(store)
         assert flaw.episode == episode.name and place.name in flaw.what
     finally:
         place.write_bytes(kept)
@@ -96,7 +96,7 @@ def test_corrections_are_drawn_anew_with_their_episode(
     out, size = tmp_path / "drawn", ["--views", "wrist", "--size", "64", "48", "--channels", "rgb", "depth"]
     assert run(["dataset", "render", str(store.path), "--out", str(out), *size, "--workers", "1"]) == 0
     (drawn,) = EpisodeStore(out).episodes()
-    assert list(flaws(EpisodeStore(out))) == []
+    assert list(find_flaws(EpisodeStore(out))) == []
     assert [pair["samples"] for pair in drawn.corrections] == [pair["samples"] for pair in episode.corrections]
     for before, after in zip(episode.corrections, drawn.corrections, strict=True):
         motion, again = episode.motion(before["samples"]), drawn.motion(after["samples"])
@@ -110,7 +110,7 @@ def test_corrections_are_drawn_anew_with_their_episode(
         one.length for one in stream_of(store, ("corrections",)).episodes()
     ]
     (aside / "wrist.depth.mkv").unlink()
-    (flaw,) = flaws(EpisodeStore(out))
+    (flaw,) = find_flaws(EpisodeStore(out))
     assert flaw.what == f"{aside.name}/wrist.depth.mkv is missing"
 
 

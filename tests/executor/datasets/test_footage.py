@@ -9,13 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.datasets.footage import DEPTH, POSES, SEGMENTATION, Filmed, Look, film, footage_path, kinds, pictures
-from executor.datasets.store import EpisodeStore, StoredEpisode
-from executor.datasets.units import Recording
+from executor.data.store import EpisodeStore, StoredEpisode
+from executor.data.units import Recording
+from executor.data.views import (
+    DEPTH,
+    POSES,
+    SEGMENTATION,
+    Look,
+    RenderedViews,
+    footage_path,
+    kinds,
+    pictures,
+    render_views,
+)
 from executor.geometry import transform_from_quaternion
-from executor.pictures.cameras import VIEWS
-from executor.pictures.overview import cameras_for
-from executor.pictures.stage import Draughtsman
+from executor.sim.render.cameras import VIEWS, cameras_for
+from executor.sim.render.stage import SceneRenderer
 
 pytestmark = [pytest.mark.physics, pytest.mark.render]
 
@@ -24,8 +33,8 @@ EVERY = 20
 
 
 @pytest.fixture(scope="module")
-def draughtsman() -> Iterator[Draughtsman]:
-    found = Draughtsman()
+def scene_renderer() -> Iterator[SceneRenderer]:
+    found = SceneRenderer()
     yield found
     found.close()
 
@@ -35,39 +44,39 @@ def episode(made_store: EpisodeStore) -> StoredEpisode:
     return next(made_store.demonstrations())
 
 
-def _film(draughtsman: Draughtsman, episode: StoredEpisode, folder: Path) -> Filmed:
+def _film(scene_renderer: SceneRenderer, episode: StoredEpisode, folder: Path) -> RenderedViews:
     states = [state.tobytes() for state in episode.arrays["packed_states"][::EVERY]]
     look = Look(cameras_for(episode.scene, VIEWS, 96 / 64, task=episode.task))
     folder.mkdir()
-    return film(draughtsman, folder, episode.scene, states, look, RECORDING, Fraction(1, 2))
+    return render_views(scene_renderer, folder, episode.scene, states, look, RECORDING, Fraction(1, 2))
 
 
 @pytest.fixture(scope="module")
 def filmed(
-    draughtsman: Draughtsman, episode: StoredEpisode, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, Filmed]:
+    scene_renderer: SceneRenderer, episode: StoredEpisode, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, RenderedViews]:
     folder = tmp_path_factory.mktemp("footage") / "a"
-    return folder, _film(draughtsman, episode, folder)
+    return folder, _film(scene_renderer, episode, folder)
 
 
 def test_every_view_has_its_pictures_of_the_size_that_was_asked_for(
-    filmed: tuple[Path, Filmed], episode: StoredEpisode
+    filmed: tuple[Path, RenderedViews], episode: StoredEpisode
 ) -> None:
-    folder, film = filmed
+    folder, render_views = filmed
     count = len(episode.arrays["time_s"][::EVERY])
-    assert film.described["count"] == count
+    assert render_views.described["count"] == count
     for view in VIEWS:
         for kind in kinds(RECORDING):
             drawn = list(pictures(footage_path(folder, view, kind)))
             assert len(drawn) == count
             assert {picture.shape[:2] for picture in drawn} == {(64, 96)}
-        assert film.poses[f"{POSES}{view}"].shape == (count, 7)
+        assert render_views.poses[f"{POSES}{view}"].shape == (count, 7)
 
 
 def test_the_same_states_give_the_same_files(
-    filmed: tuple[Path, Filmed], draughtsman: Draughtsman, episode: StoredEpisode, tmp_path: Path
+    filmed: tuple[Path, RenderedViews], scene_renderer: SceneRenderer, episode: StoredEpisode, tmp_path: Path
 ) -> None:
-    _film(draughtsman, episode, tmp_path / "b")
+    _film(scene_renderer, episode, tmp_path / "b")
     for path in sorted(filmed[0].iterdir()):
         again = tmp_path / "b" / path.name
         # Pictures first: where they differ the renderer is to blame, else the encoder.
@@ -78,16 +87,16 @@ def test_the_same_states_give_the_same_files(
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_depth_camera_and_legend_say_where_movable_things_are(
-    view: str, filmed: tuple[Path, Filmed], episode: StoredEpisode
+    view: str, filmed: tuple[Path, RenderedViews], episode: StoredEpisode
 ) -> None:
-    folder, film = filmed
-    matrix = np.asarray(film.described["views"][view]["intrinsics"])
+    folder, render_views = filmed
+    matrix = np.asarray(render_views.described["views"][view]["intrinsics"])
     depths, numbers = (list(pictures(footage_path(folder, view, kind))) for kind in (DEPTH, SEGMENTATION))
     seen = 0
     for row, (depth, number) in enumerate(zip(depths, numbers, strict=True)):
-        T_world_camera = transform_from_quaternion(*np.split(film.poses[f"{POSES}{view}"][row], [3]))
+        T_world_camera = transform_from_quaternion(*np.split(render_views.poses[f"{POSES}{view}"][row], [3]))
         for code in np.unique(number[number > 0]):
-            thing = film.described["legend"][str(code)]["object"]
+            thing = render_views.described["legend"][str(code)]["object"]
             if thing not in episode.meta["object_ids"]:
                 continue
             v, u = np.nonzero(number == code)
@@ -103,11 +112,11 @@ def test_depth_camera_and_legend_say_where_movable_things_are(
 
 
 def test_colours_survive_the_encoding(
-    filmed: tuple[Path, Filmed], episode: StoredEpisode, draughtsman: Draughtsman
+    filmed: tuple[Path, RenderedViews], episode: StoredEpisode, scene_renderer: SceneRenderer
 ) -> None:
     first = episode.arrays["packed_states"][0].tobytes()
     camera = cameras_for(episode.scene, ("head",), 96 / 64, task=episode.task)
-    with draughtsman.stage(episode.scene, camera, {"head": (96, 64)}, shadow_map_px=512) as stage:
+    with scene_renderer.stage(episode.scene, camera, {"head": (96, 64)}, shadow_map_px=512) as stage:
         drawn = stage.show(first)["head"].astype(float)
     read = next(pictures(footage_path(filmed[0], "head"))).astype(float)
     assert np.abs(drawn - read).mean() < 4.0

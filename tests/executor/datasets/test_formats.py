@@ -12,22 +12,20 @@ import numpy as np
 import pytest
 
 from executor.assets.model import Handle
-from executor.datasets.footage import DEPTH, SEGMENTATION, pictures
-from executor.datasets.formats.clouds import CloudReader
-from executor.datasets.formats.export import FORMATS, ExportExists, Format, open_set, write_set
-from executor.datasets.formats.fold import is_for_validation, stream_of
-from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
-from executor.datasets.formats.selection import NothingToExport
-from executor.datasets.formats.statistics import QUANTILES, Tones
-from executor.datasets.formats.stream import CLOUD, EpisodeStream, FoldedEpisode
-from executor.datasets.store import EpisodeStore, NotADataset, StoredEpisode
-from executor.envs.elbow import Elbow
-from executor.envs.following import HandFollower
+from executor.data.formats.export import FORMATS, ExportExists, Format, open_set, write_set
+from executor.data.formats.selection import NothingToExport
+from executor.data.formats.statistics import QUANTILES, IntensityHistogram
+from executor.data.formats.store_reader import is_for_validation, stream_of
+from executor.data.formats.table import CLOUD, EpisodeStream, EpisodeTable
+from executor.data.state_readers import ENVIRONMENT, CloudReader, StateReader, named_objects
+from executor.data.store import EpisodeStore, NotADataset, StoredEpisode
+from executor.data.views import DEPTH, SEGMENTATION, pictures
+from executor.envs.hand_control import Elbow, HandFollower
 from executor.geometry import inverse, quaternions_last
-from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
-from executor.robot.tracking import ArmChain
-from executor.world.world import World
-from oag.model.scenefile import PAPER_SCALE
+from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
+from executor.sim.robot.kinematics import ArmChain
+from executor.sim.world import World
+from oag.model.scene_rules import PAPER_SCALE
 from tests.executor.datasets.conftest import numbers
 from tests.executor.helpers import MakeWorld
 
@@ -51,13 +49,13 @@ def folded_once(store: EpisodeStore) -> EpisodeStream:
 
 
 @pytest.fixture(scope="module")
-def episodes(stream: EpisodeStream) -> list[FoldedEpisode]:
+def episodes(stream: EpisodeStream) -> list[EpisodeTable]:
     return list(stream.episodes())
 
 
 @pytest.fixture(scope="module")
 def exported(stream: EpisodeStream, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns a folder with a data set of each format."""
+    """Return a folder with a data set of each format."""
     out = tmp_path_factory.mktemp("exported")
     for kind in FORMATS:
         write_set(stream, kind, out / kind)
@@ -68,7 +66,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def source(store: EpisodeStore, episode: FoldedEpisode) -> StoredEpisode:
+def source(store: EpisodeStore, episode: EpisodeTable) -> StoredEpisode:
     return store.episode(f"{episode.about['name']}-{episode.about['id'][:8]}")
 
 
@@ -85,7 +83,7 @@ def test_the_same_episodes_give_the_same_bytes(filmed_store: EpisodeStore, expor
     assert sorted(path.name for path in tmp_path.iterdir()) == ["another", *sorted(FORMATS)]
 
 
-def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
+def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[EpisodeTable]) -> None:
     assert len(episodes) == 4
     for episode in episodes:
         stored, rows = source(filmed_store, episode), episode.columns
@@ -104,7 +102,7 @@ def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[FoldedE
 
 
 def test_objects_and_joints_are_all_there_in_the_order_that_is_told(
-    filmed_store: EpisodeStore, episodes: list[FoldedEpisode]
+    filmed_store: EpisodeStore, episodes: list[EpisodeTable]
 ) -> None:
     for episode in episodes:
         stored, about = source(filmed_store, episode), episode.about
@@ -120,7 +118,7 @@ def test_objects_and_joints_are_all_there_in_the_order_that_is_told(
         assert joints[-1, : len(there)] == pytest.approx(there, abs=1e-6) and not joints[:, len(there) :].any()
 
 
-def test_quaternions_are_x_y_z_w_and_say_the_same(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
+def test_quaternions_are_x_y_z_w_and_say_the_same(filmed_store: EpisodeStore, episodes: list[EpisodeTable]) -> None:
     for episode in episodes:
         hand, arrays = episode.columns["observation.state"][:, 12:19], source(filmed_store, episode).arrays
         assert (hand[:, 6] >= 0).all()
@@ -136,7 +134,7 @@ def test_rows_are_what_the_environment_tells_a_policy(made_store: EpisodeStore) 
         stored = source(made_store, episode)
         with World(stored.scene) as world:
             reader = StateReader(world, stored.task)
-            cloud = CloudReader(world, named(stored.task, world.assets), stored.meta["unit"]["seed"])
+            cloud = CloudReader(world, named_objects(stored.task, world.assets), stored.meta["unit"]["seed"])
             for k in range(0, episode.length, 9):
                 world.unpack(stored.arrays["packed_states"][k].tobytes())
                 assert reader.agent() == pytest.approx(episode.columns["observation.state"][k], abs=1e-5)
@@ -152,13 +150,13 @@ def test_rows_are_what_the_environment_tells_a_policy(made_store: EpisodeStore) 
 
 
 def opened(stored: StoredEpisode, world: World) -> list[tuple[str, Handle]]:
-    """Returns the handles of what an episode opens or shuts."""
+    """Return the handles of what an episode opens or shuts."""
     targets = {part.target for part in stored.task.subtasks}
     return [(name, handle) for name in targets & set(world.assets) for handle in world.assets[name].handles]
 
 
 def points_at(handle: tuple[str, Handle], world: World, cloud: np.ndarray) -> int:
-    """Returns how many of a cloud's points are within 5 cm of the middle part of a handle's bar."""
+    """Return how many of a cloud's points are within 5 cm of the middle part of a handle's bar."""
     name, bar = handle
     T = inverse(world.T_world_link("robot")) @ world.T_world_link(name, bar.link)
     middle_m = T[:3, :3] @ np.asarray(bar.position_m) + T[:3, 3]
@@ -167,7 +165,7 @@ def points_at(handle: tuple[str, Handle], world: World, cloud: np.ndarray) -> in
 
 
 def test_hand_actions_lead_to_the_commanded_targets(
-    filmed_store: EpisodeStore, episodes: list[FoldedEpisode], make_world: MakeWorld
+    filmed_store: EpisodeStore, episodes: list[EpisodeTable], make_world: MakeWorld
 ) -> None:
     chain = ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
     for episode in (episodes[0], episodes[-1]):
@@ -185,7 +183,7 @@ def test_hand_actions_lead_to_the_commanded_targets(
         assert np.abs(episode.columns["action"][:, 6]).max() <= 1.0 + 1e-6
 
 
-def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: list[FoldedEpisode]) -> None:
+def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: list[EpisodeTable]) -> None:
     assert sum(is_for_validation(f"{k * 2654435761 % 2**32:08x}00000000") for k in range(2000)) == pytest.approx(
         200, abs=40
     )
@@ -197,7 +195,7 @@ def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: li
 
 
 @pytest.mark.parametrize("kind", ["lerobot", "lerobot-v2.1"])
-def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode], kind: str) -> None:
+def test_lerobot_has_the_rows_again(exported: Path, episodes: list[EpisodeTable], kind: str) -> None:
     folder = exported / kind
     info = json.loads((folder / "meta/info.json").read_text())
     assert info["total_episodes"] == 4 and info["total_frames"] == sum(one.length for one in episodes)
@@ -257,7 +255,7 @@ def test_the_parts_that_are_told_are_those_of_the_columns(exported: Path) -> Non
         assert [place for span in spans for place in range(*span)] == list(range(features[column]["shape"][0]))
 
 
-def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[FoldedEpisode]) -> None:
+def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[EpisodeTable]) -> None:
     folder = exported / "lerobot"
     lines = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     tones = [int(picture.mean().round()) for picture in pictures(folder / f"videos/{PICTURE}/chunk-000/file-000.mp4")]
@@ -271,7 +269,7 @@ def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episo
         assert line["dataset_to_index"] - line["dataset_from_index"] == episode.length
 
 
-def test_statistics_are_those_of_numpy(exported: Path, episodes: list[FoldedEpisode]) -> None:
+def test_statistics_are_those_of_numpy(exported: Path, episodes: list[EpisodeTable]) -> None:
     stats = json.loads((exported / "lerobot/meta/stats.json").read_text())
     for name in ("action", "observation.state", "next.reward"):
         rows = np.concatenate([episode.columns[name] for episode in episodes]).astype(float)
@@ -292,7 +290,7 @@ def test_statistics_are_those_of_numpy(exported: Path, episodes: list[FoldedEpis
 
 def test_tones_count_as_numpy_does() -> None:
     picture = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
-    tones = Tones()
+    tones = IntensityHistogram()
     tones.add(picture)
     found, flat = tones.statistics(), picture.reshape(-1, 3) / 255
     assert found["mean"].ravel() == pytest.approx(flat.mean(0)) and found["std"].ravel() == pytest.approx(flat.std(0))
@@ -301,7 +299,7 @@ def test_tones_count_as_numpy_does() -> None:
 
 
 def test_robomimic_has_the_samples_again(
-    filmed_store: EpisodeStore, exported: Path, stream: EpisodeStream, episodes: list[FoldedEpisode]
+    filmed_store: EpisodeStore, exported: Path, stream: EpisodeStream, episodes: list[EpisodeTable]
 ) -> None:
     with h5py.File(exported / "robomimic/demonstrations.hdf5") as file:
         assert file["data"].attrs["total"] == sum(episode.length - 1 for episode in episodes)
@@ -324,7 +322,7 @@ def test_robomimic_has_the_samples_again(
             assert demo.attrs["state_hash"] == stored.meta["state_hash"]
 
 
-def test_zarr_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode]) -> None:
+def test_zarr_has_the_rows_again(exported: Path, episodes: list[EpisodeTable]) -> None:
     zarr = pytest.importorskip("zarr")
     root = zarr.open_group(str(exported / "zarr"), mode="r")
     ends = root["meta/episode_ends"][:]

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.cli.main import run
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.selection import NothingToExport
-from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoUnit, Origin
-from executor.datasets.worker import run_unit
-from executor.envs.environment import SceneEnvironment
-from executor.scenes import household
+from executor.cli.app import run
+from executor.data.formats.selection import NothingToExport
+from executor.data.formats.store_reader import stream_of
+from executor.data.store import EpisodeStore
+from executor.data.units import DemoUnit, Origin
+from executor.data.worker import run_unit
+from executor.envs.scene_environment import SceneEnvironment
+from executor.scenes.generators import household
 
 pytestmark = pytest.mark.physics
 SEED, GLASS = 62900, 4

@@ -16,14 +16,13 @@ from typing import Any
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.cli import main
-from executor.cli.commands.datasets import generate as command
-from executor.datasets.generate import Tally
-from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoUnit, Origin
-from executor.datasets.worker import run_unit
-from executor.machine.workers.process import HandoverRefused
+from executor.cli import app
+from executor.cli.commands import generate as command
+from executor.data.generation import Tally, series_of
+from executor.data.store import EpisodeStore
+from executor.data.units import DemoUnit, Origin
+from executor.data.worker import run_unit
+from executor.system.workers import HandoverRefused
 from tests.executor.cli.conftest import environment
 from tests.executor.datasets.invented_worker import MENDED, SLOW_S
 
@@ -35,12 +34,12 @@ Generate = Callable[..., tuple[int, dict[str, Any]]]
 
 @pytest.fixture
 def run_generate(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Generate:
-    """Runs the command in this process, its units in invented workers; returns exit code and what it printed."""
+    """Run the command in this process, its units in invented workers; returns exit code and what it printed."""
     monkeypatch.setattr(command, "WORKER", INVENTED)
     monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
 
     def run(*words: object) -> tuple[int, dict[str, Any]]:
-        code = main.run(["generate", *map(str, words), "--out", str(folder), "--workers", "1", "--json"])
+        code = app.run(["generate", *map(str, words), "--out", str(folder), "--workers", "1", "--json"])
         return code, json.loads(capsys.readouterr().out)
 
     return run
@@ -61,7 +60,7 @@ def test_how_many_are_made_is_told_line_by_line(
     run_generate: Generate, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run_generate("T1", "--seed", 0, "--episodes", 1)
-    assert main.run(["generate", "T1", "--seed", "0", "--episodes", "4", "--workers", "1", "--out", str(folder)]) == 0
+    assert app.run(["generate", "T1", "--seed", "0", "--episodes", "4", "--workers", "1", "--out", str(folder)]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert "1 of 4 episodes made already, 3 to make now" in lines[0]
     assert [line.split()[:4] for line in lines[1:]] == [[f"{k}", "of", "4", f"T1-00000{k - 1}"] for k in (2, 3, 4)]
@@ -178,7 +177,7 @@ def test_a_full_disk_is_one_message_and_what_was_made_stays(
 ) -> None:
     monkeypatch.setattr(command, "WORKER", INVENTED)
     words = ["generate", "T1", "--seed", "2", "--episodes", "4", "--out", str(folder), "--workers", "1"]
-    assert main.run([*words[:-1], "1"]) == 3
+    assert app.run([*words[:-1], "1"]) == 3
     assert "make room" in capsys.readouterr().err
     assert [episode.meta["unit"]["seed"] for episode in EpisodeStore.open(folder).episodes()] == [2, 3, 4]
     assert not list(folder.glob("units/.part-*"))
@@ -201,7 +200,7 @@ def test_a_sentence_that_cannot_be_planned_is_refused_before_a_seed_is_tried(
         open_world = {**json.loads(KITCHEN.read_text()), "closed": [], "facts": []}
         (tmp_path / "open.json").write_text(json.dumps(open_world))
         scene = str(tmp_path / "open.json")
-    assert main.run(["generate", query, "--scene", scene, "--episodes", "5", "--out", str(folder)]) == 1
+    assert app.run(["generate", query, "--scene", scene, "--episodes", "5", "--out", str(folder)]) == 1
     printed = " ".join(capsys.readouterr().err.split())
     assert said in printed and "Traceback" not in printed and "unexpected" not in printed
     assert not folder.exists()
@@ -210,7 +209,7 @@ def test_a_sentence_that_cannot_be_planned_is_refused_before_a_seed_is_tried(
 def test_a_plan_with_one_hopeless_source_makes_nothing(folder: Path, tmp_path: Path) -> None:
     plan = tmp_path / "plan.yaml"
     plan.write_text("sources:\n  - families: [T1]\n  - query: dance a waltz\n    scene: kitchen_t1\n")
-    assert main.run(["generate", str(plan), "--out", str(folder)]) == 1
+    assert app.run(["generate", str(plan), "--out", str(folder)]) == 1
     assert not folder.exists()
 
 
@@ -285,7 +284,7 @@ def test_it_says_when_all_episodes_will_start_alike(
     scene = tmp_path / "room.json"
     scene.write_text(json.dumps({**json.loads(KITCHEN.read_text()), **changes}))
     asked = ["generate", "open the refrigerator", "--scene", str(scene), "--episodes", "2", "--out", str(folder)]
-    assert main.run([*asked, "--workers", "1", *words]) == 0
+    assert app.run([*asked, "--workers", "1", *words]) == 0
     printed = " ".join(capsys.readouterr().err.split())
     assert (ALIKE in printed) == told
     if told:
@@ -298,7 +297,7 @@ def test_a_worker_makes_nothing_for_a_program_that_it_does_not_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
-    assert main.run(["generate", "T1", "--episodes", "2", "--out", str(folder), "--workers", "1"]) == 1
+    assert app.run(["generate", "T1", "--episodes", "2", "--out", str(folder), "--workers", "1"]) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert f"the request is for version '{VERSION}'" in said and "start the same command again" in said
     store = EpisodeStore.open(folder)
@@ -330,7 +329,7 @@ def test_a_worker_makes_nothing_for_a_program_that_it_does_not_run(
 def test_wrong_words_are_one_clear_message(
     words: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.run(["generate", *words, "--out", str(folder)]) == 2
+    assert app.run(["generate", *words, "--out", str(folder)]) == 2
     printed = " ".join(capsys.readouterr().err.split())
     assert said in printed and "Traceback" not in printed
     assert not folder.exists()
@@ -352,14 +351,14 @@ def test_wrong_words_are_one_clear_message(
 def test_a_wrong_plan_says_where(text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan = tmp_path / "plan.yaml"
     plan.write_text(text)
-    assert main.run(["generate", str(plan), "--out", str(tmp_path / "d")]) == 2
+    assert app.run(["generate", str(plan), "--out", str(tmp_path / "d")]) == 2
     assert said in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
 def test_however_it_ends_what_was_made_is_whole(folder: Path, signal_number: int) -> None:
     code = (
-        f"import executor.cli.commands.datasets.generate as g; g.WORKER = '{INVENTED}'\n"
+        f"import executor.cli.commands.generate as g; g.WORKER = '{INVENTED}'\n"
         "from executor.cli import main\n"
         f"main.main(['generate', 'T1', '--seed', '7', '--episodes', '4', '--workers', '1', '--out', '{folder}'])"
     )

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executor.datasets.plan import series_of
-from executor.datasets.units import DemoUnit
-from executor.datasets.work import make, noise_of, physics_of
-from executor.primitives.noise import MOST, RAD_PER_M, CommandNoise
-from executor.primitives.timing import SPEED_LIMITS
-from executor.records.rollout import Trajectory
-from executor.rollouts.repeat import repeat
+from executor.data.generation import series_of
+from executor.data.units import DemoUnit
+from executor.data.work import make_unit, noise_of, physics_of
+from executor.records import Trajectory
+from executor.rollouts.recording import repeat
+from executor.skills.trajectories import MOST, RAD_PER_M, SPEED_LIMITS, CommandNoise
 
 DT_S = 0.004
 FAST = SPEED_LIMITS
@@ -71,7 +70,7 @@ def test_axes_do_not_disturb_each_other() -> None:
 @pytest.mark.physics
 def test_an_episode_with_noise_and_other_physics_is_repeated_to_the_last_bit_and_records_clean_targets() -> None:
     unit = _unit(vary=["physics"], noise_m=0.01)
-    done = make(unit).rollout
+    done = make_unit(unit).rollout
     commands = [record.commands for record in done.subtasks]
     again = repeat(done.task, done.scene, commands, done.record_hz, physics=physics_of(unit), noise=noise_of(unit))
     assert again.state_hash == done.state_hash

@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.cli.main import run
-from executor.datasets.footage import POSES, look_of
-from executor.datasets.store import META, SAMPLES, EpisodeStore, StoredEpisode
-from executor.datasets.units import DemoUnit
-from executor.datasets.upkeep.check import flaws
-from executor.datasets.upkeep.contents import contents_of
-from executor.datasets.upkeep.redraw import Redrawing, asked_for, run_unit
-from executor.pictures.stage import Draughtsman
+from executor.cli.app import run
+from executor.data.card import contents_of
+from executor.data.rerender import RerenderSettings, plan_rerender, rerender_unit
+from executor.data.store import META, SAMPLES, EpisodeStore, StoredEpisode
+from executor.data.units import DemoUnit
+from executor.data.upkeep import find_flaws
+from executor.data.views import POSES, look_of
+from executor.sim.render.stage import SceneRenderer
 
-WANTED = Redrawing(("wrist",), (64, 48), depth=True, segmentation=False, vary=("surfaces", "lights"), look=7)
+WANTED = RerenderSettings(("wrist",), (64, 48), depth=True, segmentation=False, vary=("surfaces", "lights"), look=7)
 WORDS = ["--views", "wrist", "--size", "64", "48", "--channels", "rgb", "depth", "--vary", "surfaces", "lights"]
 
 
 @pytest.fixture(scope="module")
-def draughtsman() -> Iterator[Draughtsman]:
-    found = Draughtsman()
+def scene_renderer() -> Iterator[SceneRenderer]:
+    found = SceneRenderer()
     yield found
     found.close()
 
@@ -52,12 +52,12 @@ def test_a_unit_is_the_same_but_for_how_it_is_looked_at(made_store: EpisodeStore
 @pytest.mark.physics
 @pytest.mark.render
 def test_a_store_is_drawn_from_the_command_line_and_goes_on_where_it_ended(
-    made_store: EpisodeStore, draughtsman: Draughtsman, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made_store: EpisodeStore, scene_renderer: SceneRenderer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # One episode is drawn here, the others by the command, which finds it there.
     out = EpisodeStore(tmp_path / "drawn")
-    episode, unit = asked_for(made_store, out, WANTED)[0]
-    run_unit(episode, out, unit, lambda: draughtsman)
+    episode, unit = plan_rerender(made_store, out, WANTED)[0]
+    rerender_unit(episode, out, unit, lambda: scene_renderer)
     command = ["dataset", "render", str(made_store.path), "--out", str(out.path), *WORDS, "--seed", "7", "--json"]
     count = sum(1 for _ in made_store.episodes())
     told = []
@@ -65,7 +65,7 @@ def test_a_store_is_drawn_from_the_command_line_and_goes_on_where_it_ended(
         assert run([*command, "--workers", "1"]) == 0
         told.append(json.loads(capsys.readouterr().out)["drawn"])
     assert told == [count - 1, 0]
-    assert list(flaws(out)) == []
+    assert list(find_flaws(out)) == []
     assert contents_of(out).to_json()["parts"] == contents_of(made_store).to_json()["parts"]
     for before, after in zip(made_store.episodes(), out.episodes(), strict=True):
         assert {path.name for path in after.path.iterdir()} == {META, SAMPLES, "wrist.mp4", "wrist.depth.mkv"}
@@ -75,7 +75,7 @@ def test_a_store_is_drawn_from_the_command_line_and_goes_on_where_it_ended(
         assert set(after.arrays) - set(before.arrays) == {f"{POSES}wrist"}
         assert after.meta["pictures"]["surfaces"] is not None
     again = EpisodeStore(tmp_path / "again")
-    run_unit(episode, again, asked_for(made_store, again, WANTED)[0][1], lambda: draughtsman)
+    rerender_unit(episode, again, plan_rerender(made_store, again, WANTED)[0][1], lambda: scene_renderer)
     (same,) = again.episodes()
     for path in same.path.iterdir():
         assert path.read_bytes() == (out.path / "units" / same.name / path.name).read_bytes(), path.name

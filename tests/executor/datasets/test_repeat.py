@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import oag
-from executor.datasets import samples
-from executor.datasets.store import EpisodeStore
-from executor.records.rollout import FailureKind
-from executor.rollouts.repeat import repeat
-from executor.rollouts.running import rollout
-from executor.world.physics import Physics
+from executor.data import samples
+from executor.data.store import EpisodeStore
+from executor.records import FailureKind
+from executor.rollouts.recording import repeat
+from executor.rollouts.rollout import rollout
+from executor.sim.engine import Physics
 
 pytestmark = pytest.mark.physics
 

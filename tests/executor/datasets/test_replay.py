@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.cli.main import run
-from executor.datasets import samples
-from executor.datasets.store import SAMPLES, EpisodeStore
-from executor.envs.elbow import Elbow
-from executor.envs.following import HandFollower
-from executor.envs.replay import through_environment
-from executor.robot.actions import hand_actions
-from oag.model.scenefile import PAPER_SCALE
+from executor.cli.app import run
+from executor.data import samples
+from executor.data.store import SAMPLES, EpisodeStore
+from executor.envs.demonstration_replay import replay_actions
+from executor.envs.hand_control import Elbow, HandFollower
+from executor.sim.robot.actions import hand_actions
+from oag.model.scene_rules import PAPER_SCALE
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
@@ -65,7 +64,7 @@ def test_what_a_process_cannot_read_is_one_clear_message(
 def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) -> None:
     episode = next(made_store.demonstrations())
     still = np.repeat(episode.arrays["robot_target"][:1], 5, axis=0)
-    found = through_environment(episode.name, episode.task, episode.scene, still, 10.0, "joint_target")
+    found = replay_actions(episode.name, episode.task, episode.scene, still, 10.0, "joint_target")
     assert not found.good and found.progress < 1.0
 
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from executor.datasets import samples
-from executor.records.commands import DriveCommand
+from executor.data import samples
+from executor.records import DriveCommand
 
 KINDS = st.sampled_from(["<f4", "<f8", "<i4", "|u1"]).map(np.dtype)
 ARRAYS = KINDS.flatmap(lambda kind: arrays_of.arrays(kind, arrays_of.array_shapes(min_dims=1, max_dims=3, min_side=0)))

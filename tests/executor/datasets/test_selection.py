@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import run
-from executor.datasets.footage import footage_path
-from executor.datasets.formats.export import FORMATS, Format, open_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.selection import BadSelection, NothingToExport, Selection
-from executor.datasets.formats.stream import FAILURE
-from executor.datasets.store import EpisodeStore
-from executor.datasets.upkeep.merge import merge
+from executor.cli.app import run
+from executor.data.formats.export import FORMATS, Format, open_set
+from executor.data.formats.selection import BadSelection, NothingToExport, Selection
+from executor.data.formats.store_reader import stream_of
+from executor.data.formats.table import FAILURE
+from executor.data.store import EpisodeStore
+from executor.data.upkeep import merge
+from executor.data.views import footage_path
 
 pytest.importorskip("h5py")
 pytest.importorskip("pyarrow")
@@ -33,7 +33,7 @@ def changed(unit: Path, **values: Any) -> None:
 
 @pytest.fixture
 def mixed(made_store: EpisodeStore, filmed_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
-    """Returns two episodes without pictures, three with the head's, one with the head's and the wrist's."""
+    """Return two episodes without pictures, three with the head's, one with the head's and the wrist's."""
     store = EpisodeStore(tmp_path / "mixed")
     merge([made_store, filmed_store], store.path)
     unit = next(episode.path for episode in store.episodes() if episode.meta.get("pictures"))
@@ -159,7 +159,7 @@ def test_depth_that_not_all_have_is_asked_for_in_vain_or_chosen(filmed_store: Ep
 
 
 def test_a_policy_learns_from_a_mixed_store(mixed: EpisodeStore) -> None:
-    windows = pytest.importorskip("executor.policies.windows")
+    windows = pytest.importorskip("executor.learn.demonstrations")
     assert windows.learned_from(mixed.path).demonstrations == 6
 
 

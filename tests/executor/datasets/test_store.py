@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.datasets.store import INDEX, META, EpisodeStore, NotADataset, pending
-from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording
-from executor.datasets.variation import Variation
-from executor.datasets.work import Made, Prepared, meta_of
-from executor.machine.files import content_key, json_text
-from executor.records.rollout import Detour
-from executor.results.run_record import opened
+from executor.data.store import INDEX, META, EpisodeStore, NotADataset, pending
+from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation
+from executor.data.work import Made, Prepared, meta_of
+from executor.records import Detour
+from executor.rollouts.run_record import with_open_numbers
+from executor.system.files import content_key, json_text
 from oag import Task, compose
 from tests.executor.recordings import invented_rollout
 
@@ -100,7 +99,7 @@ def test_only_what_is_missing_is_pending(folder: Path) -> None:
 
 
 def old_id(said: dict[str, Any], version: str) -> str:
-    """Returns the id that programs gave a unit which kept numbers, views and paths as they were typed."""
+    """Return the id that programs gave a unit which kept numbers, views and paths as they were typed."""
     return content_key(SCHEMA, version, json_text(said))
 
 
@@ -206,7 +205,7 @@ def test_what_is_asked_for_again_is_there_once(folder: Path) -> None:
 
 def test_a_unit_certifies_the_plan_that_it_has_with_its_numbers_and_what_was_inserted() -> None:
     done = replace(invented_rollout(), detours=(Detour(0, 1, "the door was shut"),))
-    asked = compose(opened(done.asked_for), scene=done.scene)
+    asked = compose(with_open_numbers(done.asked_for), scene=done.scene)
     meta = meta_of(Made(Prepared("pick up the glass", asked), asked, done))
     certificate = compose(Task.from_json(meta["task"], scene=done.scene)).verify().certificate
     assert certificate is not None and meta["certificate"] == certificate.task_hash

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.datasets import samples
-from executor.datasets.formats.export import write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import EpisodeStream
-from executor.datasets.store import EpisodeStore, NotADataset
+from executor.data import samples
+from executor.data.formats.export import write_set
+from executor.data.formats.store_reader import stream_of
+from executor.data.formats.table import EpisodeStream
+from executor.data.store import EpisodeStore, NotADataset
 from tests.executor.hostile_packing import BOMB_BYTES, assert_refused, command, xz_bomb, zlib_bomb
 
 h5py = pytest.importorskip("h5py")
@@ -94,7 +94,7 @@ def test_an_episode_of_very_many_rows_is_not_folded(copied: EpisodeStore) -> Non
 
 @pytest.fixture(scope="module")
 def sets(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns a folder with a data set of each format."""
+    """Return a folder with a data set of each format."""
     out, found = tmp_path_factory.mktemp("sets"), stream_of(filmed_store, ("depth",))
     kept = list(found.episodes())
     for kind in ("lerobot", "lerobot-v2.1", "robomimic", "zarr"):

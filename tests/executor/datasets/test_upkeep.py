@@ -11,16 +11,14 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import run
-from executor.datasets import samples
-from executor.datasets.formats.fold import is_for_validation, stream_of
-from executor.datasets.store import EpisodeStore, StoredEpisode
-from executor.datasets.units import SCHEMA
-from executor.datasets.upkeep.card import card, page, shares
-from executor.datasets.upkeep.check import flaws
-from executor.datasets.upkeep.contents import contents_of
-from executor.datasets.upkeep.merge import merge
-from executor.machine.files import content_key, json_text
+from executor.cli.app import run
+from executor.data import samples
+from executor.data.card import card, contents_of, page, shares
+from executor.data.formats.store_reader import is_for_validation, stream_of
+from executor.data.store import EpisodeStore, StoredEpisode
+from executor.data.units import SCHEMA
+from executor.data.upkeep import find_flaws, merge
+from executor.system.files import content_key, json_text
 
 pytest.importorskip("av")
 pytestmark = pytest.mark.physics
@@ -28,7 +26,7 @@ pytestmark = pytest.mark.physics
 
 @pytest.fixture
 def copied(filmed_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
-    """Returns two episodes of the store, to be spoiled."""
+    """Return two episodes of the store, to be spoiled."""
     store = EpisodeStore(tmp_path / "s")
     store.add_requests(filmed_store.requests())
     for episode in list(filmed_store.episodes())[::2]:
@@ -65,11 +63,11 @@ SPOILED: dict[str, tuple[Callable[[Path], None], str]] = {
 
 @pytest.mark.parametrize("kind", SPOILED)
 def test_a_broken_unit_is_found(copied: EpisodeStore, kind: str) -> None:
-    assert list(flaws(copied)) == []
+    assert list(find_flaws(copied)) == []
     spoil, words = SPOILED[kind]
     unit = sorted((copied.path / "units").iterdir())[1]
     spoil(unit)
-    found = list(flaws(copied))
+    found = list(find_flaws(copied))
     assert {flaw.episode for flaw in found} == {unit.name}
     assert any(pytest.importorskip("re").search(words, flaw.what) for flaw in found), found
 
@@ -77,7 +75,7 @@ def test_a_broken_unit_is_found(copied: EpisodeStore, kind: str) -> None:
 def test_a_folder_under_another_name_is_found(copied: EpisodeStore) -> None:
     unit = sorted((copied.path / "units").iterdir())[0]
     unit.rename(unit.with_name("T5-062990-009-00000000"))
-    (flaw,) = flaws(copied)
+    (flaw,) = find_flaws(copied)
     assert flaw.what == f"its folder should be named {unit.name}"
 
 
@@ -102,7 +100,7 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
 
 @pytest.fixture
 def twice(made_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
-    """Returns what a program left that gave a request one id by the command line and another one by YAML.
+    """Return what a program left that gave a request one id by the command line and another one by YAML.
 
     Of each pair one id is for training and the other one for validation.
     """
@@ -148,7 +146,7 @@ def test_what_is_there_twice_is_named_and_counts_once(
     assert "2 more repeat one of these" in page(twice)
     merged = merge([twice], tmp_path / "once")
     assert (merged.copied, merged.same) == (2, 2)
-    assert list(flaws(EpisodeStore(tmp_path / "once"))) == []
+    assert list(find_flaws(EpisodeStore(tmp_path / "once"))) == []
 
 
 def test_one_motion_is_on_one_side_however_it_is_looked_at(twice: EpisodeStore) -> None:
@@ -160,7 +158,7 @@ def test_one_motion_is_on_one_side_however_it_is_looked_at(twice: EpisodeStore) 
         sides.setdefault(episode.about["state_hash"], set()).add(episode.about["validation"])
     assert stream.found.repeats == () and stream.found.count == 4
     assert [len(side) for side in sides.values()] == [1, 1]
-    assert list(flaws(twice)) == []
+    assert list(find_flaws(twice)) == []
 
 
 def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
@@ -179,7 +177,7 @@ def test_the_card_says_how_many_have_pictures(filmed_store: EpisodeStore) -> Non
 
 
 def with_starts(store: EpisodeStore, starts: Sequence[dict[str, Any]]) -> EpisodeStore:
-    """Returns the store's first episode once for each of some starts, which say what else its `unit.json` has."""
+    """Return the store's first episode once for each of some starts, which say what else its `unit.json` has."""
     first, *_ = sorted((store.path / "units").iterdir())
     for number, changes in enumerate(starts):
         again = first.with_name(f"{first.name[:-8]}{number:08x}")

@@ -9,15 +9,13 @@ import pytest
 import trimesh
 
 from executor.assets.model import Shape
-from executor.envs.elbow import SPARE_RAD, Elbow
-from executor.envs.following import HandFollower
-from executor.envs.obstacles import Obstacles
+from executor.envs.hand_control import SPARE_RAD, Elbow, HandFollower, Obstacles
 from executor.geometry import Array, transform_from_quaternion
-from executor.robot.actions import arm_chain, joint_limits
-from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
-from executor.robot.tracking import ArmChain
+from executor.sim.robot.actions import arm_chain, joint_limits
+from executor.sim.robot.description import ARM_HOME, BASE_LINK, robot_urdf
+from executor.sim.robot.kinematics import ArmChain
 from oag import RobotPose, Scene, SceneObject
-from oag.model.scenefile import PAPER_SCALE
+from oag.model.scene_rules import PAPER_SCALE
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
@@ -27,7 +25,7 @@ STILL = np.array([0.0] * 6 + [1.0] + [0.0] * 3)
 
 
 def room(*walls_m: tuple[float, float]) -> Scene:
-    """Returns a scene with the robot in its middle and walls along x, 8 cm thick, of which these are the near sides."""
+    """Return a scene with the robot in its middle and walls along x, 8 cm thick, of which these are the near sides."""
     objects = {
         f"wall_{k}": SceneObject(
             id=f"wall_{k}",
@@ -43,7 +41,7 @@ def room(*walls_m: tuple[float, float]) -> Scene:
 
 
 def stood_still(scene: Scene, arm: Array, make_world: MakeWorld, actions: int = 30) -> Array:
-    """Returns the (7,) posture after some actions that tell the hand nothing."""
+    """Return the (7,) posture after some actions that tell the hand nothing."""
     target = np.concatenate([[0.0, 0.0, 0.0], arm, [OPEN_M, OPEN_M]])
     follower = HandFollower(PAPER_SCALE, target, 0.1, Elbow(make_world(scene)))
     for _ in range(actions):
@@ -66,7 +64,7 @@ def test_distances_are_those_of_the_solids(make_world: MakeWorld) -> None:
 
 
 def surface(shape: Shape) -> trimesh.Trimesh:
-    """Returns the surface that a solid is taken to have, where it is in its body."""
+    """Return the surface that a solid is taken to have, where it is in its body."""
     if shape.kind == "cylinder":
         found = trimesh.creation.cylinder(shape.size_m[0], 2.0 * shape.size_m[1], sections=128)
     elif shape.kind == "convex":

@@ -20,12 +20,12 @@ from gymnasium.utils.env_checker import check_env
 
 import executor.envs
 from executor.bench.units import pair_of
-from executor.datasets.formats.observations import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
-from executor.datasets.variation import Variation
-from executor.envs.environment import SceneEnvironment
-from executor.robot.actions import joint_limits
-from executor.world.physics import Physics
-from oag.model.scenefile import PAPER_SCALE
+from executor.data.state_readers import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
+from executor.data.units import Variation
+from executor.envs.scene_environment import SceneEnvironment
+from executor.sim.engine import Physics
+from executor.sim.robot.actions import joint_limits
+from oag.model.scene_rules import PAPER_SCALE
 from tests.source_tree import ROOT
 
 SEED, INDEX = 62990, 0
@@ -34,7 +34,7 @@ Make = Callable[..., SceneEnvironment]
 
 @pytest.fixture
 def make() -> Iterator[Make]:
-    """Makes environments of T5 and closes them."""
+    """Make environments of T5 and closes them."""
     made: list[SceneEnvironment] = []
 
     def environment(family: Any = "T5", **options: Any) -> SceneEnvironment:

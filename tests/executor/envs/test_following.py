@@ -7,15 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executor.envs.elbow import Elbow
-from executor.envs.following import ARM_SPEEDS_RAD_S, OWED_M, HandFollower
-from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS
+from executor.envs.hand_control import ARM_SPEEDS_RAD_S, OWED_M, Elbow, HandFollower
+from executor.envs.scene_environment import FOLLOWING_SPEEDS, SPEEDS
 from executor.geometry import Array
-from executor.robot.actions import arm_chain, hand_actions, joint_limits
-from executor.robot.description import ARM_HOME, FINGER_DRIVE
-from executor.world.world import World
+from executor.sim.robot.actions import arm_chain, hand_actions, joint_limits
+from executor.sim.robot.description import ARM_HOME, FINGER_DRIVE
+from executor.sim.world import World
 from oag import RobotPose, Scene
-from oag.model.scenefile import PAPER_SCALE
+from oag.model.scene_rules import PAPER_SCALE
 
 pytestmark = pytest.mark.physics
 
@@ -26,7 +25,7 @@ STILL = np.array([0.0] * 6 + [1.0] + [0.0] * 3)
 
 @pytest.fixture(scope="module")
 def elbow() -> Iterator[Elbow]:
-    """Returns one with nothing around it but the floor."""
+    """Return one with nothing around it but the floor."""
     with World(Scene("bare", RobotPose(), {}, (), frozenset())) as world:
         yield Elbow(world)
 

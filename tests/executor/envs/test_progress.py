@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from executor.assets.library import asset_for
-from executor.envs.progress import hand_off_m
+from executor.envs.episodes import hand_distance_m
 from executor.geometry import Array, transform
-from executor.policies.judging.outcomes import NEAR_M, OutcomeWatch
-from executor.robot.description import TCP_LINK
-from executor.world.engine import ROBOT
-from executor.world.world import World
+from executor.learn.evaluation.outcomes import NEAR_M, OutcomeWatch
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import TCP_LINK
+from executor.sim.world import World
 from oag import SceneObject, flow_from_json
 from tests.executor.helpers import scene_object
 
@@ -69,9 +69,9 @@ def test_anywhere_on_a_bar_is_at_the_handle(
             for off_m in (0.0, 0.03):
                 local = middle + share * handle.length_m / 2 * axis + off_m * aside
                 world.hand_m = (T @ np.array([*local, 1.0]))[:3]
-                assert hand_off_m(cast(World, world), "it") == pytest.approx(off_m, abs=1e-9)
+                assert hand_distance_m(cast(World, world), "it") == pytest.approx(off_m, abs=1e-9)
         world.hand_m = (T @ np.array([*(middle + (handle.length_m / 2 + 0.08) * axis), 1.0]))[:3]
-        assert hand_off_m(cast(World, world), "it") <= 0.08 + 1e-9
+        assert hand_distance_m(cast(World, world), "it") <= 0.08 + 1e-9
 
 
 @pytest.mark.parametrize("category", ITEMS)
@@ -83,10 +83,10 @@ def test_a_thing_is_as_near_as_its_box_however_it_lies(category: str) -> None:
         for sign in (-1.0, 1.0):
             local = rng.uniform(-0.9, 0.9, 3) * half
             world.hand_m = (T @ np.array([*local, 1.0]))[:3]
-            assert hand_off_m(cast(World, world), "it") == 0.0
+            assert hand_distance_m(cast(World, world), "it") == 0.0
             local[axis] = sign * (half[axis] + 0.07)
             world.hand_m = (T @ np.array([*local, 1.0]))[:3]
-            assert hand_off_m(cast(World, world), "it") == pytest.approx(0.07)
+            assert hand_distance_m(cast(World, world), "it") == pytest.approx(0.07)
 
 
 def _failure(world: _Placed, primitives: list[Any], local_m: Array, link: str | None) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
-from llm.answers.conversation import Conversation, Round
+from executor.cli.commands.ablate import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
+from llm.structured.conversation import Conversation, Round
 
 
 def episode(succeeded: bool, revisions: int, *latencies_s: float) -> Any:
-    """Returns an episode as far as the table looks at it, with a round for each latency."""
+    """Return an episode as far as the table looks at it, with a round for each latency."""
     conversation = Conversation("m", "q", "s")
     for number, latency_s in enumerate(latencies_s, start=1):
         conversation.entries.append(

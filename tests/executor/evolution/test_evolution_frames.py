@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 
 import oag
-from executor.evolution.frames import MOST_BYTES, AttemptFrames, encoded
-from executor.machine import vulkan
-from executor.records.rollout import StepRecord, SubtaskRecord, Trajectory
+from executor.records import StepRecord, SubtaskRecord, Trajectory
+from executor.rollouts.evolution_record import MOST_BYTES, AttemptFrames, encoded
+from executor.system import vulkan
 from llm.errors import PicturesMissing
-from llm.evolution import AttemptSeen, StepSeen
+from llm.evolve import AttemptObservation, StepObservation
 from tests.llm.evolution.attempts import paper_task
 from tests.oag.paper import scene
 
@@ -37,8 +37,8 @@ class Counting(AttemptFrames):
         return {view: [f"{view} {state.decode()}".encode() for state in states] for view in self.views}
 
 
-def attempt() -> tuple[AttemptSeen, SubtaskRecord, Trajectory]:
-    """Returns an attempt of four steps, recorded ten times a second."""
+def attempt() -> tuple[AttemptObservation, SubtaskRecord, Trajectory]:
+    """Return an attempt of four steps, recorded ten times a second."""
     task = paper_task("T1")
     flow = task.subtasks[3].flow or ()
     steps, owners, start = [], list[int](), 0.0
@@ -63,11 +63,11 @@ def attempt() -> tuple[AttemptSeen, SubtaskRecord, Trajectory]:
         packed_states=tuple(str(index).encode() for index in range(count)),
     )
     record = SubtaskRecord(3, "close", flow, tuple(steps), (), HASH, b"")
-    seen = tuple(StepSeen(step, flow[step], flow[step]) for step in range(len(steps)))
-    return AttemptSeen(task, 3, flow, seen, ()), record, trajectory
+    seen = tuple(StepObservation(step, flow[step], flow[step]) for step in range(len(steps)))
+    return AttemptObservation(task, 3, flow, seen, ()), record, trajectory
 
 
-def attached(frames: AttemptFrames) -> AttemptSeen:
+def attached(frames: AttemptFrames) -> AttemptObservation:
     seen, record, trajectory = attempt()
     return frames.attach(seen, record, trajectory, scene("T1"))
 

@@ -12,23 +12,31 @@ from hypothesis import strategies as st
 
 import oag
 from bddl import And
+from executor.assets.asset_geometry import joint_transform
 from executor.assets.library import asset_for, sample
 from executor.assets.model import Joint
-from executor.assets.transforms import joint_transform
 from executor.geometry import inverse
-from executor.motion.articulation.doors import handles_to_close, handles_to_open, standing_open
-from executor.motion.articulation.grips import panel_of, tilted_goals
-from executor.motion.articulation.joint_motion import Share, carry_joint, course, driving_carries
-from executor.motion.articulation.stances import rigid_stances, tracked_stances
-from executor.motion.articulation.ways import why_not
-from executor.motion.articulation.work import Work, door_meets, end_fractions, interval, smaller_fractions
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.records.rollout import FailureKind
-from executor.world.world import World
-from llm.answers.describe import primitives_text
+from executor.planning.articulation import (
+    ArticulationTask,
+    Share,
+    carry_joint,
+    course,
+    driving_carries,
+    end_fractions,
+    first_obstruction,
+    interval,
+    smaller_fractions,
+)
+from executor.planning.articulation_stances import explain_failure, rigid_stances, tracked_stances
+from executor.planning.collision import CollisionOracle
+from executor.planning.grasps import panel_of, tilted_goals
+from executor.planning.handles import handles_to_close, handles_to_open, open_joints
+from executor.planning.planner import Planner
+from executor.records import FailureKind
+from executor.sim.world import World
+from llm.structured.prompting import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
-from oag.revision.measurements import measurements_json
+from oag.measurements import measurements_json
 from tests.executor.helpers import at
 
 OPEN, CLOSE = Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE
@@ -141,7 +149,7 @@ def test_closing_takes_what_stands_open_the_widest_first(worlds: list[World]) ->
     worlds.append(world)
     names = [joint.name for joint in world.assets["fixture_0"].joints]
     world.set_joint_position("fixture_0", names[0], 0.3)
-    assert [joint.name for joint in standing_open(world, "fixture_0")] == names[:1]
+    assert [joint.name for joint in open_joints(world, "fixture_0")] == names[:1]
     world.set_joint_position("fixture_0", names[1], 0.9)
     assert [handle.joint for handle in handles_to_close(world, "fixture_0")] == [names[1], names[0]]
 
@@ -172,7 +180,7 @@ def test_the_hand_at_an_oven_comes_from_above_the_bar(worlds: list[World]) -> No
 @pytest.mark.physics
 def test_an_oven_is_no_matter_of_driving_but_of_the_whole_body(worlds: list[World]) -> None:
     world, planner = _planner(_scene("oven_bottom_hinge"), worlds)
-    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
+    work = ArticulationTask(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
     here = np.array([-0.4, 0.2, 0.0])
     assert next(rigid_stances(work, here), None) is None
     swing = next(tracked_stances(work, here)).followup
@@ -183,10 +191,10 @@ def test_an_oven_is_no_matter_of_driving_but_of_the_whole_body(worlds: list[Worl
 def test_a_door_that_meets_a_wall_says_where_and_what(worlds: list[World]) -> None:
     wall = SceneObject("wall_0", "cabinet", "test", (0.2, 0.0, 0.6), (1, 0, 0, 0), (0.3, 1.6, 1.2), (1, 1, 1), {})
     world, planner = _planner(_scene("fridge_one_door", wall_0=wall), worlds)
-    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN, (0.0, 0.9)))
-    meets = door_meets(work)
+    work = ArticulationTask(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN, (0.0, 0.9)))
+    meets = first_obstruction(work)
     assert meets is not None and meets[1].startswith("wall_0/") and 0.1 < meets[0] < 0.9
-    failure = why_not(work, np.array([-0.4, 0.2, 0.0]))
+    failure = explain_failure(work, np.array([-0.4, 0.2, 0.0]))
     assert failure.kind is FailureKind.NO_PATH and "meets wall_0" in failure.message
 
 
@@ -202,7 +210,9 @@ def test_a_door_passes_the_units_that_stand_flush_beside_it(model: str, worlds: 
         sides[name] = SceneObject(name, "counter", "closed", centre, (1, 0, 0, 0), extent, (1, 1, 1), {})
     world, planner = _planner(_scene(model, **sides), worlds)
     for handle in world.assets["fixture_0"].handles:
-        assert door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.85)))) is None, handle.joint
+        assert (
+            first_obstruction(ArticulationTask(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.85)))) is None
+        ), handle.joint
 
 
 @pytest.mark.physics
@@ -211,7 +221,7 @@ def test_a_door_that_is_where_it_should_be_is_no_mistake(
     primitive: Primitive, asked: tuple[float, float] | None, worlds: list[World]
 ) -> None:
     world, planner = _planner(_scene("oven_bottom_hinge"), worlds)
-    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(primitive, asked))
+    work = ArticulationTask(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(primitive, asked))
     assert work.now == 0.0
     swing = next(tracked_stances(work, np.array([-0.4, 0.2, 0.0]))).followup
     assert swing.end_fraction == 0.0
@@ -224,8 +234,8 @@ def test_a_handle_out_of_reach_says_by_how_much(worlds: list[World]) -> None:
     x, y, z = oven.position
     high = replace(scene, objects={"fixture_0": replace(oven, position=(x, y, z + 0.9))})
     world, planner = _planner(high, worlds)
-    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
-    failure = why_not(work, np.array([-0.4, 0.2, 0.0]))
+    work = ArticulationTask(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
+    failure = explain_failure(work, np.array([-0.4, 0.2, 0.0]))
     assert failure.kind is FailureKind.UNREACHABLE and "off its handle" in failure.message
     # The bar is 1.59 m high, and nothing above 1.1 m can be reached.
     assert 0.35 < measurements_json(failure.measurements)["residual_m"] < 0.75
@@ -237,12 +247,12 @@ def test_a_door_that_stands_as_near_to_a_neighbour_as_it_may_can_be_shut(worlds:
     wall = SceneObject("wall_0", "cabinet", "test", (0.2, 0.0, 0.6), (1, 0, 0, 0), (0.3, 1.6, 1.2), (1, 1, 1), {})
     world, planner = _planner(_scene("fridge_one_door", wall_0=wall), worlds)
     handle = world.assets["fixture_0"].handles[0]
-    met = door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
+    met = first_obstruction(ArticulationTask(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
     assert met is not None
     world.set_joint_position("fixture_0", handle.joint, world.assets["fixture_0"].joint(handle.joint).position(met[0]))
     planner.oracle.synchronize(world)
-    assert door_meets(Work(planner, world, "fixture_0", handle, Action(CLOSE))) is None
-    on = door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
+    assert first_obstruction(ArticulationTask(planner, world, "fixture_0", handle, Action(CLOSE))) is None
+    on = first_obstruction(ArticulationTask(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
     assert on is not None and on[1] == met[1] and on[0] < 0.9, "nearer it may not come"
 
 

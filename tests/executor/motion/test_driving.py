@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import oag
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.paths import segment
-from executor.motion.planning.planner import Planner
-from executor.robot.description import ARM_HOME
-from executor.world.world import World
+from executor.planning.collision import CollisionOracle
+from executor.planning.paths import segment
+from executor.planning.planner import Planner
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.world import World
 from oag import Scene, SceneObject
 
 
@@ -29,4 +29,4 @@ def test_a_way_leads_round_what_is_longer_than_the_floor_between_start_and_goal(
         assert path is not None
         np.testing.assert_allclose(path[-1][:2], [1.2, 0.0])
         rows = np.concatenate([segment(a, b) for a, b in pairwise(path)])
-        assert planner.oracle.is_way_free(rows)
+        assert planner.oracle.is_path_free(rows)

@@ -5,17 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
-from executor.assets.transforms import bounds
 from executor.geometry import rotation_z, transform
-from executor.motion.grasping.grasps import (
-    FINGER_HALF_M,
-    FINGERTIP_M,
-    FINGERTIPS_M,
-    ITEM_HEADINGS,
-    PALM_ROOM_M,
-    item_goals,
-)
+from executor.planning.grasps import FINGER_HALF_M, FINGERTIP_M, FINGERTIPS_M, ITEM_HEADINGS, PALM_ROOM_M, item_goals
 from tests.executor.helpers import scene_at_paper_size
 
 

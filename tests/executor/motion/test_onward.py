@@ -10,12 +10,12 @@ import pytest
 
 from executor.assets.library import sample
 from executor.geometry import pitch_of
-from executor.motion.grasping.grasps import item_goals
-from executor.motion.placing.onward import LOOKED_AT, Onward
-from executor.motion.planning.candidates import HandGoal
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.world.world import World
+from executor.planning.collision import CollisionOracle
+from executor.planning.grasps import item_goals
+from executor.planning.place_search import LOOKED_AT, PlacementLookahead
+from executor.planning.planner import Planner
+from executor.planning.stances import HandGoal
+from executor.sim.world import World
 from oag import RobotPose, Scene, SceneObject
 
 TABLE_M = 0.60
@@ -56,8 +56,8 @@ def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
     planner.start_subtask(world, 0, 0)
     goals = item_goals(world.assets["apple_0"], world.T_world_link("apple_0"))
     regions = list(world.assets["counter_0"].regions)
-    onward = Onward(planner, world, "apple_0", goals, "counter_0", regions, np.zeros(3))
-    found = {round(np.rad2deg(pitch_of(g.T_world_eef))): onward.leads_on(g.T_world_eef) for g in goals}
+    onward = PlacementLookahead(planner, world, "apple_0", goals, "counter_0", regions, np.zeros(3))
+    found = {round(np.rad2deg(pitch_of(g.T_world_eef))): onward.allows_placement(g.T_world_eef) for g in goals}
     assert planner.oracle.carried is None
     return found
 
@@ -81,10 +81,10 @@ def test_ways_are_looked_for_longer_where_none_is_found_at_once(
 ) -> None:
     usual, asked = _pitches_that_lead_on(0.60, worlds), []
 
-    def can_be_put(_: Onward, goal: HandGoal, looked_at: int) -> bool:
+    def can_be_put(_: PlacementLookahead, goal: HandGoal, looked_at: int) -> bool:
         asked.append(looked_at)
         return looked_at > LOOKED_AT and round(np.rad2deg(pitch_of(goal.T_world_eef))) == 82
 
-    monkeypatch.setattr(Onward, "_can_be_put", can_be_put)
+    monkeypatch.setattr(PlacementLookahead, "_can_be_put", can_be_put)
     assert _pitches_that_lead_on(0.60, worlds) == {pitch: pitch == 82 for pitch in usual}
     assert asked == sorted(asked) and len(asked) <= 2 * len(usual), "each pitch is asked once for each number"

@@ -9,15 +9,15 @@ import pytest
 
 from executor.assets.model import Joint
 from executor.geometry import Array, inverse
-from executor.motion.articulation.stances import rigid_stances
-from executor.motion.articulation.work import Work, end_fractions
-from executor.motion.grasping.reach import Pick
-from executor.motion.planning.oracle import Carried, CollisionOracle, fingers_may_touch, held_may_touch
-from executor.motion.planning.paths import polyline
-from executor.motion.planning.planner import Planner
-from executor.robot.description import ARM_HOME
-from executor.robot.kinematics import ARM
-from executor.world.world import World
+from executor.planning.articulation import ArticulationTask, end_fractions
+from executor.planning.articulation_stances import rigid_stances
+from executor.planning.collision import Carried, CollisionOracle, fingers_may_touch, held_may_touch
+from executor.planning.paths import polyline
+from executor.planning.picks import Pick
+from executor.planning.planner import Planner
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.robot.kinematics import ARM
+from executor.sim.world import World
 from oag import Action, Primitive
 from tests.executor.helpers import scene_at_paper_size
 
@@ -86,7 +86,7 @@ def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, 
     world, planner = scene_world
     handle = world.assets["refrigerator_0"].handles[0]
     opening = Action(Primitive.ARTICULATE_OPEN)
-    work = Work(planner, world, "refrigerator_0", handle, opening)
+    work = ArticulationTask(planner, world, "refrigerator_0", handle, opening)
     stance = next(rigid_stances(work, np.array([-0.3, -0.1, 0.0])))
     T_world_door = world.T_world_link("refrigerator_0", handle.link)
     bar = (T_world_door @ np.array([*handle.position_m, 1.0]))[:3]

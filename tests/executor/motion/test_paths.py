@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.motion.planning.paths import (
+from executor.planning.paths import (
     ARM_STEP_RAD,
     BASE_STEP_M,
     arc_about,

@@ -14,13 +14,13 @@ import bddl
 import oag
 from executor.assets.library import sample
 from executor.geometry import heading_of, wrap_angle
-from executor.motion.grasping.reach import LIFTS_M, LOW_LIFTS_M, OUT_M, TURNS_RAD, Pick, lifts_out_m
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.motion.planning.stance import Stance
-from executor.primitives.driving import ELSEWHERE_M, LOOKED_AT, elsewhere_first
-from executor.world.detectors import read
-from executor.world.world import World
+from executor.planning.collision import CollisionOracle
+from executor.planning.picks import LIFTS_M, LOW_LIFTS_M, OUT_M, TURNS_RAD, Pick, lifts_out_m
+from executor.planning.planner import Planner
+from executor.planning.stances import Stance
+from executor.sim.detectors import read
+from executor.sim.world import World
+from executor.skills.navigate import ELSEWHERE_M, LOOKED_AT, distinct_first
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at, on_a_shelf, scene_of
 
@@ -36,7 +36,7 @@ def _stance(x_m: float, y_m: float) -> Stance[None]:
 def test_stances_near_one_that_no_way_led_to_come_last(places: list[tuple[float, float]]) -> None:
     stances = [_stance(*place) for place in places]
     places_of = {id(stance): rank for rank, stance in enumerate(stances)}
-    offered = list(elsewhere_first(iter(stances)))
+    offered = list(distinct_first(iter(stances)))
     assert sorted(map(id, offered)) == sorted(map(id, stances[:LOOKED_AT])), (
         "each once, and not more than are looked at"
     )
@@ -93,7 +93,7 @@ def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
     hand = planner.kinematics.forward(stance.q)
     turned_rad = wrap_angle(float(stance.q[2]) - heading_of(hand[:3, 2]))
     assert abs(turned_rad) > max(TURNS_RAD)
-    assert planner.oracle.is_way_free(stance.approach[:1]), "the way to the bear begins free"
+    assert planner.oracle.is_path_free(stance.approach[:1]), "the way to the bear begins free"
 
 
 @pytest.mark.physics

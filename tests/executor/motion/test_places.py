@@ -11,20 +11,20 @@ from scipy.spatial.transform import Rotation
 from executor.assets.footprint import Footprint
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
-from executor.motion.placing.place import upright_pitch
-from executor.motion.placing.search import fill_options, lowerings_m
-from executor.motion.placing.spots import (
+from executor.planning.collision import Carried
+from executor.planning.place_search import fill_options, lowerings_m
+from executor.planning.placements import (
     APART_M,
     DEEPEST_M,
     EDGE_M,
     HOLLOW_DRAWS,
     HOLLOW_SHARE,
     SET_COST,
-    Spot,
-    drawing,
+    PlacementSpot,
+    spot_rng,
     spots,
+    upright_pitch,
 )
-from executor.motion.planning.oracle import Carried
 from oag import Action, Primitive
 
 TABLE = Region("top", "surface", "table", (0.0, 0.0, 0.2), (0.45, 0.25, 0.2), (0.0, 0.0, 1.0))
@@ -56,9 +56,9 @@ def test_what_is_above_or_below_takes_no_room() -> None:
     assert [tuple(s.point_m) for s in again] == [tuple(s.point_m) for s in free]
 
 
-def drawn(region: Region, seed: int) -> list[Spot]:
+def drawn(region: Region, seed: int) -> list[PlacementSpot]:
     """The spots that a seed draws, without those that are always there."""
-    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=drawing(seed, "cup_0", "shelf_0", region.name))
+    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=spot_rng(seed, "cup_0", "shelf_0", region.name))
     return [spot for spot in found if spot.cost < SET_COST]
 
 
@@ -90,7 +90,7 @@ def test_a_thing_lies_near_the_middle_of_a_hollow() -> None:
 @pytest.mark.parametrize("region", [TABLE, SHELF])
 def test_what_is_always_there_comes_after_what_was_drawn(region: Region) -> None:
     always = {tuple(spot.point_m) for spot in spots(region, np.eye(4), WIDTH_M, np.zeros(3))}
-    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=drawing(3, "cup_0", "shelf_0", region.name))
+    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=spot_rng(3, "cup_0", "shelf_0", region.name))
     places = [tuple(spot.point_m) in always for spot in found]
     assert places == sorted(places)
     assert any(places) and not all(places)

@@ -13,16 +13,16 @@ from bddl import And, Atom
 from executor.assets.library import sample
 from executor.assets.model import Handle
 from executor.geometry import inverse
-from executor.motion.articulation.doors import Purpose, put_inside
-from executor.motion.articulation.ways import OPENING, articulation_stances
-from executor.motion.grasping.grasps import item_goals
-from executor.motion.placing.search import PlaceSearch
-from executor.motion.planning.oracle import Carried, CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.primitives.driving import regions_for
-from executor.records.rollout import FailureKind
-from executor.robot.description import ARM_HOME
-from executor.world.world import World
+from executor.planning.articulation_stances import OPENING, articulation_stances
+from executor.planning.collision import Carried, CollisionOracle
+from executor.planning.grasps import item_goals
+from executor.planning.handles import Purpose, first_item_put_inside
+from executor.planning.place_search import PlaceSearch
+from executor.planning.planner import Planner
+from executor.records import FailureKind
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.world import World
+from executor.skills.navigate import regions_for
 from oag import Action, Primitive, Scene, SceneObject
 
 HERE = np.array([-0.4, 0.0, 0.0])
@@ -117,9 +117,9 @@ def test_what_a_later_subtask_puts_inside(worlds: list[World]) -> None:
     worlds.append(world)
     put = subtask("item_0", Atom("inside", ("item_0", "fixture_0")))
     shut = subtask("fixture_0", Atom("inside", ("item_0", "fixture_0")))
-    assert put_inside(world, "fixture_0", [shut, put]) == "item_0"
-    assert put_inside(world, "table_0", [put]) is None
-    assert put_inside(world, "fixture_0", [shut]) is None
+    assert first_item_put_inside(world, "fixture_0", [shut, put]) == "item_0"
+    assert first_item_put_inside(world, "table_0", [put]) is None
+    assert first_item_put_inside(world, "fixture_0", [shut]) is None
 
 
 @pytest.mark.physics
@@ -138,7 +138,7 @@ def test_what_does_not_serve_is_tried_last_and_left_out_nowhere(
         return iter(())
 
     ways = tuple((way, partial) for _, partial in OPENING)
-    monkeypatch.setattr("executor.motion.articulation.ways.OPENING", ways)
+    monkeypatch.setattr("executor.planning.articulation_stances.OPENING", ways)
     list(articulation_stances(planner, world, "fixture_0", handles, OPEN, HERE, serves=serves))
     assert asked == ["door_hinge"] * len(OPENING) + ["freezer_drawer_slide"] * len(OPENING)
     asked.clear()
@@ -157,11 +157,11 @@ def test_where_no_place_is_found_it_says_what_meets(worlds: list[World]) -> None
     regions = [r for r in world.assets["fixture_0"].regions if r.joint == "door_hinge"]
     moves = (Action(Primitive.MOVE_BASE_FORWARD), Action(Primitive.LIFT_EEF_DOWN))
     q = np.concatenate([HERE, ARM_HOME])
-    failure = PlaceSearch(planner, world, "fixture_0", regions, q).why_not(moves)
+    failure = PlaceSearch(planner, world, "fixture_0", regions, q).explain_failure(moves)
     assert failure.kind is FailureKind.NO_PATH
     assert failure.message.startswith("no place for item_0 at fixture_0 was found: ")
     assert "fixture_0/door meet" in failure.message
-    none = PlaceSearch(planner, world, "fixture_0", [], q).why_not(moves)
+    none = PlaceSearch(planner, world, "fixture_0", [], q).explain_failure(moves)
     assert none.message.endswith("no spot is free on which it would stand")
 
 

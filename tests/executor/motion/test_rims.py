@@ -10,21 +10,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oag
+from executor.assets.asset_geometry import scaled, shifted
 from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
-from executor.assets.transforms import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
-from executor.motion.grasping.reach import Pick, why_not_by_its_rim
-from executor.motion.placing.place import Spot, rim_put_goals
-from executor.motion.planning.oracle import Carried, CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.records.rollout import FailureKind, Rollout
-from executor.rollouts.running import rollout
-from executor.world.world import World
+from executor.planning.collision import Carried, CollisionOracle
+from executor.planning.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
+from executor.planning.picks import Pick, explain_rim_failure
+from executor.planning.placements import PlacementSpot, rim_placement_goals
+from executor.planning.planner import Planner
+from executor.records import FailureKind, Rollout
+from executor.rollouts.rollout import rollout
+from executor.sim.world import World
 from oag import Action, Primitive, Scene, SceneObject
-from oag.revision.measurements import measurements_json
-from oag.task.sizes import PAPER_GRIPPER
+from oag.measurements import measurements_json
+from oag.sizes import PAPER_GRIPPER
 from tests.executor.helpers import at
 
 TOP_M = 0.60
@@ -77,8 +77,8 @@ def test_what_is_held_by_its_wall_is_put_upright_where_it_is_to_be(turned: float
     hand = rim_goals(asset, at(0.5, 0.1, 0.7))[5].T_world_eef
     about = transform(Rotation.from_rotvec([turned, 0.0, 0.0]).as_matrix(), np.zeros(3))
     carried = Carried("it", inverse(hand) @ at(0.5, 0.1, 0.7) @ about)
-    spot = Spot(np.array([1.0, -0.4, TOP_M]), (0.7, -2.0), 0.0)
-    goals = rim_put_goals(asset, spot, 0.004, carried)
+    spot = PlacementSpot(np.array([1.0, -0.4, TOP_M]), (0.7, -2.0), 0.0)
+    goals = rim_placement_goals(asset, spot, 0.004, carried)
     assert goals
     for goal in goals:
         T = goal.T_world_eef @ carried.T_eef_object
@@ -104,7 +104,7 @@ def test_what_lies_is_not_taken_by_its_wall() -> None:
 
 @pytest.fixture
 def planner() -> Iterator[Any]:
-    """Makes a planner for a thing on a table whose near edge is at x = 0.75; closes its worlds at the end."""
+    """Make a planner for a thing on a table whose near edge is at x = 0.75; closes its worlds at the end."""
     made: list[World] = []
 
     def make(thing: SceneObject) -> tuple[Planner, World]:
@@ -144,7 +144,7 @@ def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(p
     lift = (Action(Primitive.LIFT_EEF_UP),)
     flat, world = planner(_thing("plate", (0.2, 0.2, 0.02)))
     assert next(Pick(flat, world, "plate_0", lift, np.zeros(3)).rim_stances(), None) is None
-    failure = why_not_by_its_rim(flat, world, "plate_0", np.zeros(3))
+    failure = explain_rim_failure(flat, world, "plate_0", np.zeros(3))
     room_m, needed_m = room_below_m(world.assets["plate_0"], PAPER_GRIPPER.opening_m)
     assert failure.kind is FailureKind.TOO_WIDE and room_m < needed_m
     assert measurements_json(failure.measurements)["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
@@ -156,7 +156,7 @@ def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(p
 
 
 def _moved(thing: SceneObject) -> Rollout:
-    """Takes a thing from one table to another."""
+    """Take a thing from one table to another."""
     name = thing.id
     scene = _scene(thing, facts=(f"(ontop {name} table_0)",))
     fields = {"task_detail_message": "", "support_init": None, "support_goal": None, "target": name}

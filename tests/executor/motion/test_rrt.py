@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executor.geometry import Array
-from executor.motion.planning.rrt import connect, shorten
+from executor.planning.paths import connect, shorten
 
 WALL_X = (0.45, 0.55)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.motion.placing.search import ENOUGH_MET, Sides
-from executor.motion.planning.candidates import BaseCandidate, HandGoal
-from executor.motion.planning.oracle import Hit
+from executor.planning.collision import Hit
+from executor.planning.place_search import ENOUGH_MET, Sides
+from executor.planning.stances import BaseCandidate, HandGoal
 
 TABLE = [Hit("panda_link3", "table_0/table", -0.01), Hit("panda_hand", "bowl_0/bowl", -0.01)]
 BOWL = [Hit("panda_hand", "bowl_0/bowl", -0.01), Hit("held object", "bowl_0/bowl", -0.01)]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from executor.primitives.timing import (
+from executor.skills.trajectories import (
     ACCELERATION_LIMITS,
     BLEND_S,
     CORNER_STEPS,
@@ -23,7 +23,7 @@ waypoint = st.lists(st.floats(-2.0, 2.0), min_size=10, max_size=10)
 
 
 def accelerations(velocities: np.ndarray) -> np.ndarray:
-    """Returns (T + 1, 10), the start and the stop among them."""
+    """Return (T + 1, 10), the start and the stop among them."""
     still = np.zeros((1, velocities.shape[1]))
     return np.diff(np.concatenate([still, velocities, still]), axis=0) / DT_S
 

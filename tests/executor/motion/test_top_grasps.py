@@ -7,7 +7,7 @@ import pytest
 
 from executor.assets.library import asset_for, sample
 from executor.geometry import pitch_of, rotation_z, transform
-from executor.motion.grasping.grasps import BACK_M, GRIP_DEPTH_M, item_goals, top_goals
+from executor.planning.grasps import BACK_M, GRIP_DEPTH_M, item_goals, top_goals
 
 
 def _mug() -> tuple[float, list[tuple[float, np.ndarray]], list[tuple[float, np.ndarray]]]:

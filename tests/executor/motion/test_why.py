@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import in_the_way, why_not_taken
-from executor.motion.planning.candidates import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.records.rollout import FailureKind
-from executor.robot.description import ARM_HOME
-from executor.robot.kinematics import Kinematics
-from executor.world.world import World
-from oag.revision.measurements import measurements_json
+from executor.planning.collision import CollisionOracle
+from executor.planning.grasps import item_goals
+from executor.planning.picks import explain_pick_failure, in_the_way
+from executor.planning.planner import Planner
+from executor.planning.stances import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest_miss
+from executor.records import FailureKind
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.robot.kinematics import Kinematics
+from executor.sim.world import World
+from oag.measurements import measurements_json
 from tests.executor.helpers import at, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
@@ -38,7 +38,7 @@ def test_out_of_reach_names_the_residual_and_the_joints(scene_world: tuple[World
     world.set_object_pose("glass_0", at(0.0, -1.12, 1.9))
     planner.start_subtask(world, 0, 0)
     goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
-    failure = why_not_taken(planner, "glass_0", goals, HERE)
+    failure = explain_pick_failure(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.UNREACHABLE
     assert measurements_json(failure.measurements)["residual_m"] > 0.3
     assert all(name.startswith("panda_joint") for name in measurements_json(failure.measurements)["joints_at_limit"])
@@ -51,7 +51,7 @@ def test_in_a_shut_refrigerator_the_door_is_in_the_way(scene_world: tuple[World,
     world.set_object_pose("glass_0", at(centre[0] - 0.05, centre[1], 0.78))
     planner.start_subtask(world, 0, 0)
     goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
-    failure = why_not_taken(planner, "glass_0", goals, HERE)
+    failure = explain_pick_failure(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.NO_PATH
     assert any("refrigerator_0" in pair for pair in measurements_json(failure.measurements)["in_the_way"])
 
@@ -79,7 +79,7 @@ def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
     kinematics = scene_world[1].kinematics
     wanted = at(0.5, 0.0, height_m)
     wanted[:3, :3] = [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
-    miss = nearest(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.zeros(3), 0.0)])
+    miss = nearest_miss(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.zeros(3), 0.0)])
     assert kinematics.margin(miss.arm) > 0.0
     assert miss.off_m == pytest.approx(_off_m(kinematics, miss.arm, wanted), abs=1e-6)
     drawn = np.random.default_rng(1).uniform(kinematics.arm_lower, kinematics.arm_upper, (4000, 7))
@@ -89,5 +89,5 @@ def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
 def test_a_pose_that_is_reached_is_missed_by_nothing(scene_world: tuple[World, Planner]) -> None:
     kinematics = scene_world[1].kinematics
     wanted = kinematics.forward(np.array([0.2, -0.1, 0.4, 0.3, -0.5, 0.2, -2.0, 0.1, 2.2, 0.5]))
-    miss = nearest(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.array([0.2, -0.1, 0.4]), 0.0)])
+    miss = nearest_miss(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.array([0.2, -0.1, 0.4]), 0.0)])
     assert miss.residual_m < 1e-4 and miss.residual_rad < 1e-3

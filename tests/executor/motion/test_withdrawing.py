@@ -9,11 +9,11 @@ import pytest
 
 import oag
 from executor.geometry import hand_rotation, transform
-from executor.motion.planning.oracle import CollisionOracle, fingers_may_touch
-from executor.motion.planning.paths import segment
-from executor.motion.planning.planner import Planner
-from executor.motion.planning.withdraw import lets_go, withdraw
-from executor.world.world import World
+from executor.planning.collision import CollisionOracle, fingers_may_touch
+from executor.planning.drives import can_withdraw, withdraw
+from executor.planning.paths import segment
+from executor.planning.planner import Planner
+from executor.sim.world import World
 from oag import Scene, SceneObject
 
 TOP_M = 0.83
@@ -47,7 +47,7 @@ def test_a_hand_in_a_hollow_leaves_it_over_the_rim() -> None:
         way = np.concatenate([plan.back_off, plan.home])
         dense = np.concatenate([segment(a, b, 0.01, base_share=0.1) for a, b in pairwise(way) if np.abs(a - b).max()])
         planner.oracle.base_clearance_m = planner.oracle.arm_clearance_m = 0.0
-        assert planner.oracle.is_way_free(dense)
+        assert planner.oracle.is_path_free(dense)
 
 
 @pytest.mark.physics
@@ -65,6 +65,6 @@ def test_a_hand_lets_go_where_it_takes_nothing_along() -> None:
         for hand in (beside, within):
             base = np.array([hand[0, 3] - 0.45, 0.0, 0.0])
             arm = planner.kinematics.solve(hand, base)[0].arm
-            found.append(lets_go(planner, np.concatenate([base, arm]), allowed=fingers))
+            found.append(can_withdraw(planner, np.concatenate([base, arm]), allowed=fingers))
     # Both may touch the bowl; where the palm is in its wall, every way off takes the bowl along.
     assert found == [True, False]

@@ -13,21 +13,20 @@ import pytest
 from PIL import Image
 
 from executor.assets.library import LIBRARY
-from executor.cli.main import run
+from executor.cli.app import run
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess
-from executor.photo.inputs.agreement import box_doubts, depth_doubts
+from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import boxes_in, read_boxes
-from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.consistency import box_doubts, depth_doubts
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Exif, Photograph, read_picture
-from executor.photo.refusal import PhotoRefused
-from executor.photo.space.observation import Observation
-from llm.sight.forms import Box
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph, read_picture
+from llm.vision import Box
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
-CABINET = Guess(LIBRARY["cabinet_two_doors"], 3.0, -0.9, 0.2, 0.0, (0.6, 0.8, 0.8))
-CHAIR = Guess(LIBRARY["chair_wooden"], 2.2, 1.0, 1.2, 0.0, (0.42, 0.41, 0.88))
+CABINET = PoseHypothesis(LIBRARY["cabinet_two_doors"], 3.0, -0.9, 0.2, 0.0, (0.6, 0.8, 0.8))
+CHAIR = PoseHypothesis(LIBRARY["chair_wooden"], 2.2, 1.0, 1.2, 0.0, (0.42, 0.41, 0.88))
 _PACKAGE = find_spec("skimage")
 Case = tuple[Photograph, Array, Intrinsics]
 
@@ -127,7 +126,7 @@ def test_a_depth_of_a_camera_with_another_lens_is_refused(case: Callable[[], Cas
 
 def test_a_depth_of_another_moment_is_reported() -> None:
     picture, _, camera = drawn()
-    elsewhere = Guess(LIBRARY["wardrobe_two_doors"], 2.6, 0.9, 0.5, 0.0, (0.6, 1.0, 1.2))
+    elsewhere = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 2.6, 0.9, 0.5, 0.0, (0.6, 1.0, 1.2))
     (said,) = depth_doubts(picture, Depth(seen_from_above(elsewhere, finer=2)[0].z_m, "depth.png"), camera)
     assert "both of one camera and moment" in said
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.photo.space.appearance import Edges, unlike_beside
-from executor.photo.space.observation import edge_strength
+from executor.photo.fitting.evidence import Edges, distance_to_surroundings
+from executor.photo.geometry.observation import edge_strength
 
 GREY, RED = (120, 120, 120), (200, 40, 40)
 BOX_PX = (30.0, 20.0, 70.0, 60.0)
@@ -20,12 +20,12 @@ def picture() -> np.ndarray:
 
 
 def test_colours_that_are_seen_beside_a_box_are_likelier_left_to_others() -> None:
-    grey, red = unlike_beside(picture(), BOX_PX, np.array([GREY, RED]) / 255.0)
+    grey, red = distance_to_surroundings(picture(), BOX_PX, np.array([GREY, RED]) / 255.0)
     assert grey < 0.05 < 0.2 < red
 
 
 def test_beside_a_box_that_is_the_whole_picture_nothing_is_seen() -> None:
-    assert np.isinf(unlike_beside(picture(), (0.0, 0.0, 100.0, 80.0), np.array([GREY]) / 255.0)).all()
+    assert np.isinf(distance_to_surroundings(picture(), (0.0, 0.0, 100.0, 80.0), np.array([GREY]) / 255.0)).all()
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])

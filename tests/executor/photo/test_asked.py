@@ -11,17 +11,16 @@ import pytest
 from PIL import Image
 
 from executor.assets.library import LIBRARY
-from executor.cli.commands.photo.given import read_photograph
-from executor.cli.main import run
-from executor.cli.words.shared import PhotoInputs
-from executor.photo.fitting.options import with_parts
+from executor.cli.app import run
+from executor.cli.commands.photo import read_photograph
+from executor.cli.options import PhotoInputs
+from executor.photo.fitting.refinement import with_parts
 from executor.photo.inputs.annotations import FLOOR
-from executor.photo.perception.asked import asks, sent_picture
-from executor.photo.perception.candidates import FoundBox, sorted_out
-from executor.photo.pipeline import Given
+from executor.photo.perception import FoundBox, model_detector, sent_picture, to_detections
+from executor.photo.pipeline import PhotoInput
 from executor.photo.room.reconstruct import reconstruct
 from llm import Conversation, connect
-from llm.wire.profiles import BoxForm
+from llm.client.profiles import BoxForm
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.llm.live import KEY, KEY_VARIABLE, hurry
 from tests.llm.model_server import Act, ModelServer, fails, replies
@@ -50,16 +49,16 @@ def picture(tmp_path: Path) -> Path:
 
 
 def point_to(server: ModelServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes this process talk to a server on this machine."""
+    """Make this process talk to a server on this machine."""
     monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
     monkeypatch.setenv(KEY_VARIABLE, KEY)
     hurry(monkeypatch)
 
 
-def read(picture: Path, model: str, record: Path | None = None) -> Given:
-    """Returns what is read of the picture when a model finds the things."""
+def read(picture: Path, model: str, record: Path | None = None) -> PhotoInput:
+    """Return what is read of the picture when a model finds the things."""
     beside = PhotoInputs(depth=picture.with_name("depth.npy"), camera="hfov=60")
-    return read_photograph(picture, beside, asks(connect(model, record=record), Conversation(model, "", "")))
+    return read_photograph(picture, beside, model_detector(connect(model, record=record), Conversation(model, "", "")))
 
 
 @pytest.mark.parametrize("form", ["thousandths yxyx", "pixels xywh"])
@@ -82,7 +81,7 @@ def test_what_a_model_sees_is_the_same_in_every_form_and_replayed(
 
 
 def photo(picture: Path, *more: str) -> int:
-    """Runs the command on the picture and returns its exit code."""
+    """Run the command on the picture and returns its exit code."""
     words = [
         "--depth",
         str(picture.with_name("depth.npy")),
@@ -206,7 +205,7 @@ def test_of_boxes_of_one_thing_the_surest_stays() -> None:
         FoundBox("person", (60, 0, 80, 90), 0.7),
         FoundBox("mug", (99.0, 10, 140, 50), 0.7),
     ]
-    found = sorted_out(boxes, (100, 80), "the test")
+    found = to_detections(boxes, (100, 80), "the test")
     assert [one.label for one in found.things] == ["bowl", "table"]
     assert found.things[0].on == 1 and found.things[1].box_px == (0.0, 30.0, 100.0, 80.0)
     assert [one.label for one in found.left_out] == ["person"]

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.captures import Capture, read_capture
-from executor.photo.inputs.depth import Depth, read_depth
-from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
-from executor.photo.refusal import PhotoRefused
+from executor.photo.errors import PhotoRefused
+from executor.photo.geometry.level import find_board, read_length, scale_by_board, scale_by_length
+from executor.photo.inputs.depth import Capture, Depth, read_capture, read_depth
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 
 SIZE = (160, 120)
 BLACK = np.zeros((*SIZE[::-1], 3), np.uint8)
@@ -26,7 +24,7 @@ SAID = {"w": 160, "h": 120, "K": [200.0, 0, 0, 0, 205.0, 0, 80.0, 60.0, 1]}
 
 
 def tum(folder: Path, apart_s: float = 0.01) -> Path:
-    """Returns a folder as of TUM's first camera, with three moments at 1, 2 and 3 m."""
+    """Return a folder as of TUM's first camera, with three moments at 1, 2 and 3 m."""
     path = folder / "rgbd_dataset_freiburg1_desk"
     for name in ("rgb", "depth"):
         (path / name).mkdir(parents=True)
@@ -43,7 +41,7 @@ def tum(folder: Path, apart_s: float = 0.01) -> Path:
 
 
 def r3d(folder: Path) -> Path:
-    """Returns a Record3D file with one moment: depths of 2 m, a quarter as wide, the first of them not sure."""
+    """Return a Record3D file with one moment: depths of 2 m, a quarter as wide, the first of them not sure."""
     lzfse = pytest.importorskip("lzfse")
     Image.new("RGB", SIZE, (10, 90, 60)).save(folder / "0.jpg")
     depth = np.full((30, 40), 2.0, np.float32)
@@ -58,7 +56,7 @@ def r3d(folder: Path) -> Path:
 
 
 def exported(folder: Path) -> Path:
-    """Returns Record3D's export of EXR and pictures, of one moment with depths of 2 m."""
+    """Return Record3D's export of EXR and pictures, of one moment with depths of 2 m."""
     openexr = pytest.importorskip("OpenEXR")
     path = folder / "EXR_RGBD"
     for name in ("rgb", "depth"):
@@ -149,8 +147,8 @@ def _outside(folder: Path) -> object:
         (_outside, "outside of it"),
         (lambda f: read_length("1,2,3=4"), "X0,Y0,X1,Y1=METRES"),
         (lambda f: read_length("1,2,3,4=0"), "0.01 to 20 m"),
-        (lambda f: scaled_by_length(drawn(2.0), CAMERA, read_length("10,10,400,10=1")), "outside the picture"),
-        (lambda f: scaled_by_length(drawn(2.0), CAMERA, read_length("10,10,12,10=9")), "times as deep"),
+        (lambda f: scale_by_length(drawn(2.0), CAMERA, read_length("10,10,400,10=1")), "outside the picture"),
+        (lambda f: scale_by_length(drawn(2.0), CAMERA, read_length("10,10,12,10=9")), "times as deep"),
         (lambda f: find_board("7x5,0.04", picture(np.zeros((*SIZE[::-1], 3), np.uint8)), CAMERA), "is no board"),
         (
             lambda f: find_board("5x4,0.1,0.07", picture(np.zeros((*SIZE[::-1], 3), np.uint8)), CAMERA),
@@ -166,17 +164,17 @@ def test_what_gives_no_picture_or_no_scale_is_refused(
 
 
 def drawn(z_m: float) -> Depth:
-    """Returns the depth of a plane across."""
+    """Return the depth of a plane across."""
     return Depth(np.full(SIZE[::-1], z_m), "drawn")
 
 
 def picture(rgb: np.ndarray) -> Photograph:
-    """Returns pixels as a photograph."""
+    """Return pixels as a photograph."""
     return Photograph(Path("drawn.png"), rgb, Exif(None, None, ""))
 
 
 def test_a_known_length_scales_what_is_seen() -> None:
-    scaled = scaled_by_length(drawn(2.0), CAMERA, read_length("20,60,120,60=1.1"))
+    scaled = scale_by_length(drawn(2.0), CAMERA, read_length("20,60,120,60=1.1"))
     assert scaled.z_m[60, 80] == pytest.approx(2.2) and "by the known length" in scaled.source
 
 
@@ -191,5 +189,5 @@ def test_a_board_scales_what_is_seen() -> None:
     seen = find_board("5x4, 0.1, 0.07", picture(rgb), camera)
     assert len(seen.corners_m) == 12 and seen.corners_m[:, 2] == pytest.approx(1.0, abs=0.01)
     assert float(seen.normal @ [0.0, 0.0, -1.0]) > 0.99
-    scaled = scaled_by_board(Depth(np.full((480, 640), 0.9), "drawn"), seen)
+    scaled = scale_by_board(Depth(np.full((480, 640), 0.9), "drawn"), seen)
     assert scaled.z_m[0, 0] == pytest.approx(1.0, abs=0.01) and "ChArUco" in scaled.source

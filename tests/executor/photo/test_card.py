@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from executor.assets.library import sample
-from executor.bench.photo.card import card_rows
-from executor.bench.photo.score import compared, iou, support_counts, turned_rad, visible_box
-from executor.bench.photo.sensor import MockedDetector, mocked_boxes, noisy
+from executor.bench.photo.score import card_rows, compare_thing, iou, support_counts, turned_rad, visible_box
+from executor.bench.photo.tracks import MockedDetector, mocked_boxes, noisy
 from oag import SceneObject
-from oag.model.scenefile import about_z
+from oag.model.scene_rules import about_z
 from tests.source_tree import first_party_imports, modules
 
 NOWHERE = np.zeros((0, 3))
@@ -27,7 +26,7 @@ def fridge(**changes: object) -> SceneObject:
 
 
 def test_a_thing_is_right_in_every_column_when_it_is_the_same() -> None:
-    found = compared(fridge(), "refrigerator", 900, fridge(), 1.0, NOWHERE)
+    found = compare_thing(fridge(), "refrigerator", 900, fridge(), 1.0, NOWHERE)
     assert found.found and found.category_right and found.model_right and found.add_right and found.hinge_right
     assert (found.l2_m, found.turned_rad, found.iou) == pytest.approx((0.0, 0.0, 1.0))
 
@@ -35,19 +34,19 @@ def test_a_thing_is_right_in_every_column_when_it_is_the_same() -> None:
 def test_what_is_off_is_off_by_so_much() -> None:
     true = fridge()
     x, y, z = true.position
-    moved = compared(true, "refrigerator", 900, fridge(position=(x + 0.3, y, z)), 1.0, NOWHERE)
+    moved = compare_thing(true, "refrigerator", 900, fridge(position=(x + 0.3, y, z)), 1.0, NOWHERE)
     assert moved.l2_m == pytest.approx(0.3) and moved.centred_iou == pytest.approx(1.0) and not moved.add_right
     length = true.extent_m[0]
     assert moved.iou == pytest.approx((length - 0.3) / (length + 0.3))
-    turned = compared(true, "refrigerator", 900, fridge(orientation=about_z(math.pi)), 1.0, NOWHERE)
+    turned = compare_thing(true, "refrigerator", 900, fridge(orientation=about_z(math.pi)), 1.0, NOWHERE)
     assert turned.turned_rad == pytest.approx(math.pi) and turned.iou == pytest.approx(1.0)
     mirrored = fridge(parameters={**true.parameters, "hinge": "right", "open_fraction": 0.8})
-    other = compared(true, "refrigerator", 900, mirrored, 1.0, NOWHERE)
+    other = compare_thing(true, "refrigerator", 900, mirrored, 1.0, NOWHERE)
     assert other.hinge_right is False and other.open_right is False and other.drawers_right is None
 
 
 def test_a_missed_thing_is_wrong() -> None:
-    missed = compared(fridge(), "refrigerator", 900, None, None, NOWHERE)
+    missed = compare_thing(fridge(), "refrigerator", 900, None, None, NOWHERE)
     assert not missed.found and not missed.model_right and missed.iou == 0.0
     rows = dict(card_rows([{"things": [missed.to_json()], "refused": "no floor"}]))
     assert rows["all: recall"] == "0.0 % (0 of 1)" and rows["all: box IoU, missed count 0"].startswith("0.00")
@@ -93,7 +92,7 @@ def test_the_mocked_detector_is_as_bad_as_it_says() -> None:
 
 def test_only_one_module_knows_the_simulator_s_ids() -> None:
     """Who reconstructs sees pictures and boxes; of the benchmark, one module reads what body a pixel is of."""
-    simulator = ("executor.world", "executor.pictures.stage", "executor.pictures.render", "executor.robot")
+    simulator = ("executor.world", "executor.sim.render.stage", "executor.sim.render.pool", "executor.robot")
     knowing = set()
     for name, path in modules("executor").items():
         if not name.startswith(("executor.photo", "executor.bench.photo")):

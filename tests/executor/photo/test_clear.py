@@ -8,42 +8,45 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess, body_of, picture_of
-from executor.photo.fitting.fit import called
-from executor.photo.fitting.likelihood import Around, Fit, Likelihood, RatedGuess
-from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood, prior_cost
-from executor.photo.space.claim import Claim
+from executor.photo.fitting.evidence import PixelEvidence
+from executor.photo.fitting.fit import with_label
+from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of, raycaster_of
+from executor.photo.fitting.likelihood import Fit, Likelihood, Neighbourhood, RatedHypothesis, SearchContext, prior_cost
+from executor.photo.geometry.residuals import VisibilityCheck
 from tests.executor.photo.test_fit import seen_from_above
 
-GLASS = Guess(LIBRARY["tumbler"], 1.2, 0.0, 0.0, 0.9, (0.06, 0.06, 0.10))
-CAN = Guess(LIBRARY["can"], 1.2, 0.0, 0.0, 0.9, (0.06, 0.06, 0.10))
-CUP = Guess(LIBRARY["cup"], 1.2, 0.0, 0.0, 0.9, (0.07, 0.07, 0.09))
+GLASS = PoseHypothesis(LIBRARY["tumbler"], 1.2, 0.0, 0.0, 0.9, (0.06, 0.06, 0.10))
+CAN = PoseHypothesis(LIBRARY["can"], 1.2, 0.0, 0.0, 0.9, (0.06, 0.06, 0.10))
+CUP = PoseHypothesis(LIBRARY["cup"], 1.2, 0.0, 0.0, 0.9, (0.07, 0.07, 0.09))
 
 
-def two_behind(true: Guess, *, are_told_apart: bool) -> tuple[Around, tuple[float, float, float, float]]:
-    """Returns what is around a thing before two stripes of floor whose colours are seen through it, and its box."""
-    seen, (box,) = seen_from_above(true)
-    down = np.maximum(-seen.rays[..., 2], 1e-6)
-    floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
-    stripe = (np.arange(seen.z_m.shape[0]) > (box.box_px[1] + box.box_px[3]) / 2)[:, None]
-    stripe = np.broadcast_to(stripe, seen.z_m.shape)
-    shown = picture_of(true, seen)[1] >= 0
+def two_behind(
+    true: PoseHypothesis, *, are_told_apart: bool
+) -> tuple[SearchContext, tuple[float, float, float, float]]:
+    """Return what is around a thing before two stripes of floor whose colours are seen through it, and its box."""
+    observation, (box,) = seen_from_above(true)
+    down = np.maximum(-observation.rays[..., 2], 1e-6)
+    floor_m = np.where(observation.rays[..., 2] < -1e-6, observation.eye_m[2] / down, np.inf)
+    stripe = (np.arange(observation.z_m.shape[0]) > (box.box_px[1] + box.box_px[3]) / 2)[:, None]
+    stripe = np.broadcast_to(stripe, observation.z_m.shape)
+    shown = picture_of(true, observation)[1] >= 0
     behind = np.where(stripe[..., None], (200.0, 40.0, 40.0), (40.0, 40.0, 200.0))
     rgb = np.where(shown[..., None], 0.7 * behind + 30.0, behind).astype(np.uint8)
     other = np.where(stripe & are_told_apart, 1, 0).astype(np.int32)
-    around = Around(replace(seen, rgb=rgb), floor_m, other, np.zeros(shown.shape, dtype=bool), Neighbourhood(()))
+    around = SearchContext(
+        replace(observation, rgb=rgb), floor_m, other, np.zeros(shown.shape, dtype=bool), Neighbourhood(())
+    )
     return around, box.box_px
 
 
 @pytest.mark.parametrize(("thing", "parts"), [(GLASS, True), (CAN, False)])
-def test_faces_are_parted_by_what_is_behind_where_they_are_clear(thing: Guess, parts: bool) -> None:
-    seen, _ = seen_from_above(thing)
-    rays, body = seen.rays.reshape(-1, 3), body_of(thing)
+def test_faces_are_parted_by_what_is_behind_where_they_are_clear(thing: PoseHypothesis, parts: bool) -> None:
+    observation, _ = seen_from_above(thing)
+    rays, body = observation.rays.reshape(-1, 3), raycaster_of(thing)
     assert body is not None
-    depth, plain = body.looks(thing, seen.eye_m, rays)
+    depth, plain = body.render_depth(thing, observation.eye_m, rays)
     behind = np.random.default_rng(0).integers(0, 3, len(rays)).astype(np.int32)
-    _, group = body.looks(thing, seen.eye_m, rays, behind)
+    _, group = body.render_depth(thing, observation.eye_m, rays, behind)
     assert ((group >= 0) == np.isfinite(depth)).all()
     kinds = {
         (face, there) if parts else face
@@ -59,30 +62,30 @@ def test_a_glass_is_of_the_colours_behind_it() -> None:
     costs = []
     for are_told_apart in (False, True):
         around, box_px = two_behind(GLASS, are_told_apart=are_told_apart)
-        patch = Patch.around(around.seen, box_px, around.other_m, around.other, 5000)
+        patch = PixelEvidence.around(around.observation, box_px, around.other_m, around.other, 5000)
         costs.append(Likelihood(patch, around.near).cost(GLASS))
     assert costs[1] < costs[0] - 20.0
 
 
 def test_what_was_found_of_the_name_on_the_box_is_kept_though_another_looks_likelier() -> None:
-    seen, (box,) = seen_from_above(CUP)
-    down = np.maximum(-seen.rays[..., 2], 1e-6)
-    floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
+    observation, (box,) = seen_from_above(CUP)
+    down = np.maximum(-observation.rays[..., 2], 1e-6)
+    floor_m = np.where(observation.rays[..., 2] < -1e-6, observation.eye_m[2] / down, np.inf)
     nothing = np.zeros(floor_m.shape, dtype=np.int32)
-    around = Around(seen, floor_m, nothing, nothing.astype(bool), Neighbourhood(()))
+    around = SearchContext(observation, floor_m, nothing, nothing.astype(bool), Neighbourhood(()))
     # From the sides of a mug, handle and all, no search ends at the cup.
     mug = replace(CUP, entry=LIBRARY["mug"], x_m=1.6, size_m=(0.11, 0.08, 0.09))
-    found = Fit(mug, 0.0, (RatedGuess(CUP, 1.0),), 1.0, 0.0, 100, None)
-    assert called(around, box.box_px, found, [CUP.entry]).guess.entry is CUP.entry
+    found = Fit(mug, 0.0, (RatedHypothesis(CUP, 1.0),), 1.0, 0.0, 100, None)
+    assert with_label(around, box.box_px, found, [CUP.entry]).guess.entry is CUP.entry
 
 
 @pytest.mark.parametrize(("height_m", "is_possible"), [(0.10, True), (0.022, True), (0.019, False), (0.5, False)])
 def test_no_size_is_looked_at_that_a_scene_would_not_take(height_m: float, is_possible: bool) -> None:
-    carton = Guess(LIBRARY["carton"], 1.0, 0.0, 0.0, 0.0, (0.08, 0.05, height_m))
+    carton = PoseHypothesis(LIBRARY["carton"], 1.0, 0.0, 0.0, 0.0, (0.08, 0.05, height_m))
     assert np.isfinite(prior_cost(carton, Neighbourhood(()))) == is_possible
 
 
 def test_something_unknown_may_hide_more_of_what_has_a_box() -> None:
-    hidden = Claim(1000, 0, 900, (0.0, 0.0, 10.0, 10.0), 0.5, 0.0)
+    hidden = VisibilityCheck(1000, 0, 900, (0.0, 0.0, 10.0, 10.0), 0.5, 0.0)
     assert hidden.is_borne_out(40, boxed=True) and not hidden.is_borne_out(40)
     assert not replace(hidden, before_px=1100).is_borne_out(40, boxed=True)

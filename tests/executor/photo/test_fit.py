@@ -9,39 +9,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.assets.footprint import Footprint, deepest_m, solid_parts, swept_parts, yaw_of
+from executor.assets.footprint import Footprint, overlap_depth_m, solid_parts, swept_parts, yaw_of
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
-from executor.machine.files import write_json
-from executor.photo.cousins import cousins_files, cousins_json
-from executor.photo.fitting.body import Guess, as_built, body_of
 from executor.photo.fitting.fit import fit_thing
-from executor.photo.fitting.likelihood import Around, Fit
-from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_m
+from executor.photo.fitting.hypothesis import PoseHypothesis, as_built, raycaster_of
+from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext, prior_cost, usual_size_m
+from executor.photo.fitting.refinement import is_same_box
 from executor.photo.fitting.starts import opened_starts, starts
-from executor.photo.fitting.turns import is_same_box
-from executor.photo.inputs.annotations import Sighting
-from executor.photo.inputs.camera import Intrinsics
+from executor.photo.geometry.observation import Noise, Observation
+from executor.photo.geometry.walls import Wall
+from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.picture import Intrinsics
+from executor.photo.output import cousins_files, cousins_json
+from executor.photo.room.estimate import is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
-from executor.photo.room.supports import is_on_one, tops_of
-from executor.photo.scene import scene_json, scene_of
-from executor.photo.space.observation import Noise, Observation
-from executor.photo.space.walls import Wall
-from executor.photo.tidy import tidied
-from executor.photo.variations import variations_of
-from executor.scenes.cousins import from_cousins
+from executor.photo.scene import resolve_overlaps, scene_json, scene_of, variations_of
+from executor.scenes.digital_cousins import from_cousins
+from executor.system.files import write_json
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
 DOWN_RAD = math.radians(25.0)
-TABLE = Guess(LIBRARY["table_four_legs"], 2.2, 0.1, 0.3, 0.0, (1.0, 0.6, 0.7))
-BOWL = Guess(LIBRARY["porcelain_bowl"], 2.05, -0.05, 0.0, 0.7, (0.17, 0.17, 0.06))
+TABLE = PoseHypothesis(LIBRARY["table_four_legs"], 2.2, 0.1, 0.3, 0.0, (1.0, 0.6, 0.7))
+BOWL = PoseHypothesis(LIBRARY["porcelain_bowl"], 2.05, -0.05, 0.0, 0.7, (0.17, 0.17, 0.06))
 COLOURS = ((120, 120, 115), (150, 100, 60), (40, 70, 160))
 
 
-def seen_from_above(*things: Guess, finer: int = 1) -> tuple[Observation, list[Sighting]]:
-    """Returns what a camera 1.5 m above the floor sees of some things, with noise, and exact boxes of them."""
+def seen_from_above(*things: PoseHypothesis, finer: int = 1) -> tuple[Observation, list[Detection]]:
+    """Return what a camera 1.5 m above the floor sees of some things, with noise, and exact boxes of them."""
     camera = replace(CAMERA, **{name: finer * getattr(CAMERA, name) for name in ("fx", "fy", "cx", "cy")})
     c, s = math.cos(DOWN_RAD), math.sin(DOWN_RAD)
     R = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ np.eye(3)
@@ -51,7 +48,7 @@ def seen_from_above(*things: Guess, finer: int = 1) -> tuple[Observation, list[S
         z = np.where(rays[..., 2] < -1e-6, -eye[2] / rays[..., 2], np.inf)
     owner = np.zeros(z.shape, dtype=int)
     for number, thing in enumerate(things, start=1):
-        body = body_of(thing)
+        body = raycaster_of(thing)
         assert body is not None
         depth: Array = body.depth(thing, eye, rays.reshape(-1, 3)).reshape(z.shape)
         owner[depth < z] = number
@@ -64,25 +61,25 @@ def seen_from_above(*things: Guess, finer: int = 1) -> tuple[Observation, list[S
     for number, thing in enumerate(things, start=1):
         rows, columns = np.nonzero(owner == number)
         box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
-        boxes.append(Sighting(thing.entry.category, thing.entry.category, box, 1.0, "drawn"))
+        boxes.append(Detection(thing.entry.category, thing.entry.category, box, 1.0, "drawn"))
     return Observation(rgb, z, rays, eye, R.T, noise, camera), boxes
 
 
 @pytest.fixture(scope="module")
 def room() -> FittedRoom:
     """A table with a bowl on it, as it was reconstructed."""
-    seen, boxes = seen_from_above(TABLE, BOWL)
-    return reconstruct(seen, boxes, ())
+    observation, boxes = seen_from_above(TABLE, BOWL)
+    return reconstruct(observation, boxes, ())
 
 
 @pytest.mark.parametrize("knows", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_where_depths_are_bent_a_thing_is_where_it_stands(knows: bool) -> None:
-    seen, boxes = seen_from_above(TABLE, BOWL, finer=2)
+    observation, boxes = seen_from_above(TABLE, BOWL, finer=2)
     rows = np.mgrid[: 2 * SIZE[1], : 2 * SIZE[0]][0] / 2
     # As far off as a table's top is above the floor on which its legs are seen.
     bent = 1.0 + 0.04 * np.clip((170.0 - rows) / 100.0, 0.0, 1.0)
-    seen = replace(seen, z_m=seen.z_m * bent, bend_share=0.02 if knows else 0.0)
-    table, bowl = (thing.fit.guess for thing in reconstruct(seen, boxes, ()).things)
+    observation = replace(observation, z_m=observation.z_m * bent, depth_distortion=0.02 if knows else 0.0)
+    table, bowl = (thing.fit.guess for thing in reconstruct(observation, boxes, ()).things)
     off_m = math.dist((table.x_m, table.y_m), (TABLE.x_m, TABLE.y_m))
     assert (off_m < 0.02) is knows
     if knows:
@@ -93,14 +90,14 @@ def test_an_open_door_is_believed_from_its_front_and_hardly_from_behind() -> Non
     alone = Neighbourhood(())
     costs = {}
     for away, yaw_rad in ((False, 0.0), (True, math.pi)):
-        shut = Guess(LIBRARY["wardrobe_two_doors"], 2.5, 0.0, yaw_rad, 0.0, (0.6, 1.0, 1.7))
+        shut = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 2.5, 0.0, yaw_rad, 0.0, (0.6, 1.0, 1.7))
         costs[away] = prior_cost(shut.with_parameters(open_fraction=1.0), alone) - prior_cost(shut, alone)
     assert costs[False] == pytest.approx(4.0) and costs[True] > costs[False] + 20.0
 
 
 def test_what_is_built_to_the_millimetre_can_be_built() -> None:
-    least = Guess(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.2197, 0.7, 1.2))
-    assert body_of(least) is not None
+    least = PoseHypothesis(LIBRARY["shelf_open"], 2.0, 0.0, 0.0, 0.0, (0.2197, 0.7, 1.2))
+    assert raycaster_of(least) is not None
     with pytest.raises(AssetError, match="x extent is"):
         asset_for(least.as_object())
     assert as_built(least).size_m == (0.22, 0.7, 1.2)
@@ -125,22 +122,22 @@ def test_they_make_a_scene_that_stands(room: FittedRoom) -> None:
     assert max(made.settled_m.values()) < 0.005
 
 
-def painted_around(true: Guess) -> tuple[Around, Sighting]:
-    """Returns what is known around a thing that is seen alone, each face in a colour of its own, and its box."""
-    body = body_of(true)
+def painted_around(true: PoseHypothesis) -> tuple[SearchContext, Detection]:
+    """Return what is known around a thing that is seen alone, each face in a colour of its own, and its box."""
+    body = raycaster_of(true)
     assert body is not None
-    seen, boxes = seen_from_above(true)
-    _, group = body.looks(true, seen.eye_m, seen.rays.reshape(-1, 3))
+    observation, boxes = seen_from_above(true)
+    _, group = body.render_depth(true, observation.eye_m, observation.rays.reshape(-1, 3))
     palette = np.random.default_rng(1).integers(40, 220, (int(group.max()) + 2, 3)).astype(np.uint8)
-    painted = replace(seen, rgb=palette[group].reshape(*seen.z_m.shape, 3))
-    down = np.maximum(-seen.rays[..., 2], 1e-6)
-    floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
+    painted = replace(observation, rgb=palette[group].reshape(*observation.z_m.shape, 3))
+    down = np.maximum(-observation.rays[..., 2], 1e-6)
+    floor_m = np.where(observation.rays[..., 2] < -1e-6, observation.eye_m[2] / down, np.inf)
     nothing = np.zeros(floor_m.shape, dtype=np.int32)
-    return Around(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(())), boxes[0]
+    return SearchContext(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(())), boxes[0]
 
 
 def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
-    true = Guess(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
+    true = PoseHypothesis(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
     around, box = painted_around(true)
     found = fit_thing(around, box.box_px, [true.entry], [0.0])
     assert found is not None and dict(found.guess.parameters)["hinge"] == "right"
@@ -148,9 +145,9 @@ def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
 
 
 def test_a_box_around_nothing_makes_nothing() -> None:
-    seen, boxes = seen_from_above(TABLE)
-    nothing = Sighting("cup", "cup", (2.0, 200.0, 30.0, 235.0), 1.0, "drawn")
-    room = reconstruct(seen, [*boxes, nothing], ())
+    observation, boxes = seen_from_above(TABLE)
+    nothing = Detection("cup", "cup", (2.0, 200.0, 30.0, 235.0), 1.0, "drawn")
+    room = reconstruct(observation, [*boxes, nothing], ())
     assert [thing.detection.label for thing in room.things] == ["table"]
     assert [one.reason for one in room.unfitted] == ["nothing in its box stands out from what is around it"]
 
@@ -161,21 +158,21 @@ def test_nothing_is_carried_across_the_room_to_a_top_as_high_as_its_own() -> Non
     assert not is_on_one(BOWL, tops_of([fit_of(near), fit_of(far)]))
     assert is_on_one(BOWL, tops_of([fit_of(replace(far, x_m=TABLE.x_m))]))
     assert is_on_one(replace(BOWL, bottom_m=0.0), ())
-    found, _ = tidied({"near": near, "far": far, "bowl": BOWL}, ())
+    found, _ = resolve_overlaps({"near": near, "far": far, "bowl": BOWL}, ())
     assert found["bowl"] == BOWL
 
 
-def fit_of(guess: Guess) -> Fit:
-    """Returns a guess as what was found."""
+def fit_of(guess: PoseHypothesis) -> Fit:
+    """Return a guess as what was found."""
     return Fit(guess, 0.0, (), 1.0, 0.0, 100, None)
 
 
 @pytest.mark.slow
 def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> None:
-    seen, boxes = seen_from_above(TABLE)
+    observation, boxes = seen_from_above(TABLE)
     flat, above = (
-        replace(seen, z_m=np.zeros_like(seen.z_m)),
-        Sighting("can", "can", (20.0, 2.0, 30.0, 9.0), 1.0, "drawn"),
+        replace(observation, z_m=np.zeros_like(observation.z_m)),
+        Detection("can", "can", (20.0, 2.0, 30.0, 9.0), 1.0, "drawn"),
     )
     room = reconstruct(flat, [*boxes, above], ())
     assert [thing.detection.label for thing in room.things] == ["table"]
@@ -183,9 +180,9 @@ def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> No
 
 
 def test_without_depth_a_thing_ends_where_the_picture_has_edges() -> None:
-    true = Guess(LIBRARY["cabinet_two_doors"], 2.2, 0.1, math.pi + 0.4, 0.0, (0.6, 0.9, 0.8))
+    true = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.2, 0.1, math.pi + 0.4, 0.0, (0.6, 0.9, 0.8))
     around, box = painted_around(true)
-    around = replace(around, seen=replace(around.seen, z_m=np.zeros_like(around.other_m)))
+    around = replace(around, observation=replace(around.observation, z_m=np.zeros_like(around.other_m)))
     found = fit_thing(around, box.box_px, [true.entry], [0.0])
     assert found is not None and found.spread_m is not None
     assert math.dist((found.guess.x_m, found.guess.y_m), (true.x_m, true.y_m)) < 0.08
@@ -194,67 +191,69 @@ def test_without_depth_a_thing_ends_where_the_picture_has_edges() -> None:
 
 @pytest.mark.parametrize("pixels", [0, 5, 9])
 def test_a_thing_of_which_hardly_a_pixel_is_known_is_left_out(pixels: int) -> None:
-    seen, _ = seen_from_above(TABLE)
-    few = np.zeros(seen.z_m.shape, dtype=bool)
+    observation, _ = seen_from_above(TABLE)
+    few = np.zeros(observation.z_m.shape, dtype=bool)
     few[210, 20 : 20 + pixels] = True
-    thing = Sighting("", None, (20.0, 210.0, 33.0, 211.0), 1.0, "drawn", few)
-    room = reconstruct(seen, [thing], ())
+    thing = Detection("", None, (20.0, 210.0, 33.0, 211.0), 1.0, "drawn", few)
+    room = reconstruct(observation, [thing], ())
     assert room.things == () and [one.detection for one in room.unfitted] == [thing]
 
 
 @pytest.mark.slow
 def test_things_of_one_shape_are_told_apart_by_their_colour() -> None:
-    fruit = Guess(LIBRARY["orange"], 2.05, -0.05, 0.0, 0.7, (0.08, 0.08, 0.08))
-    seen, boxes = seen_from_above(TABLE, fruit)
+    fruit = PoseHypothesis(LIBRARY["orange"], 2.05, -0.05, 0.0, 0.7, (0.08, 0.08, 0.08))
+    observation, boxes = seen_from_above(TABLE, fruit)
     unnamed = [boxes[0], replace(boxes[1], label="", category=None)]
     for colour, category in (((235, 120, 20), "orange"), ((170, 15, 20), "apple")):
-        painted = np.where((seen.rgb == COLOURS[2]).all(axis=-1, keepdims=True), np.uint8(colour), seen.rgb)
-        room = reconstruct(replace(seen, rgb=painted), unnamed, ())
+        painted = np.where(
+            (observation.rgb == COLOURS[2]).all(axis=-1, keepdims=True), np.uint8(colour), observation.rgb
+        )
+        room = reconstruct(replace(observation, rgb=painted), unnamed, ())
         assert [thing.fit.guess.entry.category for thing in room.things] == ["table", category]
 
 
 def test_what_overlaps_is_taken_apart() -> None:
     wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
-    cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
+    cabinet = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
     beside = replace(cabinet, y_m=0.88)
     far = replace(cabinet, x_m=5.0)
-    found, notes = tidied({"a": cabinet, "b": beside, "c": far}, (wall,))
+    found, notes = resolve_overlaps({"a": cabinet, "b": beside, "c": far}, (wall,))
     assert found["a"].x_m + 0.3 < 3.0
     assert found["a"].y_m + found["a"].size_m[1] / 2 <= found["b"].y_m - found["b"].size_m[1] / 2
     assert found["c"] == far, "what is behind a wall is not in it"
     assert len(notes) == 2
-    askew, _ = tidied({"a": cabinet, "b": replace(beside, y_m=0.89, yaw_rad=0.06)}, ())
+    askew, _ = resolve_overlaps({"a": cabinet, "b": replace(beside, y_m=0.89, yaw_rad=0.06)}, ())
     assert Footprint.of(askew["a"].as_object()).depth_m(Footprint.of(askew["b"].as_object())) <= 0.0
 
 
 @pytest.mark.parametrize(("hinge", "away"), [("left", 1.0), ("right", -1.0)])
 def test_what_stands_beside_a_door_leaves_it_room_to_open(hinge: str, away: float) -> None:
     entry, size_m = LIBRARY["fridge_one_door"], (0.7, 0.6, 1.6)
-    fridge = Guess(entry, 2.4, 0.0, -0.06 * away, 0.0, size_m).with_parameters(hinge=hinge)
-    counter = Guess(LIBRARY["counter_plain"], 2.1, away * 0.825, 0.0, 0.0, (0.7, 1.0, 0.9))
+    fridge = PoseHypothesis(entry, 2.4, 0.0, -0.06 * away, 0.0, size_m).with_parameters(hinge=hinge)
+    counter = PoseHypothesis(LIBRARY["counter_plain"], 2.1, away * 0.825, 0.0, 0.0, (0.7, 1.0, 0.9))
     door, shut = swept_parts(fridge.as_object(), math.pi / 2, 30), solid_parts(fridge.as_object())
     before, on_other_side = solid_parts(counter.as_object()), replace(counter, y_m=-counter.y_m)
-    assert deepest_m(shut, before) == 0.0 < 0.005 < deepest_m(door, before)
-    found, _ = tidied({"fridge": fridge, "counter": counter, "other": on_other_side}, ())
+    assert overlap_depth_m(shut, before) == 0.0 < 0.005 < overlap_depth_m(door, before)
+    found, _ = resolve_overlaps({"fridge": fridge, "counter": counter, "other": on_other_side}, ())
     assert (found["fridge"], found["other"]) == (fridge, on_other_side)
     beside = found["counter"]
-    assert deepest_m(door, solid_parts(beside.as_object())) < 0.002
+    assert overlap_depth_m(door, solid_parts(beside.as_object())) < 0.002
     far_side_m = beside.y_m + away * beside.size_m[1] / 2
     assert far_side_m == pytest.approx(away * 1.325) and 0.95 < beside.size_m[1] < 1.0
 
 
 def test_something_round_stands_at_a_wall_however_it_is_turned() -> None:
     wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
-    table = Guess(LIBRARY["table_round"], 2.545, 0.0, 0.7, 0.0, (0.9, 0.9, 0.7))
+    table = PoseHypothesis(LIBRARY["table_round"], 2.545, 0.0, 0.7, 0.0, (0.9, 0.9, 0.7))
     assert prior_cost(table, Neighbourhood((wall,))) == prior_cost(replace(table, yaw_rad=0.0), Neighbourhood((wall,)))
-    found, _ = tidied({"table": table}, (wall,))
+    found, _ = resolve_overlaps({"table": table}, (wall,))
     assert found["table"].x_m == pytest.approx(2.545, abs=0.002)
 
 
 def test_what_stands_open_is_looked_for_as_large_as_it_is_without_its_door() -> None:
-    fridge = Guess(LIBRARY["fridge_one_door"], 2.4, 0.2, 0.3, 0.0, (0.7, 0.6, 1.3), (("open_fraction", 0.6),))
-    seen, _ = seen_from_above(fridge)
-    out = seen.points_m[(seen.z_m > 0.0) & (seen.z_m < seen.floor_z_m - 0.05)]
+    fridge = PoseHypothesis(LIBRARY["fridge_one_door"], 2.4, 0.2, 0.3, 0.0, (0.7, 0.6, 1.3), (("open_fraction", 0.6),))
+    observation, _ = seen_from_above(fridge)
+    out = observation.points_m[(observation.z_m > 0.0) & (observation.z_m < observation.floor_z_m - 0.05)]
     guesses = list(opened_starts(out, [fridge.entry, TABLE.entry], 0.0, ()))
     assert {guess.entry.model for guess in guesses} == {"fridge_one_door"}
     nearest = min(math.hypot(guess.x_m - 2.4, guess.y_m - 0.2) for guess in guesses)
@@ -263,9 +262,9 @@ def test_what_stands_open_is_looked_for_as_large_as_it_is_without_its_door() -> 
 
 @pytest.mark.parametrize("width_m", [0.075, 0.048])
 def test_a_glass_is_looked_for_where_it_is_though_noise_is_as_large_as_it_is(width_m: float) -> None:
-    glass = Guess(LIBRARY["tumbler"], 2.6, -0.4, 0.0, 0.6, (width_m, width_m, 0.11))
-    seen, (box,) = seen_from_above(glass)
-    points = seen.points_m[box.pixels(seen.size_px)]
+    glass = PoseHypothesis(LIBRARY["tumbler"], 2.6, -0.4, 0.0, 0.6, (width_m, width_m, 0.11))
+    observation, (box,) = seen_from_above(glass)
+    points = observation.points_m[box.pixels(observation.size_px)]
     points = points[np.linalg.norm(points[:, :2] - [2.6, -0.4], axis=1) < 0.2]
     begun = list(starts(points, [glass.entry], 0.6, ()))
     off_m = [max(abs(one.x_m - 2.6), abs(one.y_m + 0.4), abs(one.size_m[1] - width_m)) for one in begun]
@@ -275,9 +274,9 @@ def test_a_glass_is_looked_for_where_it_is_though_noise_is_as_large_as_it_is(wid
 @pytest.mark.slow
 def test_a_glass_that_nobody_has_named_is_no_carton() -> None:
     """Of what is so small and far, six turns of a carton once took the places of all that is round."""
-    glass = Guess(LIBRARY["tumbler"], 2.05, -0.05, 0.0, 0.7, (0.06, 0.06, 0.11))
-    seen, boxes = seen_from_above(TABLE, glass)
-    room = reconstruct(seen, [boxes[0], replace(boxes[1], label="", category=None)], ())
+    glass = PoseHypothesis(LIBRARY["tumbler"], 2.05, -0.05, 0.0, 0.7, (0.06, 0.06, 0.11))
+    observation, boxes = seen_from_above(TABLE, glass)
+    room = reconstruct(observation, [boxes[0], replace(boxes[1], label="", category=None)], ())
     found = room.things[1].fit
     assert found.guess.size_m == pytest.approx(glass.size_m, abs=0.01)
     # Of a colour that neither has.
@@ -286,7 +285,7 @@ def test_a_glass_that_nobody_has_named_is_no_carton() -> None:
 
 def test_nothing_stands_open_into_a_wall() -> None:
     wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
-    fridge = Guess(LIBRARY["fridge_one_door"], 2.6, 0.2, math.pi, 0.0, (0.7, 0.6, 1.3))
+    fridge = PoseHypothesis(LIBRARY["fridge_one_door"], 2.6, 0.2, math.pi, 0.0, (0.7, 0.6, 1.3))
     opened = fridge.with_parameters(open_fraction=0.5)
     assert 25.0 <= prior_cost(fridge, Neighbourhood((wall,))) < math.inf == prior_cost(opened, Neighbourhood((wall,)))
     assert prior_cost(replace(opened, yaw_rad=0.0), Neighbourhood((wall,))) < 25.0
@@ -296,7 +295,7 @@ def test_nothing_stands_open_into_a_wall() -> None:
 
 
 def test_a_box_is_the_same_whichever_of_its_sides_is_the_front() -> None:
-    cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
+    cabinet = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
     turned = replace(cabinet, yaw_rad=-math.pi / 2, size_m=(0.9, 0.61, 0.8))
     assert is_same_box(cabinet, turned) and is_same_box(cabinet, replace(cabinet, yaw_rad=math.pi, x_m=2.71))
     assert not is_same_box(cabinet, replace(cabinet, yaw_rad=math.pi / 2))
@@ -343,8 +342,8 @@ def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedR
     """Their reader, which knows nothing of photographs, puts everything where it was."""
     made = scene_of(room, "drawn", 0.0)[1].scene
     assert made is not None
-    seen, _ = seen_from_above(TABLE, BOWL)
-    for name, content in zip(cousins_files(0), cousins_json(made, seen), strict=True):
+    observation, _ = seen_from_above(TABLE, BOWL)
+    for name, content in zip(cousins_files(0), cousins_json(made, observation), strict=True):
         write_json(tmp_path / name, content)
     read = from_cousins(tmp_path / cousins_files(0)[0]).scene
     for key in ("table_0", "bowl_0"):
@@ -355,10 +354,13 @@ def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedR
 
 
 def test_a_thing_has_the_colour_that_was_seen() -> None:
-    cup = Guess(LIBRARY["cup"], 2.1, 0.0, 0.0, 0.0, (0.09, 0.09, 0.10))
-    seen, boxes = seen_from_above(cup)
-    blue = replace(seen, rgb=np.where((seen.rgb == COLOURS[1]).all(axis=-1, keepdims=True), COLOURS[2], seen.rgb))
-    for picture, word in ((blue, "blue"), (seen, "red")):
+    cup = PoseHypothesis(LIBRARY["cup"], 2.1, 0.0, 0.0, 0.0, (0.09, 0.09, 0.10))
+    observation, boxes = seen_from_above(cup)
+    blue = replace(
+        observation,
+        rgb=np.where((observation.rgb == COLOURS[1]).all(axis=-1, keepdims=True), COLOURS[2], observation.rgb),
+    )
+    for picture, word in ((blue, "blue"), (observation, "red")):
         (found,) = reconstruct(picture, boxes, ()).things
         assert dict(found.fit.guess.parameters)["color"] == word
     assert found.fit.colour == COLOURS[1]
@@ -374,8 +376,8 @@ def test_the_next_best_models_make_variations_that_stand(room: FittedRoom) -> No
 
 @pytest.mark.slow
 def test_without_depth_a_thing_is_where_its_box_and_usual_sizes_put_it_within_what_is_told() -> None:
-    seen, boxes = seen_from_above(TABLE)
-    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    observation, boxes = seen_from_above(TABLE)
+    flat = replace(observation, z_m=np.zeros_like(observation.z_m), heading_rad=TABLE.yaw_rad)
     (table,) = reconstruct(flat, boxes, (), scale_share=0.02).things
     guess, spread_m = table.fit.guess, table.fit.spread_m
     assert guess.entry.category == "table" and spread_m is not None
@@ -387,7 +389,7 @@ def test_a_table_stays_askew_beside_a_wall_and_a_cabinet_is_turned_along_it() ->
     table, cabinet = (
         replace(TABLE, entry=LIBRARY[name], yaw_rad=0.04) for name in ("table_four_legs", "counter_plain")
     )
-    found, _ = tidied({"table": table, "cabinet": replace(cabinet, y_m=-1.5)}, (wall,))
+    found, _ = resolve_overlaps({"table": table, "cabinet": replace(cabinet, y_m=-1.5)}, (wall,))
     assert [round(found[name].yaw_rad, 3) for name in ("table", "cabinet")] == [0.04, 0.0]
 
 
@@ -396,6 +398,6 @@ def test_a_table_stays_askew_beside_a_wall_and_a_cabinet_is_turned_along_it() ->
 )
 def test_of_furniture_only_a_microwave_stands_on_furniture(model: str, stands: bool) -> None:
     entry = LIBRARY[model]
-    on_floor = Guess(entry, 2.0, 0.0, math.pi, 0.0, usual_size_m(entry))
+    on_floor = PoseHypothesis(entry, 2.0, 0.0, math.pi, 0.0, usual_size_m(entry))
     assert math.isfinite(prior_cost(on_floor, Neighbourhood(())))
     assert math.isfinite(prior_cost(replace(on_floor, bottom_m=0.1), Neighbourhood(()))) is stands

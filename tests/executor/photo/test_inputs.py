@@ -15,12 +15,11 @@ import pytest
 from PIL import Image
 
 from executor.assets.library import LIBRARY
-from executor.cli.main import run
-from executor.photo.inputs.annotations import Sighting, category_named, read_boxes
-from executor.photo.inputs.camera import read_camera
+from executor.cli.app import run
+from executor.photo.errors import PhotoRefused
+from executor.photo.inputs.annotations import Detection, category_named, read_boxes
 from executor.photo.inputs.depth import read_depth
-from executor.photo.inputs.picture import MOST_BYTES, read_picture
-from executor.photo.refusal import PhotoRefused
+from executor.photo.inputs.picture import MOST_BYTES, read_camera, read_picture
 
 SIZE = (160, 120)
 
@@ -97,7 +96,7 @@ def test_a_label_is_understood_as_a_query_is(label: str, category: str | None) -
 )
 def test_a_thing_keeps_the_name_that_it_was_given_where_that_says_more(label: str, model: str, name: str) -> None:
     category = LIBRARY[model].category if "/" in label else category_named(label)
-    assert Sighting(label, category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
+    assert Detection(label, category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
 
 
 @pytest.mark.parametrize("name", ["depth.png", "depth.npz", "depth.npy"])
@@ -127,7 +126,7 @@ def test_the_camera_is_read_from_angles_files_and_exif(folder: Path) -> None:
 
 
 def photographed(folder: Path, focal_35mm: int, size: tuple[int, int]) -> Path:
-    """Writes a picture whose EXIF says a focal length and a size."""
+    """Write a picture whose EXIF says a focal length and a size."""
     image, path = Image.new("RGB", SIZE), folder / "phone.jpg"
     exif = image.getexif()
     exif.get_ifd(0x8769).update({0xA405: focal_35mm, 0xA002: size[0], 0xA003: size[1]})

@@ -11,33 +11,33 @@ import pytest
 from PIL import Image
 
 from executor.assets.library import LIBRARY
-from executor.cli.main import run
-from executor.photo.fitting.body import Guess
+from executor.cli.app import run
+from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.inputs.annotations import Provenance, Sighting, read_boxes
-from executor.photo.perception.candidates import FoundBox, sorted_out
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import Detection, Provenance, read_boxes
+from executor.photo.perception import FoundBox, to_detections
+from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import STOOD_OUT, RoomFitter
-from executor.photo.room.known import KnownRoom
 from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
 from executor.photo.scene import scene_of
-from executor.photo.space.observation import Observation
-from tests.executor.photo.test_by_sight import by_sight, lit
+from tests.executor.photo.test_by_sight import lit, monocular
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 
-MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 2.2, 0.0, 0.1, 0.7, (0.4, 0.48, 0.3))
-CHAIR = Guess(LIBRARY["chair_wooden"], 1.9, 0.0, 0.3, 0.0, (0.42, 0.41, 0.88))
+MICROWAVE = PoseHypothesis(LIBRARY["microwave_side_hinge"], 2.2, 0.0, 0.1, 0.7, (0.4, 0.48, 0.3))
+CHAIR = PoseHypothesis(LIBRARY["chair_wooden"], 1.9, 0.0, 0.3, 0.0, (0.42, 0.41, 0.88))
 
 
-def called(box: Sighting, label: str, provenance: Provenance = "person") -> Sighting:
+def called(box: Detection, label: str, provenance: Provenance = "person") -> Detection:
     """Return a box with another label."""
     return replace(box, label=label, category=label, provenance=provenance)
 
 
-def known(seen: Observation, *things: tuple[Sighting, Guess]) -> KnownRoom:
+def known(seen: Observation, *things: tuple[Detection, PoseHypothesis]) -> RoomEstimate:
     """Return a room in which some boxes have been fitted."""
-    room = KnownRoom(seen, (), [box for box, _ in things], 0.0)
+    room = RoomEstimate(seen, (), [box for box, _ in things], 0.0)
     for index, (_, guess) in enumerate(things):
-        room.keep(index, Fit(guess, 0.0, (), 1.0, 0.005, 100, None))
+        room.add_fit(index, Fit(guess, 0.0, (), 1.0, 0.005, 100, None))
     return room
 
 
@@ -67,8 +67,8 @@ def test_a_persons_label_is_kept_or_its_thing_dropped(label: str) -> None:
     ("provenance", "taken_for"), [pytest.param("detector", "chair_wooden", marks=pytest.mark.slow), ("person", "")]
 )
 def test_by_sight_only_a_detectors_label_gives_way(provenance: Provenance, taken_for: str) -> None:
-    seen, (box,) = by_sight(CHAIR)
-    room = KnownRoom(seen, (), [called(box, "can", provenance)], 0.0)
+    seen, (box,) = monocular(CHAIR)
+    room = RoomEstimate(seen, (), [called(box, "can", provenance)], 0.0)
     fitter = RoomFitter(room)
     fitter.fit(0, None, ())
     fitter.fit_anything(0)
@@ -76,10 +76,10 @@ def test_by_sight_only_a_detectors_label_gives_way(provenance: Provenance, taken
 
 
 def test_what_costs_less_by_another_name_is_no_other_thing_where_a_person_has_named_it() -> None:
-    bare = Guess(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
+    bare = PoseHypothesis(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
     dresser = bare.with_parameters(drawers=2, handle_length_m=0.3)
     seen, (box,) = seen_from_above(dresser)
-    room = KnownRoom(lit(seen, dresser), (), [called(box, "countertop")], 0.0)
+    room = RoomEstimate(lit(seen, dresser), (), [called(box, "countertop")], 0.0)
     fitter = RoomFitter(room)
     fitter.fit(0, [0.0], ())
     assert fitter.rename(0) == "countertop: counter_plain"
@@ -89,9 +89,9 @@ def test_what_costs_less_by_another_name_is_no_other_thing_where_a_person_has_na
 @pytest.mark.parametrize(("label", "adopted"), [("table", True), ("wardrobe", False)])
 def test_a_box_of_another_name_does_not_adopt_what_was_found_alone(label: str, *, adopted: bool) -> None:
     seen, (box,) = seen_from_above(TABLE)
-    room = KnownRoom(seen, (), [called(box, label)], 0.0)
+    room = RoomEstimate(seen, (), [called(box, label)], 0.0)
     room.detections.append(replace(box, label="", category=None, source=STOOD_OUT, provenance="search"))
-    room.keep(1, Fit(TABLE, 0.0, (), 1.0, 0.005, 100, None))
+    room.add_fit(1, Fit(TABLE, 0.0, (), 1.0, 0.005, 100, None))
     assert RoomFitter(room).adopt(0) is adopted
     assert list(room.fits) == ([0] if adopted else [1]) and room.fits.popitem()[1].guess.entry is TABLE.entry
 
@@ -99,9 +99,9 @@ def test_a_box_of_another_name_does_not_adopt_what_was_found_alone(label: str, *
 def test_boxes_of_files_are_a_persons_and_those_of_networks_a_detectors(tmp_path: Path) -> None:
     (tmp_path / "boxes.json").write_text(json.dumps({"things": [{"label": "mug", "box": [10, 10, 60, 60]}]}))
     (by_file,) = read_boxes(tmp_path / "boxes.json", (160, 120))
-    (by_network,) = sorted_out([FoundBox("mug", (10, 10, 60, 60), 0.9)], (160, 120), "SSD").things
+    (by_network,) = to_detections([FoundBox("mug", (10, 10, 60, 60), 0.9)], (160, 120), "SSD").things
     assert (by_file.provenance, by_network.provenance) == ("person", "detector")
-    assert by_file.to_json()["provenance"] == "person" and Sighting("", None, (0, 0, 9, 9), 1.0, "me").may_be(
+    assert by_file.to_json()["provenance"] == "person" and Detection("", None, (0, 0, 9, 9), 1.0, "me").may_be(
         CHAIR.entry
     )
 
@@ -118,11 +118,11 @@ def test_a_fit_outside_its_box_is_left_out_and_one_that_is_half_hidden_or_cut_is
     x0, y0, x1, y1 = table.box_px
     beside = replace(table, box_px=(0.0, y0, x0 + 0.2 * (x1 - x0), y1))
     room = known(seen, (beside, TABLE), (bowl, BOWL))
-    room.leave_out_what_is_outside_its_box()
+    room.drop_fits_outside_their_box()
     assert list(room.fits) == [1] and "IoU of 0." in room.reasons[0] and "table_four_legs" in room.reasons[0]
     # A chair before it hides its middle and its lower half; boxes are around what is visible.
     before = replace(CHAIR, x_m=1.2, y_m=0.1)
-    for depths in (seen_from_above, by_sight):
+    for depths in (seen_from_above, monocular):
         seen, boxes = depths(TABLE, before)
         room = known(seen, (boxes[0], TABLE), (boxes[1], before))
         assert min(room.in_boxes().values()) > 0.95

@@ -11,22 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.bench.photo.drawn import DrawnRoom
+from executor.bench.photo.rooms import DrawnRoom
 from executor.bench.photo.truth import photograph, photographer
 from executor.geometry import Array
-from executor.photo.inputs.camera import Intrinsics
-from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.inputs.scale import BoardSeen, KnownLength
-from executor.photo.refusal import PhotoRefused
-from executor.photo.space.floor import level_rotation
-from executor.photo.space.level import (
-    UprightSeen,
+from executor.photo.errors import PhotoRefused
+from executor.photo.geometry.level import (
+    BoardPose,
+    KnownLength,
+    VerticalDirection,
     find_upright,
     flat_observation,
-    levelled_by_board,
-    levelled_by_height,
-    levelled_by_length,
+    level_by_board,
+    level_by_height,
+    level_by_length,
 )
+from executor.photo.geometry.observation import level_rotation
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 
 SIZE = (640, 480)
 CAMERA = Intrinsics(520.0, 520.0, 320.0, 240.0, "drawn")
@@ -36,7 +36,7 @@ UP = np.array([math.sin(ROLL_RAD) * math.cos(DOWN_RAD), -math.cos(ROLL_RAD) * ma
 
 
 def in_picture(points_m: Array) -> Array:
-    """Returns (N, 2) pixels of points of the level frame."""
+    """Return (N, 2) pixels of points of the level frame."""
     seen = (points_m - [0.0, 0.0, HEIGHT_M]) @ level_rotation(UP)
     return np.stack([520.0 * seen[:, 0] / seen[:, 2] + 320.0, 520.0 * seen[:, 1] / seen[:, 2] + 240.0], axis=1)
 
@@ -46,7 +46,7 @@ ALIKE = ((120, 120, 120), (200, 80, 116), (40, 160, 124), (120, 100, 223))  # As
 
 
 def drawn(*places: tuple[float, float], colours: Sequence[Sequence[int]] = GREYS) -> Photograph:
-    """Returns boxes on a floor, all turned alike, drawn face by face: colours of the floor, tops, fronts and sides."""
+    """Return boxes on a floor, all turned alike, drawn face by face: colours of the floor, tops, fronts and sides."""
     cv2 = pytest.importorskip("cv2")
     # Four times as fine, since OpenCV draws edges half a pixel too far out.
     rgb = np.full((4 * SIZE[1], 4 * SIZE[0], 3), colours[0], np.uint8)
@@ -68,14 +68,14 @@ def picture() -> Photograph:
 
 
 def off_deg(up: Array) -> float:
-    """Returns how far a direction is off the one that is up."""
+    """Return how far a direction is off the one that is up."""
     return math.degrees(math.acos(float(np.clip(up @ UP, -1.0, 1.0))))
 
 
 def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) -> None:
     found = find_upright(picture, CAMERA)
     assert off_deg(found.up) < 0.2
-    floor = levelled_by_height(found, HEIGHT_M)
+    floor = level_by_height(found, HEIGHT_M)
     assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "lines; the camera" in floor.source
     seen = flat_observation(picture, CAMERA, floor)
     assert not seen.has_depth and seen.heading_rad is not None
@@ -125,28 +125,28 @@ def test_up_is_square_to_other_lines_and_not_where_most_meet(picture: Photograph
 def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:
     ends = in_picture(np.array([[2.5, -0.4, 0.0], [2.9, 0.5, 0.0]]))
     known = KnownLength(tuple(ends[0]), tuple(ends[1]), math.hypot(0.4, 0.9))
-    floor = levelled_by_length(UprightSeen(UP, 9), CAMERA, known)
+    floor = level_by_length(VerticalDirection(UP, 9), CAMERA, known)
     assert floor.height_m == pytest.approx(HEIGHT_M, abs=1e-6) and 0.002 < floor.spread_share < 0.02
 
 
 def test_a_board_on_the_floor_tells_both() -> None:
     corners = np.array([[2.0 + 0.05 * i, 0.05 * j, 0.0] for i in range(4) for j in range(3)])
     seen = (corners - [0.0, 0.0, HEIGHT_M]) @ level_rotation(UP)
-    floor = levelled_by_board(BoardSeen(in_picture(corners), seen, UP))
+    floor = level_by_board(BoardPose(in_picture(corners), seen, UP))
     assert floor.height_m == pytest.approx(HEIGHT_M) and floor.tilt_deg == pytest.approx(20.0, abs=0.01)
 
 
 def test_what_is_not_level_or_not_on_the_floor_is_refused() -> None:
     grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
-    upright = UprightSeen(UP, 9)
+    upright = VerticalDirection(UP, 9)
     with pytest.raises(PhotoRefused, match="0 lines of it are upright"):
         find_upright(grey, CAMERA)
     about = find_upright(grey, CAMERA, about=UP)
     assert about.lines == 0 and about.up == pytest.approx(UP)
     with pytest.raises(PhotoRefused, match="above the horizon"):
-        levelled_by_length(upright, CAMERA, KnownLength((320.0, 10.0), (330.0, 400.0), 1.0))
+        level_by_length(upright, CAMERA, KnownLength((320.0, 10.0), (330.0, 400.0), 1.0))
     with pytest.raises(PhotoRefused, match=r"9\.00 m above the floor"):
-        levelled_by_height(upright, 9.0)
-    standing = BoardSeen(np.zeros((6, 2)), np.ones((6, 3)), np.array([0.0, 0.0, -1.0]))
+        level_by_height(upright, 9.0)
+    standing = BoardPose(np.zeros((6, 2)), np.ones((6, 3)), np.array([0.0, 0.0, -1.0]))
     with pytest.raises(PhotoRefused, match="does not lie on the floor"):
-        levelled_by_board(standing)
+        level_by_board(standing)

@@ -12,13 +12,10 @@ import pytest
 from PIL import Image
 
 from executor.assets.library import LIBRARY
-from executor.cli.main import run
+from executor.cli.app import run
+from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.perception.depth_network import guessed_depth
-from executor.photo.perception.folders import detector_in
-from executor.photo.perception.packaged import packaged
-from executor.photo.perception.zero_shot import zero_shot
-from executor.photo.refusal import PhotoRefused
+from executor.photo.perception import detector_in, guessed_depth, packaged, zero_shot
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.executor.photo.tiny_networks import coco_ssd, depth_anything, grounding_dino, owlv2
 

@@ -11,12 +11,10 @@ import pytest
 from PIL import Image
 
 from executor.bench.photo.measure import category_in
-from executor.bench.photo.sensor import MockedDetector, noisy
-from executor.bench.photo.tracks import input_of
+from executor.bench.photo.tracks import MockedDetector, input_of, noisy
 from executor.bench.photo.truth import Shot, photograph, photograph_for, photographer
-from executor.cli.main import run
-from executor.scenes.furnishing.furnish import furnished
-from executor.scenes.reading import load_scene
+from executor.cli.app import run
+from executor.scenes.file import complete_scene, load_scene
 
 SIZE = (480, 360)
 ROOM = {
@@ -38,7 +36,7 @@ ROOM = {
 @pytest.fixture(scope="module")
 def shot() -> Shot:
     """A photograph of a corner with a table, a bowl on it, and a cabinet."""
-    scene = furnished(ROOM).scene
+    scene = complete_scene(ROOM).scene
     assert scene is not None
     with photographer():
         return photograph(scene, 62001, SIZE)
@@ -62,7 +60,7 @@ def folder(shot: Shot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def photo(folder: Path, *more: str) -> int:
-    """Runs the command on the photograph and returns its exit code."""
+    """Run the command on the photograph and returns its exit code."""
     given = ["--depth", folder / "depth.png", "--boxes", folder / "boxes.json", "--camera", folder / "camera.json"]
     return run(["photo", str(folder / "room.png"), *map(str, given), "--out", str(folder / "out"), *more])
 
@@ -114,7 +112,7 @@ def test_a_run_makes_its_scene_of_a_photograph_once(folder: Path, monkeypatch: p
     made = (folder / "run" / "photo" / "scene.json").read_bytes()
     assert json.loads((folder / "run" / "scene.json").read_text())["objects"].keys() >= {"bowl_0", "table_0"}
     monkeypatch.setattr(
-        "executor.cli.commands.photo.given.reconstructed", lambda *given: pytest.fail("it was made before")
+        "executor.cli.commands.photo.reconstruct_scene", lambda *given: pytest.fail("it was made before")
     )
     assert run([*words, "--force"]) == 0
     assert (folder / "run" / "photo" / "scene.json").read_bytes() == made

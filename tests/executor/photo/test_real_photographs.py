@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.cli.main import run
-from executor.photo.inputs.camera import Intrinsics
+from executor.cli.app import run
+from executor.photo.geometry.observation import observe
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import read_picture
-from executor.photo.space.floor import observe
+from executor.photo.inputs.picture import Intrinsics, read_picture
 
 _PACKAGE = find_spec("skimage")
 pytestmark = pytest.mark.skipif(_PACKAGE is None, reason="scikit-image, which has the photographs, is not installed")

@@ -9,31 +9,31 @@ import pytest
 from numpy.typing import NDArray
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess
+from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.starts import flat_among, large_enough
-from executor.photo.overlay import shown_things
-from executor.photo.space.claim import Claim
-from executor.photo.space.observation import Observation
-from executor.photo.space.rows import parted
-from executor.photo.space.standing_out import LEAST_PX
+from executor.photo.geometry.observation import Observation
+from executor.photo.geometry.residuals import LEAST_PX, VisibilityCheck, split_row
+from executor.photo.output import visible_owners
 from tests.executor.photo.test_fit import TABLE, seen_from_above
 
-LEFT = Guess(LIBRARY["cabinet_one_door"], 2.2, 0.4, 0.0, 0.0, (0.6, 0.6, 0.8))
+LEFT = PoseHypothesis(LIBRARY["cabinet_one_door"], 2.2, 0.4, 0.0, 0.0, (0.6, 0.6, 0.8))
 RIGHT = replace(LEFT, y_m=-0.2)
-MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 2.2, 0.4, 0.0, 0.8, (0.35, 0.45, 0.28))
+MICROWAVE = PoseHypothesis(LIBRARY["microwave_side_hinge"], 2.2, 0.4, 0.0, 0.8, (0.35, 0.45, 0.28))
 GREY, WHITE = (170, 178, 176), (190, 188, 182)
 
 
-def row(*guesses: Guess, colours: tuple[tuple[int, int, int], ...]) -> tuple[Observation, list[NDArray[np.bool_]]]:
-    """Returns a picture of some things, each of one colour, and where each of them is."""
+def row(
+    *guesses: PoseHypothesis, colours: tuple[tuple[int, int, int], ...]
+) -> tuple[Observation, list[NDArray[np.bool_]]]:
+    """Return a picture of some things, each of one colour, and where each of them is."""
     seen, _ = seen_from_above(*guesses)
-    shown = shown_things(seen, {str(number): one for number, one in enumerate(guesses)})
+    shown = visible_owners(seen, {str(number): one for number, one in enumerate(guesses)})
     rgb = np.array([*colours, (90, 90, 90)], dtype=np.uint8)[shown]
     return replace(seen, rgb=rgb), [shown == number for number in range(len(guesses))]
 
 
 def parts_of(seen: Observation, things: list[NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
-    return [one for one in parted(np.any(things, axis=0) & seen.measured, seen, ()) if one.sum() >= LEAST_PX]
+    return [one for one in split_row(np.any(things, axis=0) & seen.measured, seen, ()) if one.sum() >= LEAST_PX]
 
 
 def common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
@@ -49,7 +49,7 @@ def common(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
     ],
     ids=["colour", "height", "front"],
 )
-def test_neighbours_that_differ_are_parted(right: Guess, colours: tuple[tuple[int, int, int], ...]) -> None:
+def test_neighbours_that_differ_are_parted(right: PoseHypothesis, colours: tuple[tuple[int, int, int], ...]) -> None:
     seen, things = row(LEFT, right, colours=colours)
     parts = parts_of(seen, things)
     assert len(parts) == 2
@@ -71,14 +71,14 @@ def test_what_stands_on_a_row_is_a_part_of_its_own() -> None:
 def test_of_a_table_before_the_camera_a_corner_is_enough_and_of_a_wall_it_is_not() -> None:
     seen, _ = seen_from_above(TABLE)
     top = seen.points_m[..., 2] > TABLE.size_m[2] - 0.1
-    shown = top & (shown_things(seen, {"table": TABLE}) == 0)
+    shown = top & (visible_owners(seen, {"table": TABLE}) == 0)
     depth_m = np.where(shown, seen.z_m, np.inf)
     far_beyond = TABLE.corners_m() * [1.0, 20.0, 1.0]
     nothing = np.full(seen.z_m.shape, np.inf)
-    claim = Claim.of(seen, depth_m, nothing, far_beyond)
-    assert claim.seen_share < 0.25 and claim.is_borne_out(60)
+    claim = VisibilityCheck.of(seen, depth_m, nothing, far_beyond)
+    assert claim.visible_share < 0.25 and claim.is_borne_out(60)
     upright = replace(seen, rays=seen.rays[..., [0, 2, 1]])
-    assert not Claim.of(upright, depth_m, nothing, far_beyond).is_borne_out(60)
+    assert not VisibilityCheck.of(upright, depth_m, nothing, far_beyond).is_borne_out(60)
 
 
 def test_what_stands_on_a_table_does_not_make_it_too_high_for_one_and_a_bed_may_lack_its_head() -> None:

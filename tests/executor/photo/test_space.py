@@ -11,16 +11,14 @@ import pytest
 
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
-from executor.photo.fitting.body import Guess
-from executor.photo.inputs.annotations import Sighting
-from executor.photo.inputs.camera import Intrinsics
+from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.geometry.observation import observe
+from executor.photo.geometry.residuals import BoxView, VisibilityCheck
+from executor.photo.geometry.walls import depth_of_empty, find_walls, find_walls_again
+from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.refusal import PhotoRefused
-from executor.photo.space.box_view import BoxView
-from executor.photo.space.claim import Claim
-from executor.photo.space.floor import observe
-from executor.photo.space.walls import depth_of_empty, find_walls, seen_anew
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 from tests.executor.photo.test_fit import seen_from_above
 
 SIZE = (200, 150)
@@ -30,7 +28,7 @@ PICTURE = Photograph(Path("drawn.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8
 
 
 def rays_in_room() -> Array:
-    """Returns (H, W, 3) in a room with x ahead, y left, z up, for a camera that looks down and is a little askew."""
+    """Return (H, W, 3) in a room with x ahead, y left, z up, for a camera that looks down and is a little askew."""
     c, s = math.cos(ROLL_RAD), math.sin(ROLL_RAD)
     rolled = CAMERA.rays(SIZE) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]).T
     ahead = np.stack([rolled[..., 2], -rolled[..., 0], -rolled[..., 1]], axis=-1)
@@ -47,7 +45,7 @@ def drawn(
     behind_m: float = math.inf,
     thick_m: float = 0.0,
 ) -> Depth:
-    """Returns the depth of a floor, walls across and one along, with noise that grows with the square of the depth.
+    """Return the depth of a floor, walls across and one along, with noise that grows with the square of the depth.
 
     The first wall across has a top that is as deep as `thick_m`.
     """
@@ -88,11 +86,11 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
     (wall,) = find_walls(seen, ())
     assert wall.offset_m == pytest.approx(-4.0, abs=0.02)
     assert wall.normal == pytest.approx([-1.0, 0.0], abs=0.02)
-    nothing = (Sighting("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me"),)
+    nothing = (Detection("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me"),)
     beside = find_walls(observe(PICTURE, drawn(left_m=0.2), CAMERA)[0], nothing)
     assert sorted(wall.offset_m for wall in beside) == pytest.approx([-4.0, -0.2], abs=0.02)
     assert len(find_walls(observe(PICTURE, drawn(left_m=0.05), CAMERA)[0], nothing)) == 1
-    everything = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
+    everything = Detection("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     assert find_walls(seen, (everything,)) == ()
 
 
@@ -102,7 +100,7 @@ def test_a_wall_of_bent_depths_goes_along_the_lines_of_the_room_and_is_as_far_as
     rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
     # Bent by 6 % above and to the right, and hardly where floor is seen.
     bent = 1.0 + 0.06 * np.clip(1.0 - rows / 60.0, 0.0, 1.0) * columns / SIZE[0]
-    seen, level = observe(PICTURE, replace(flat, z_m=flat.z_m * bent, bend_share=0.02), CAMERA, floor)
+    seen, level = observe(PICTURE, replace(flat, z_m=flat.z_m * bent, depth_distortion=0.02), CAMERA, floor)
     assert level.height_m == floor.height_m and level.tilt_deg == floor.tilt_deg
     (askew,) = find_walls(seen, ())
     (wall,) = find_walls(replace(seen, heading_rad=0.0), ())
@@ -130,7 +128,7 @@ def test_a_thing_is_seen_as_before_until_something_before_it_is_known() -> None:
 
 
 def test_the_front_of_what_nobody_has_put_a_box_around_is_a_wall_where_it_is_thin() -> None:
-    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
+    somewhere = Detection("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
     row, wall = (drawn(wall_m=2.5, top_m=0.8, behind_m=3.5, thick_m=thick_m) for thick_m in (0.6, 0.1))
     (behind,) = find_walls(observe(PICTURE, row, CAMERA)[0], (somewhere,))
     assert behind.offset_m == pytest.approx(-3.5, abs=0.02)
@@ -145,16 +143,16 @@ def test_the_front_of_what_nobody_has_put_a_box_around_is_a_wall_where_it_is_thi
 
 def test_a_wall_in_a_box_is_found_when_it_is_known_which_pixels_are_of_the_thing() -> None:
     seen, _ = observe(PICTURE, drawn(), CAMERA)
-    thing = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
+    thing = Detection("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     nothing = np.zeros(seen.z_m.shape, dtype=bool)
     (far,) = find_walls(seen, ())
     assert find_walls(seen, (thing,)) == ()
     for known in ((), (replace(far, offset_m=far.offset_m + 0.05, top_m=1.0),)):
-        (wall,) = seen_anew(known, seen, (), nothing)
+        (wall,) = find_walls_again(known, seen, (), nothing)
         assert (wall.offset_m, wall.top_m) == pytest.approx((far.offset_m, far.top_m), abs=0.01)
-    assert seen_anew((far,), seen, (thing,), nothing) == (far,), "one that is not seen again stays"
+    assert find_walls_again((far,), seen, (thing,), nothing) == (far,), "one that is not seen again stays"
     on_wall = np.abs(seen.points_m[..., 0] - 4.0) < 0.1
-    assert seen_anew((), seen, (), on_wall) == (), "what was fitted is no wall"
+    assert find_walls_again((), seen, (), on_wall) == (), "what was fitted is no wall"
     depth, owner = depth_of_empty(seen, (far,))
     assert (owner[on_wall] == 1).mean() > 0.95 and (owner[~on_wall] == 0).mean() > 0.95
     assert depth == pytest.approx(np.minimum(seen.floor_z_m, far.depth(seen.eye_m, seen.rays)))
@@ -179,7 +177,7 @@ def test_a_wall_goes_exactly_square_to_another_where_its_points_do(askew_rad: fl
     across = rays[..., 1] * math.cos(askew_rad) + rays[..., 0] * math.sin(askew_rad)
     aside_m = np.where(across > 1e-6, 0.9 / np.maximum(across, 1e-6), np.inf)
     z_m = np.minimum(depth.z_m, aside_m + 0.004 * np.random.default_rng(1).normal(size=aside_m.shape))
-    nothing = (Sighting("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me"),)
+    nothing = (Detection("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me"),)
     found = find_walls(observe(PICTURE, replace(depth, z_m=z_m), CAMERA)[0], nothing)
     ahead, aside = sorted(found, key=lambda wall: wall.offset_m)
     assert (ahead.offset_m, aside.offset_m) == pytest.approx((-4.0, -0.9), abs=0.02)
@@ -187,7 +185,7 @@ def test_a_wall_goes_exactly_square_to_another_where_its_points_do(askew_rad: fl
 
 
 def test_what_is_left_of_a_front_beside_the_fit_of_it_is_no_wall() -> None:
-    somewhere = Sighting("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
+    somewhere = Detection("cup", None, (150.0, 130.0, 160.0, 140.0), 1.0, "me")
     seen, _ = observe(PICTURE, drawn(wall_m=2.5, top_m=0.8, behind_m=3.5, thick_m=0.1), CAMERA)
     on_face = (np.abs(seen.points_m[..., 0] - 2.5) < 0.05) & (seen.points_m[..., 2] > 0.0)
     for most, offsets_m in ((1, [-3.5, -2.5]), (3, [-3.5])):
@@ -198,8 +196,8 @@ def test_what_is_left_of_a_front_beside_the_fit_of_it_is_no_wall() -> None:
 
 @pytest.mark.parametrize(("x_m", "width_m"), [(0.75, 1.0), (0.95, 0.8)])
 def test_a_strip_of_a_tables_top_is_no_wall_where_nobody_has_boxed_the_table(x_m: float, width_m: float) -> None:
-    table = Guess(LIBRARY["table_round"], x_m, 0.1, 0.0, 0.0, (width_m, width_m, 0.69))
-    somewhere = Sighting("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me")
+    table = PoseHypothesis(LIBRARY["table_round"], x_m, 0.1, 0.0, 0.0, (width_m, width_m, 0.69))
+    somewhere = Detection("cup", "cup", (0.0, 0.0, 4.0, 4.0), 1.0, "me")
     assert find_walls(seen_from_above(table, finer=2)[0], (somewhere,)) == ()
 
 
@@ -221,19 +219,24 @@ def test_a_claim_is_borne_out_where_it_is_seen_and_not_where_one_sees_through_it
     nothing, there = np.full(seen.z_m.shape, np.inf), np.zeros(seen.z_m.shape, dtype=bool)
     there[40:80, 50:100] = True
     corners = seen.points_m[[40, 40, 79, 79], [50, 99, 50, 99]]
-    right = Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing, corners)
+    right = VisibilityCheck.of(seen, np.where(there, seen.z_m, np.inf), nothing, corners)
     assert right.is_borne_out(60) and right.right_px == int((there & seen.measured).sum()) and right.through_px == 0
     assert right.fills((52.0, 40.0, 100.0, 78.0)) and not right.fills((50.0, 40.0, 65.0, 52.0))
-    before_it = Claim.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing, corners)
+    before_it = VisibilityCheck.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing, corners)
     assert before_it.right_px == 0 and not before_it.is_borne_out(0) and not before_it.fills((50.0, 40.0, 100.0, 80.0))
     partly = np.where(there, seen.z_m, np.inf)
     partly[40:50] -= 0.5
-    assert not Claim.of(seen, partly, nothing, corners).is_borne_out(60), "a quarter of it is seen through"
-    assert Claim.of(seen, partly, partly - 0.1, corners).right_px == 0, "what is hidden by what is known says nothing"
+    assert not VisibilityCheck.of(seen, partly, nothing, corners).is_borne_out(60), "a quarter of it is seen through"
+    assert VisibilityCheck.of(seen, partly, partly - 0.1, corners).right_px == 0, (
+        "what is hidden by what is known says nothing"
+    )
     hidden = np.where(there, seen.z_m, np.inf)
     hidden[40:60] += 0.5
-    assert not Claim.of(seen, hidden, nothing, corners).is_borne_out(60), (
+    assert not VisibilityCheck.of(seen, hidden, nothing, corners).is_borne_out(60), (
         "half of it is hidden by nothing that is known"
     )
     beside = corners + [0.0, 0.8, 0.0] * np.abs(corners)
-    assert Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing, beside + [0.0, 3.0, 0.0]).seen_share < 0.25
+    assert (
+        VisibilityCheck.of(seen, np.where(there, seen.z_m, np.inf), nothing, beside + [0.0, 3.0, 0.0]).visible_share
+        < 0.25
+    )

@@ -9,38 +9,35 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess
-from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.evidence import of_one_hue
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.fitting.likelihood import Fit, Neighbourhood, prior_cost
 from executor.photo.fitting.starts import high_enough
-from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.annotations import Detection
+from executor.photo.room.estimate import RoomEstimate, level_heights
 from executor.photo.room.fitter import STOOD_OUT, RoomFitter
-from executor.photo.room.known import KnownRoom
-from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
-from executor.photo.room.supports import level_heights
-from executor.photo.room.together import OF_ONE_HUE, refit_pairs
+from executor.photo.room.reconstruct import OF_ONE_HUE, FittedRoom, FittedThing, reconstruct, refit_pairs
 from executor.photo.scene import scene_of
-from executor.photo.space.appearance import of_one_hue
-from tests.executor.photo.test_by_sight import by_sight
+from tests.executor.photo.test_by_sight import monocular
 from tests.executor.photo.test_fit import TABLE, seen_from_above
 
-COUNTER = Guess(LIBRARY["counter_plain"], 2.3, -0.2, 0.1, 0.0, (0.6, 0.9, 0.8))
-MICROWAVE = Guess(LIBRARY["microwave_side_hinge"], 2.3, -0.2, 0.1, 0.8, (0.4, 0.48, 0.3))
-CABINET = Guess(LIBRARY["cabinet_two_doors"], 2.3, 0.6, 0.1, 0.0, (0.6, 0.8, 0.8))
+COUNTER = PoseHypothesis(LIBRARY["counter_plain"], 2.3, -0.2, 0.1, 0.0, (0.6, 0.9, 0.8))
+MICROWAVE = PoseHypothesis(LIBRARY["microwave_side_hinge"], 2.3, -0.2, 0.1, 0.8, (0.4, 0.48, 0.3))
+CABINET = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.3, 0.6, 0.1, 0.0, (0.6, 0.8, 0.8))
 
 
-def apart_m(guess: Guess, other: Guess) -> float:
-    """Returns how far apart two things stand."""
+def apart_m(guess: PoseHypothesis, other: PoseHypothesis) -> float:
+    """Return how far apart two things stand."""
     return math.dist((guess.x_m, guess.y_m), (other.x_m, other.y_m))
 
 
-def fit_of(guess: Guess, explained: float = 1.0) -> Fit:
-    """Returns a fit of which nothing is known but what it explains."""
+def fit_of(guess: PoseHypothesis, explained: float = 1.0) -> Fit:
+    """Return a fit of which nothing is known but what it explains."""
     return Fit(guess, 0.0, (), explained, 0.0, 100, None)
 
 
 def test_a_microwave_is_fitted_though_nobody_has_drawn_a_box_around_what_carries_it() -> None:
-    behind = Guess(LIBRARY["wardrobe_two_doors"], 3.6, 0.5, 0.1, 0.0, (0.6, 1.0, 1.7))
+    behind = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 3.6, 0.5, 0.1, 0.0, (0.6, 1.0, 1.7))
     seen, (_, *boxes) = seen_from_above(COUNTER, MICROWAVE, behind)
     room = reconstruct(seen, boxes, (), find_more=True)
     made = {thing.fit.guess.entry.category: thing for thing in room.things}
@@ -70,26 +67,26 @@ def test_what_stands_across_another_is_in_its_way_as_what_stands_along_it() -> N
 
 def test_two_that_are_taken_for_each_other_are_fitted_anew_together() -> None:
     seen, boxes = seen_from_above(CABINET, COUNTER)
-    room = KnownRoom(seen, (), boxes, 0.0)
+    room = RoomEstimate(seen, (), boxes, 0.0)
     fitter = RoomFitter(room)
     # The cabinet is where the counter is seen, which therefore cannot be.
     wrong = {0: replace(CABINET, y_m=0.0, size_m=(0.6, 1.0, 0.8)), 1: replace(COUNTER, y_m=-0.9)}
     for index, guess in wrong.items():
-        room.keep(index, fit_of(guess, 0.5))
+        room.add_fit(index, fit_of(guess, 0.5))
     refit_pairs(fitter, (0, 1), lambda words: None)
     assert all(apart_m(room.fits[index].guess, true) < 0.02 for index, true in enumerate((CABINET, COUNTER)))
     right = dict(room.fits)
     for index in right:
-        room.keep(index, replace(right[index], explained=0.5))
+        room.add_fit(index, replace(right[index], explained=0.5))
     refit_pairs(fitter, (0, 1), lambda words: None)
     assert all(apart_m(room.fits[index].guess, right[index].guess) < 0.01 for index in right)
 
 
 def test_of_two_in_each_other_the_one_that_explains_less_is_the_wrong_one() -> None:
     seen, boxes = seen_from_above(TABLE, COUNTER)
-    room = KnownRoom(seen, (), boxes, 0.0)
-    room.keep(0, fit_of(TABLE, 0.98))
-    room.keep(
+    room = RoomEstimate(seen, (), boxes, 0.0)
+    room.add_fit(0, fit_of(TABLE, 0.98))
+    room.add_fit(
         1, fit_of(replace(COUNTER, x_m=TABLE.x_m, y_m=TABLE.y_m, yaw_rad=TABLE.yaw_rad, size_m=(0.9, 0.9, 0.8)), 0.8)
     )
     assert not room.is_impossible(0) and room.is_impossible(1)
@@ -99,8 +96,8 @@ def test_of_two_in_each_other_the_one_that_explains_less_is_the_wrong_one() -> N
 def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
     seen, boxes = seen_from_above(TABLE, CABINET)
     far = replace(CABINET, x_m=4.0)
-    through = Guess(LIBRARY["wardrobe_two_doors"], 4.05, 0.62, 0.1, 0.0, (0.6, 0.9, 1.7))
-    corner = Sighting("wardrobe", "wardrobe", (300.0, 10.0, 320.0, 20.0), 1.0, "drawn")
+    through = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 4.05, 0.62, 0.1, 0.0, (0.6, 0.9, 1.7))
+    corner = Detection("wardrobe", "wardrobe", (300.0, 10.0, 320.0, 20.0), 1.0, "drawn")
     things = [(boxes[0], TABLE), (boxes[1], far), (corner, through)]
     every = FittedRoom(tuple(FittedThing(f"{one.label}_0", one, fit_of(guess)) for one, guess in things), (), ())
     assert scene_of(every, "drawn", 0.0)[1].refused
@@ -120,11 +117,11 @@ def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
     [(0.0, 0.6, 0.0, True), (0.02, 0.6, 0.0, False), (0.02, 0.6, 90.0, True), (0.02, 0.3, 0.0, True)],
 )
 def test_where_depths_are_bent_what_looks_right_is_not_doubted_for_being_elsewhere(
-    bend_share: float, explained: float, cost: float, *, doubtful: bool
+    depth_distortion: float, explained: float, cost: float, *, doubtful: bool
 ) -> None:
     seen, boxes = seen_from_above(TABLE)
-    room = KnownRoom(replace(seen, bend_share=bend_share), (), boxes, 0.0)
-    room.keep(0, replace(fit_of(TABLE, explained), cost=cost))
+    room = RoomEstimate(replace(seen, depth_distortion=depth_distortion), (), boxes, 0.0)
+    room.add_fit(0, replace(fit_of(TABLE, explained), cost=cost))
     assert room.is_doubtful(0) is doubtful
 
 
@@ -134,21 +131,21 @@ def test_what_nobody_has_named_is_no_table_of_a_size_that_none_has_unless_someth
 ) -> None:
     seen, boxes = seen_from_above(TABLE)
     giant = replace(TABLE, x_m=5.0, y_m=1.5, size_m=(0.6, 2.9, 1.3))
-    carton = Guess(LIBRARY["carton"], 5.0, 1.5, 0.0, 1.3 if carries else 0.0, (0.1, 0.06, 0.14))
-    room = KnownRoom(seen, (), boxes, 0.0)
-    room.keep(0, fit_of(carton))
+    carton = PoseHypothesis(LIBRARY["carton"], 5.0, 1.5, 0.0, 1.3 if carries else 0.0, (0.1, 0.06, 0.14))
+    room = RoomEstimate(seen, (), boxes, 0.0)
+    room.add_fit(0, fit_of(carton))
     for guess in (TABLE, giant):
         room.detections.append(replace(boxes[0], source=STOOD_OUT))
-        room.keep(len(room.detections) - 1, fit_of(guess))
-    room.leave_out_what_is_inside()
+        room.add_fit(len(room.detections) - 1, fit_of(guess))
+    room.drop_contained_fits()
     assert list(room.fits) == ([0, 1, 2] if carries else [0, 1])
 
 
 @pytest.mark.slow
 def test_by_sight_a_table_without_a_box_is_found_under_what_stands_on_it() -> None:
-    carton = Guess(LIBRARY["carton"], 2.0, 0.0, 0.4, 0.7, (0.1, 0.06, 0.14))
-    can = Guess(LIBRARY["can"], 2.3, 0.25, 0.0, 0.7, (0.07, 0.07, 0.1))
-    seen, (_, *boxes) = by_sight(TABLE, carton, can)
+    carton = PoseHypothesis(LIBRARY["carton"], 2.0, 0.0, 0.4, 0.7, (0.1, 0.06, 0.14))
+    can = PoseHypothesis(LIBRARY["can"], 2.3, 0.25, 0.0, 0.7, (0.07, 0.07, 0.1))
+    seen, (_, *boxes) = monocular(TABLE, carton, can)
     room = reconstruct(seen, boxes, (), find_more=True)
     made = {thing.detection.label: thing for thing in room.things}
     assert set(made) == {"", "box", "can"} and made[""].detection.source == OF_ONE_HUE
@@ -167,7 +164,7 @@ def test_what_is_of_one_hue_ends_where_it_does_and_greys_are_everywhere() -> Non
 
 
 def test_without_depth_a_box_on_the_floor_tells_how_high_a_thing_may_be() -> None:
-    seen, (box,) = by_sight(CABINET)
+    seen, (box,) = monocular(CABINET)
     models = {entry.model for entry in high_enough(seen, box.box_px, [0.0])}
     assert {"cabinet_two_doors", "counter_plain", "table_four_legs"} <= models
     assert not {"mug", "red_apple", "carton"} & models

@@ -13,11 +13,11 @@ import pytest
 
 import bddl
 import llm
-from executor.bench.photo import transfer
-from executor.bench.photo.drawn import DrawnRoom, drawn, each_once
-from executor.bench.photo.transfer import renamed, transfer_rows
+from executor.bench.photo import measure
+from executor.bench.photo.measure import to_true_room, transfer_rows
+from executor.bench.photo.rooms import DrawnRoom, drawn, each_once
+from executor.scenes.file import load_scene
 from executor.scenes.pair import ScenePair
-from executor.scenes.reading import load_scene
 from oag import ObjectActionGraph, Scene, compose
 
 QUERY = "put the glass into the refrigerator"
@@ -31,15 +31,15 @@ class Rolled:
 
 
 def executed(monkeypatch: pytest.MonkeyPatch, at_once: bool, evolved: bool, rehearsed: bool = True) -> dict[str, Any]:
-    """Returns what is told of a plan that succeeds at once or not, and after self-evolution or not."""
+    """Return what is told of a plan that succeeds at once or not, and after self-evolution or not."""
     true = load_scene("kitchen_t1")
     task = llm.propose(QUERY, true).task
     pair = ScenePair("T1-1", "T1", QUERY, true, task)
     story = SimpleNamespace(succeeded=evolved, revisions=2, rollout=Rolled(evolved))
-    monkeypatch.setattr(transfer, "rollout", lambda *given, **more: Rolled(at_once))
-    monkeypatch.setattr(transfer, "evolve", lambda *given, **more: story)
-    monkeypatch.setattr(transfer, "_outcome", lambda done: {"succeeded": done.succeeded, "failure": "slip: it fell"})
-    return transfer._executed(compose(task, scene=true), pair, 0, not rehearsed)
+    monkeypatch.setattr(measure, "rollout", lambda *given, **more: Rolled(at_once))
+    monkeypatch.setattr(measure, "evolve", lambda *given, **more: story)
+    monkeypatch.setattr(measure, "_outcome", lambda done: {"succeeded": done.succeeded, "failure": "slip: it fell"})
+    return measure._executed(compose(task, scene=true), pair, 0, not rehearsed)
 
 
 @pytest.mark.parametrize("evolved", [True, False])
@@ -67,14 +67,14 @@ def test_a_plan_that_is_refuted_in_the_true_room_takes_the_proved_fix(monkeypatc
         proved.append(bool(graph.verify()))
         return SimpleNamespace(succeeded=True, revisions=0)
 
-    monkeypatch.setattr(transfer, "evolve", evolve)
-    told = transfer._executed(compose(wrong, scene=true), ScenePair("T1-1", "T1", QUERY, true, right), 0, False)
+    monkeypatch.setattr(measure, "evolve", evolve)
+    told = measure._executed(compose(wrong, scene=true), ScenePair("T1-1", "T1", QUERY, true, right), 0, False)
     assert proved == [True] and "table_0" in told["fix"]
     assert (told["stage"], told["transferred"], told["evolved"], told["revisions"]) == ("true plan", False, True, 1)
 
 
 def called_otherwise(scene: Scene) -> tuple[Scene, dict[str, str]]:
-    """Returns the same room with other ids, and what the true ones are."""
+    """Return the same room with other ids, and what the true ones are."""
     names = {f"made_{number}": key for number, key in enumerate(scene.objects)}
     made = {key: new for new, key in names.items()}
     facts = tuple(re.sub(r"[a-z_0-9]+", lambda found: made.get(found[0], found[0]), str(fact)) for fact in scene.facts)
@@ -87,7 +87,7 @@ def test_a_plan_is_proved_under_the_names_of_the_true_room() -> None:
     true = load_scene("kitchen_t1")
     made, names = called_otherwise(true)
     pair = ScenePair("T1-1", "T1", QUERY, true, llm.propose(QUERY, true).task)
-    task = renamed(llm.propose(QUERY, made).task, made, names, pair)
+    task = to_true_room(llm.propose(QUERY, made).task, made, names, pair)
     assert [one.target for one in task.subtasks] == [one.target for one in pair.task.subtasks]
     assert task.goal == pair.task.goal and compose(task, scene=true).verify()
 
@@ -98,7 +98,7 @@ def test_a_plan_about_what_stands_for_nothing_is_none() -> None:
     pair = ScenePair("T1-1", "T1", QUERY, true, llm.propose(QUERY, true).task)
     missing = next(new for new, key in names.items() if key == pair.task.subtasks[0].target)
     with pytest.raises(KeyError, match=missing):
-        renamed(llm.propose(QUERY, made).task, made, {k: v for k, v in names.items() if k != missing}, pair)
+        to_true_room(llm.propose(QUERY, made).task, made, {k: v for k, v in names.items() if k != missing}, pair)
 
 
 def test_rooms_are_of_households_and_of_kitchens_by_turns_and_of_other_seeds_beyond_the_first() -> None:

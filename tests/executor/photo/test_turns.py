@@ -8,30 +8,29 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY
-from executor.photo.fitting.body import Guess, Size, is_round
+from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.fit import fit_thing
-from executor.photo.fitting.likelihood import Likelihood
-from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood
-from executor.photo.fitting.turns import turned_by_ear
+from executor.photo.fitting.hypothesis import PoseHypothesis, Size, is_round
+from executor.photo.fitting.likelihood import Likelihood, Neighbourhood
+from executor.photo.fitting.refinement import orient_by_ear
 from tests.executor.photo.test_fit import painted_around, seen_from_above
 
 SIZE_M = (0.115, 0.08, 0.09)
 EAR_M = (SIZE_M[0] - SIZE_M[1]) / 2  # From the axis of its body to the middle of its box.
 
 
-def turned(yaw_rad: float, size_m: Size = SIZE_M) -> Guess:
-    """Returns a mug whose body stands in one place."""
+def turned(yaw_rad: float, size_m: Size = SIZE_M) -> PoseHypothesis:
+    """Return a mug whose body stands in one place."""
     x, y = 0.9 + EAR_M * math.cos(yaw_rad), EAR_M * math.sin(yaw_rad)
-    return Guess(LIBRARY["mug"], x, y, yaw_rad, 1.0, size_m)
+    return PoseHypothesis(LIBRARY["mug"], x, y, yaw_rad, 1.0, size_m)
 
 
-def found_from(true_rad: float, start_rad: float, size_m: Size = SIZE_M) -> Guess:
-    """Returns what is found of a mug that is turned one way, by who begins with another turn and size."""
+def found_from(true_rad: float, start_rad: float, size_m: Size = SIZE_M) -> PoseHypothesis:
+    """Return what is found of a mug that is turned one way, by who begins with another turn and size."""
     seen, boxes = seen_from_above(turned(true_rad))
     nobody = np.zeros(seen.z_m.shape, dtype=np.int32)
-    fine = Likelihood(Patch.around(seen, boxes[0].box_px, seen.floor_z_m, nobody, 5000), Neighbourhood(()))
-    return turned_by_ear(fine, fine.rated(turned(start_rad, size_m))).guess
+    fine = Likelihood(PixelEvidence.around(seen, boxes[0].box_px, seen.floor_z_m, nobody, 5000), Neighbourhood(()))
+    return orient_by_ear(fine, fine.rated(turned(start_rad, size_m))).guess
 
 
 @pytest.mark.parametrize("start_rad", [0.0, 3.0])
@@ -53,7 +52,7 @@ def test_a_hidden_ear_is_in_the_middle_of_what_hides_it() -> None:
 
 def test_a_die_has_sides_though_it_is_as_long_as_it_is_wide() -> None:
     assert [is_round(LIBRARY[model]) for model in ("plate", "can", "die", "mug")] == [True, True, False, False]
-    true = Guess(LIBRARY["die"], 1.2, 0.0, 0.35, 0.9, (0.06, 0.06, 0.06))
+    true = PoseHypothesis(LIBRARY["die"], 1.2, 0.0, 0.35, 0.9, (0.06, 0.06, 0.06))
     around, box = painted_around(true)
     found = fit_thing(around, box.box_px, [true.entry], [0.9])
     assert found is not None and found.guess.size_m[0] == pytest.approx(0.06, abs=0.002)

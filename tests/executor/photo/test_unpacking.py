@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.depth import read_depth
-from executor.photo.refusal import PhotoRefused
 from tests.executor.hostile_packing import MOST_MB, MOST_S, measured, zip_bomb
 
 _READ = """
 from pathlib import Path
 from executor.photo.inputs.depth import read_depth
-from executor.photo.refusal import PhotoRefused
+from executor.photo.errors import PhotoRefused
 code = 2
 for name in sys.argv[2:]:
     try:

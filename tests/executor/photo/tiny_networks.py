@@ -38,7 +38,7 @@ def _tokenizer(transformers: Any, folder: Path) -> None:
 
 
 def grounding_dino(transformers: Any, folder: Path) -> Any:
-    """Writes a Grounding DINO of 0.2 million weights, and returns it."""
+    """Write a Grounding DINO of 0.2 million weights, and returns it."""
     swin = transformers.SwinConfig(
         embed_dim=8,
         depths=[1, 1, 1, 1],
@@ -72,7 +72,7 @@ def grounding_dino(transformers: Any, folder: Path) -> Any:
 
 
 def owlv2(transformers: Any, folder: Path) -> Any:
-    """Writes an OWLv2 of a few thousand weights, and returns it."""
+    """Write an OWLv2 of a few thousand weights, and returns it."""
     tower = {"hidden_size": 16, "num_hidden_layers": 1, "num_attention_heads": 2, "intermediate_size": 32}
     text = {"vocab_size": 64, "max_position_embeddings": 16, "bos_token_id": 2, "eos_token_id": 3, "pad_token_id": 0}
     config = transformers.Owlv2Config(
@@ -89,7 +89,7 @@ def owlv2(transformers: Any, folder: Path) -> Any:
 
 
 def depth_anything(transformers: Any, folder: Path, *, metric: bool = True) -> Any:
-    """Writes a Depth Anything of some ten thousand weights, and returns it."""
+    """Write a Depth Anything of some ten thousand weights, and returns it."""
     backbone = transformers.Dinov2Config(
         hidden_size=32,
         num_hidden_layers=4,
@@ -118,7 +118,7 @@ def depth_anything(transformers: Any, folder: Path, *, metric: bool = True) -> A
 
 
 def coco_ssd(folder: Path, kind: int) -> None:
-    """Writes an SSD in the form of TensorFlow's zoo: one box in the middle, of a class where the picture is red.
+    """Write an SSD in the form of TensorFlow's zoo: one box in the middle, of a class where the picture is red.
 
     The mean colour decides: its red share, of 255, is the logit of the class less 100.
     """
@@ -147,7 +147,7 @@ def _varint(number: int) -> bytes:
 
 
 def _field(number: int, content: bytes) -> bytes:
-    """Returns a field of a protocol buffer that has a length."""
+    """Return a field of a protocol buffer that has a length."""
     return _varint(number << 3 | 2) + _varint(len(content)) + content
 
 
@@ -156,7 +156,7 @@ def _number(field: int, value: int) -> bytes:
 
 
 def _constant(name: str, value: np.ndarray) -> bytes:
-    """Returns a node of TensorFlow's graph that holds an array (fields of NodeDef, AttrValue, TensorProto)."""
+    """Return a node of TensorFlow's graph that holds an array (fields of NodeDef, AttrValue, TensorProto)."""
     kind = 1 if value.dtype == np.float32 else 3
     shape = b"".join(_field(2, _number(1, side)) for side in value.shape)
     tensor = _number(1, kind) + _field(2, shape) + _field(4, value.tobytes())

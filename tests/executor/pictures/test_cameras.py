@@ -11,18 +11,27 @@ from numpy.typing import ArrayLike, NDArray
 
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.cameras import VIEWS, Camera, head_camera, look_at, wrist_camera
-from executor.pictures.overview import cameras_for, global_camera, interest_points
-from executor.scenes import household, library
-from executor.scenes.long_horizon import draw
+from executor.scenes import library
+from executor.scenes.generators import household
+from executor.scenes.generators.long_horizon import draw
 from executor.scenes.vary import vary
+from executor.sim.render.cameras import (
+    VIEWS,
+    Camera,
+    cameras_for,
+    global_camera,
+    head_camera,
+    interest_points,
+    look_at,
+    wrist_camera,
+)
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
 SIZE = (320, 240)
 
 
 def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tuple[int, int]) -> Array:
-    """Returns (N, 3): column and row in pixels, and the distance along the viewing axis in metres."""
+    """Return (N, 3): column and row in pixels, and the distance along the viewing axis in metres."""
     width, height = size
     T = T_world_mount @ camera.T_mount_camera
     local = (np.asarray(points_m, dtype=float) - T[:3, 3]) @ T[:3, :3]
@@ -33,7 +42,7 @@ def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tup
 
 
 def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Returns (N,) whether each projected point (see `project`) lies in front of the camera and in the picture."""
+    """Return (N,) whether each projected point (see `project`) lies in front of the camera and in the picture."""
     u, v, depth = projected.T
     return np.asarray((depth > 0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1]))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.pictures.frames import Frames, shrink, view_size
-from executor.pictures.render import BadPictureSize, check_size
+from executor.sim.render.frames import Frames, shrink, view_size
+from executor.sim.render.pool import BadPictureSize, check_size
 
 
 def test_shrinking_averages_whole_blocks() -> None:

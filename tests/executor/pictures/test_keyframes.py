@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.pictures.frames import MOST_FRAMES, frame_count, key_samples, step_samples
+from executor.sim.render.frames import MOST_FRAMES, frame_count, key_samples, step_samples
 from tests.executor.recordings import invented_rollout
 
 

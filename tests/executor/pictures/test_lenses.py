@@ -10,15 +10,15 @@ import pytest
 from executor.bench.units import BenchSetting, Unit, indices_of
 from executor.bench.work import execute, prepare
 from executor.geometry import rotation_z, transform, transform_from_quaternion
-from executor.pictures.cameras import Camera, head_camera, wrist_camera
-from executor.pictures.overview import LENS_GAP_M, global_camera, inside_points
-from executor.pictures.solids import Solids
-from executor.records.rollout import Rollout
-from executor.scenes import household, library
-from executor.scenes.long_horizon import draw
+from executor.records import Rollout
+from executor.scenes import library
+from executor.scenes.generators import household
+from executor.scenes.generators.long_horizon import draw
 from executor.scenes.vary import vary
+from executor.sim.render.cameras import LENS_GAP_M, Camera, global_camera, head_camera, inside_points, wrist_camera
+from executor.sim.render.solids import Solids
 from oag import RobotPose, Scene
-from oag.model.categories import Kind
+from oag.model.symbols import Kind
 from tests.executor.helpers import scene_object
 
 pytestmark = pytest.mark.physics
@@ -32,13 +32,13 @@ HAND_TO_TCP_M = 0.07238
 
 
 def units(per_long_family: int, stride: int, seed: int) -> list[Unit]:
-    """Returns episodes of all families: of the long ones so many, of the household's every one in so many."""
+    """Return episodes of all families: of the long ones so many, of the household's every one in so many."""
     long = [Unit(f, seed + k, None, BenchSetting()) for f in ("T1", "T2", "T3", "T4") for k in range(per_long_family)]
     return long + [Unit(f, seed, i, BenchSetting()) for f in ("T5", "T6") for i in indices_of(f)[::stride]]
 
 
 def lens_gap_m(done: Rollout, camera: Camera, every: int = 1) -> float:
-    """Returns how near one of the robot's lenses came to anything solid over a recording; negative inside it."""
+    """Return how near one of the robot's lenses came to anything solid over a recording; negative inside it."""
     motion, lens = done.trajectory, [*camera.T_mount_camera[:3, 3], 1.0]
     things, moves = done.scene.objects, {*motion.object_poses, *motion.joint_positions}
     moving = replace(done.scene, objects={n: t for n, t in things.items() if n in moves}, facts=())
@@ -59,7 +59,7 @@ def lens_gap_m(done: Rollout, camera: Camera, every: int = 1) -> float:
 
 
 def overview_gap_m(done: Rollout) -> float:
-    """Returns how near the overview's lens is to anything solid, at the episode's start and end."""
+    """Return how near the overview's lens is to anything solid, at the episode's start and end."""
     eye = global_camera(done.scene, task=done.task).T_mount_camera[:3, 3]
     joints = {name: positions[-1] for name, positions in done.trajectory.joint_positions.items()}
     return min(Solids.of(done.scene).gap_m(eye), Solids.of(done.scene, joints).gap_m(eye))

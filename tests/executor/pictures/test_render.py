@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.render import RenderFailed, RenderPool, render
-from executor.records.rollout import Rollout
+from executor.records import Rollout
+from executor.sim.render.pool import RenderFailed, RenderPool, render
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]

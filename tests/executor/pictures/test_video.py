@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.frames import Frames
-from executor.pictures.video import Composer, write_video
-from executor.records.captions import Caption, action_text, captions_of, number_text
+from executor.records import Caption, action_text, captions_of, number_text
+from executor.sim.render.frames import Composer, Frames, write_video
 from tests.executor.recordings import invented_rollout
 
 av = pytest.importorskip("av")
 
 
 def pictures(count: int, size: tuple[int, int] = (64, 48)) -> Frames:
-    """Returns three views of plain grey that gets lighter."""
+    """Return three views of plain grey that gets lighter."""
     width, height = size
     tones = np.linspace(20, 220, count).astype(np.uint8)[:, None, None, None]
     views = {

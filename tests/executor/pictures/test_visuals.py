@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executor.assets.build import textured_box, textured_material
 from executor.assets.model import Shape, Vector
-from executor.assets.visuals import textured_box, textured_material
-from executor.pictures.overview import cameras_for
-from executor.pictures.stage import Draughtsman
 from executor.scenes import library
-from executor.world.world import World
+from executor.sim.render.cameras import cameras_for
+from executor.sim.render.stage import SceneRenderer
+from executor.sim.world import World
 from oag import SceneObject
 
 pytestmark = [pytest.mark.physics, pytest.mark.render]
@@ -38,12 +38,12 @@ class RedHandles:
 
 
 def test_every_colour_is_where_it_belongs() -> None:
-    draughtsman = Draughtsman()
+    scene_renderer = SceneRenderer()
     cameras = cameras_for(SCENE, ("global",), aspect=1.0)
-    with draughtsman.stage(SCENE, cameras, {"global": (256, 256)}, painting=RedHandles()) as stage:
+    with scene_renderer.stage(SCENE, cameras, {"global": (256, 256)}, materials=RedHandles()) as stage:
         seen = stage.sense(None)["global"]
         legend = stage.legend()
-    draughtsman.close()
+    scene_renderer.close()
     assert seen.segmentation is not None
     owners = np.array([legend[k].owner if k in legend else "" for k in range(max(legend) + 1)])[seen.segmentation]
     # Light adds a little grey; which colour is strongest stays.

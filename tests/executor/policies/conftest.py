@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
-from executor.datasets.worker import run_unit
-from executor.policies.settings import PolicySettings, settings_of
+from executor.data.generation import series_of
+from executor.data.store import EpisodeStore
+from executor.data.worker import run_unit
+from executor.learn.settings import PolicySettings, settings_of
 from tests.source_tree import ROOT
 
 KITCHEN = ROOT / "examples" / "policies" / "kitchen.json"
@@ -25,7 +25,7 @@ PLAN = {
 
 @pytest.fixture(scope="session")
 def picked(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns the store: seconds of physics."""
+    """Return the store: seconds of physics."""
     store, series = EpisodeStore(tmp_path_factory.mktemp("picked") / "s"), series_of(PLAN)
     store.add_requests([one.to_json() for one in series])
     for one in series:
@@ -35,7 +35,7 @@ def picked(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 
 
 def small(**parts: dict[str, object]) -> PolicySettings:
-    """Returns settings of a small policy of the state."""
+    """Return settings of a small policy of the state."""
     content: dict[str, dict[str, object]] = {
         "sees": {"phase": True, "way": True},
         "acts": {"chunk": 8, "execute": 4},
@@ -49,5 +49,5 @@ def small(**parts: dict[str, object]) -> PolicySettings:
 
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
-    """Returns where a new policy may go."""
+    """Return where a new policy may go."""
     return tmp_path / "p"

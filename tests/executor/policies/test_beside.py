@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from executor.datasets.formats.export import open_set
-from executor.datasets.formats.observations import THING, StateReader
-from executor.datasets.formats.stream import FoldedEpisode
-from executor.datasets.store import EpisodeStore
-from executor.policies.seen.beside import beside
-from executor.policies.settings import SettingsError, settings_of
-from executor.policies.windows import read_demonstrations
-from executor.world.world import World
-from oag.model.primitives import Primitive
+from executor.data.formats.export import open_set
+from executor.data.formats.table import EpisodeTable
+from executor.data.state_readers import THING, StateReader
+from executor.data.store import EpisodeStore
+from executor.learn.demonstrations import read_demonstrations
+from executor.learn.observations import offset_drives
+from executor.learn.settings import SettingsError, settings_of
+from executor.sim.world import World
+from oag.model.symbols import Primitive
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -23,16 +23,16 @@ STATE, AROUND = "observation.state", "observation.environment_state"
 
 
 @pytest.fixture(scope="module")
-def episode(picked: EpisodeStore) -> FoldedEpisode:
-    """Returns a demonstration of picking up."""
+def episode(picked: EpisodeStore) -> EpisodeTable:
+    """Return a demonstration of picking up."""
     return next(iter(open_set(picked.path, ()).episodes()))
 
 
 def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(
-    picked: EpisodeStore, episode: FoldedEpisode
+    picked: EpisodeStore, episode: EpisodeTable
 ) -> None:
     drives = episode.columns["primitive_index"] == Primitive.NAVIGATE_TO_TARGET.value
-    found = beside(episode.columns, drives, np.zeros_like(drives), 0.05, np.random.default_rng(0))
+    found = offset_drives(episode.columns, drives, np.zeros_like(drives), 0.05, np.random.default_rng(0))
     moved = (found[STATE] != episode.columns[STATE]).any(axis=1)
     assert 0.2 < moved[drives].mean() < 0.8 and not moved[~drives].any()
     assert (found[AROUND] == episode.columns[AROUND]).all()
@@ -49,11 +49,11 @@ def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(
             assert turn.magnitude() < 1e-3
 
 
-def test_what_is_held_moves_along(episode: FoldedEpisode) -> None:
+def test_what_is_held_moves_along(episode: EpisodeTable) -> None:
     count = episode.length
     columns = {name: np.array(column) for name, column in episode.columns.items()}
     columns[AROUND][:, 11:14] = columns[STATE][:, 12:15] + 0.01  # The hand has it.
-    found = beside(columns, np.ones(count, bool), np.ones(count, bool), 0.05, np.random.default_rng(0))
+    found = offset_drives(columns, np.ones(count, bool), np.ones(count, bool), 0.05, np.random.default_rng(0))
     moved = (found[STATE] != columns[STATE]).any(axis=1)
 
     def from_hand(told: dict[str, np.ndarray], places: slice) -> np.ndarray:

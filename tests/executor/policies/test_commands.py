@@ -11,16 +11,15 @@ from types import SimpleNamespace
 import pytest
 
 from executor.bench.units import EVALUATION_VERSION, outcome_version
-from executor.cli.commands.policies.evaluate import kind_of
+from executor.cli.app import run
+from executor.cli.commands.evaluate import kind_of
 from executor.cli.errors import BadOption
-from executor.cli.main import run
-from executor.datasets.store import EpisodeStore
-from executor.datasets.units import Origin
-from executor.datasets.variation import Variation
-from executor.policies.acting import Actor
-from executor.policies.judging.outcomes import FAILURES, EpisodeOutcome
-from executor.policies.settings import PolicySettings, SettingsError, read_settings
-from executor.policies.windows import EpisodeKind
+from executor.data.store import EpisodeStore
+from executor.data.units import Origin, Variation
+from executor.learn.acting import TrainedPolicy
+from executor.learn.demonstrations import EpisodeKind
+from executor.learn.evaluation.outcomes import FAILURES, EpisodeOutcome
+from executor.learn.settings import PolicySettings, SettingsError, read_settings
 
 pytestmark = pytest.mark.physics
 
@@ -41,7 +40,7 @@ keep_every = 2
 
 
 def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
-    """Returns what was printed last."""
+    """Return what was printed last."""
     found: dict[str, object] = json.loads(capsys.readouterr().out)
     return found
 
@@ -102,7 +101,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*train, "--seed", "1"]) == 2
     assert "--force begins anew" in str(last_json(capsys)["error"])
 
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
     results = tmp_path / "r"
     evaluate = ["evaluate", str(out), "--episodes", "2", "--seed", "62985", "--json"]
     assert run([*evaluate, "--out", str(results)]) == 0
@@ -130,20 +129,22 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     settings, out, results = tmp_path / "tiny.toml", tmp_path / "p", tmp_path / "r"
     settings.write_text(TINY)
     assert run(["train", str(settings), "--data", str(picked.path), "--out", str(out), "--threads", "1"]) == 0
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
     evaluate = ["evaluate", str(out), "--episodes", "1", "--seed", "62985"]
 
     def full(path: Path, _: object) -> None:
         raise OSError(28, "No space left on device", str(path))
 
     with monkeypatch.context() as patched:
-        patched.setattr("executor.cli.commands.policies.evaluate.write_json", full)
+        patched.setattr("executor.cli.commands.evaluate.write_json", full)
         capsys.readouterr()
         assert run([*evaluate, "--out", str(results)]) == 3
     told = capsys.readouterr()
     assert "0 of 1" in told.out and "No space left on device" in told.err
 
-    def invented(actors: list[Actor], kind: object, seeds: range, told: Callable[..., None], _: object) -> object:
+    def invented(
+        actors: list[TrainedPolicy], kind: object, seeds: range, told: Callable[..., None], _: object
+    ) -> object:
         ends = [
             EpisodeOutcome(seed, good, good, "" if good else FAILURES[0], 1.0, {})
             for seed, good in zip(seeds, (True, False), strict=True)
@@ -153,7 +154,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
         return {actors[0].name: ends}
 
     with monkeypatch.context() as patched:
-        patched.setattr("executor.cli.commands.policies.evaluate.evaluate", invented)
+        patched.setattr("executor.cli.commands.evaluate.evaluate", invented)
         assert run(["evaluate", str(out), "--episodes", "2", "--seed", "62985"]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
@@ -161,7 +162,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     def never(*_: object) -> None:
         raise AssertionError("an episode began")
 
-    monkeypatch.setattr("executor.cli.commands.policies.evaluate.evaluate", never)
+    monkeypatch.setattr("executor.cli.commands.evaluate.evaluate", never)
     assert run([*evaluate, "--out", str(settings), "--json"]) == 2
     assert f"the output folder {settings} cannot be used: File exists" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--out", str(settings / "r"), "--json"]) == 2

@@ -12,21 +12,21 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.cli.main import run
-from executor.datasets.formats.export import write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoSeries, DemoUnit, Takeover
-from executor.datasets.worker import run_unit
-from executor.envs.environment import SceneEnvironment
-from executor.envs.replay import replayed
-from executor.policies.acting import Actor
-from executor.policies.correcting import Corrector
-from executor.policies.judging.outcomes import OutcomeWatch
-from executor.policies.trained import PolicyRecord, policy_key
-from executor.policies.training import Trainer
-from executor.policies.windows import read_demonstrations
-from executor.rollouts.continuing import continue_plan
+from executor.cli.app import run
+from executor.data.formats.export import write_set
+from executor.data.formats.store_reader import stream_of
+from executor.data.store import EpisodeStore
+from executor.data.units import DemoSeries, DemoUnit, Takeover
+from executor.data.worker import run_unit
+from executor.envs.demonstration_replay import replay_episode
+from executor.envs.scene_environment import SceneEnvironment
+from executor.learn.acting import TrainedPolicy
+from executor.learn.correcting import Corrector
+from executor.learn.demonstrations import read_demonstrations
+from executor.learn.evaluation.outcomes import OutcomeWatch
+from executor.learn.policy_record import PolicyRecord, policy_key
+from executor.learn.training import Trainer
+from executor.rollouts.takeover import continue_plan
 from tests.executor.policies.conftest import small
 from tests.executor.policies.test_commands import last_json
 
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.physics
 
 @pytest.fixture(scope="module")
 def policy(picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns the folder of a policy that has learned next to nothing."""
+    """Return the folder of a policy that has learned next to nothing."""
     out = tmp_path_factory.mktemp("policy") / "p"
     data = read_demonstrations([picked.path], small())
     Trainer(out, PolicyRecord.of(small(), 3, data), data).run(lambda step, loss: None)
@@ -44,16 +44,16 @@ def policy(picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def corrected(policy: Path, picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns the store of two corrections of it, of short episodes; in the second the base is pushed."""
+    """Return the store of two corrections of it, of short episodes; in the second the base is pushed."""
     store = EpisodeStore(tmp_path_factory.mktemp("corrected") / "s")
     first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
     unit = replace(first, seed=62970, takeover=Takeover(policy_key(policy), 4))
     pushed = replace(unit, seed=62971, takeover=Takeover(policy_key(policy), 4, ("base",)))
     store.add_requests([DemoSeries(unit, 1).to_json(), DemoSeries(pushed, 1).to_json()])
-    corrector = Corrector(Actor.load(policy, execute=4))
+    corrector = Corrector(TrainedPolicy.load(policy, execute=4))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("executor.policies.judging.evaluation.MOST_S", 3.0)
-        patch.setattr("executor.policies.judging.evaluation.PUSHED_BETWEEN_S", (0.5, 1.0))
+        patch.setattr("executor.learn.evaluation.trials.MOST_S", 3.0)
+        patch.setattr("executor.learn.evaluation.trials.PUSHED_BETWEEN_S", (0.5, 1.0))
         for one in (unit, pushed):
             run_unit(store, one, outcome_version(), maker=corrector.make)
     corrector.close()
@@ -100,7 +100,7 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     after = episodes[1].meta["takeover"]
     assert [push["what"] for push in after["pushes"]] == ["base"] == episodes[1].meta["unit"]["takeover"]["pushes"]
     assert after["pushes"][0]["moved_m"] > 0.02 and after["at_s"] > after["pushes"][0]["at_s"]
-    assert replayed(episodes[0], "exact").good and replayed(episodes[0], "joint_target").good
+    assert replay_episode(episodes[0], "exact").good and replay_episode(episodes[0], "joint_target").good
     settings = small()
     both = read_demonstrations([picked.path, corrected.path], settings)
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
@@ -123,11 +123,11 @@ def test_the_planner_takes_over_where_a_policy_begins_anew_and_not_where_it_succ
         def look(self, info: Mapping[str, Any]) -> None:
             self.succeeded_s = 1.0
 
-    monkeypatch.setattr(Actor, "anew", property(lambda _: anew))
-    monkeypatch.setattr("executor.policies.correcting.OutcomeWatch", Done)
+    monkeypatch.setattr(TrainedPolicy, "restarts", property(lambda _: anew))
+    monkeypatch.setattr("executor.learn.correcting.OutcomeWatch", Done)
     first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
     unit = replace(first, seed=62972, takeover=Takeover(policy_key(policy), 4))
-    store, corrector = EpisodeStore(tmp_path / "s"), Corrector(Actor.load(policy, execute=4))
+    store, corrector = EpisodeStore(tmp_path / "s"), Corrector(TrainedPolicy.load(policy, execute=4))
     store.add_requests([DemoSeries(unit, 1).to_json()])
     run_unit(store, unit, outcome_version(), maker=corrector.make)
     corrector.close()

@@ -14,36 +14,33 @@ import numpy as np
 import pytest
 
 from executor import load_scene
-from executor.bench.summary import Rate
-from executor.cli.main import run
-from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
-from executor.datasets.work import prepared
-from executor.envs.environment import SceneEnvironment
-from executor.envs.pushes import DrawnPush, Pusher, drawn_pushes
-from executor.policies.acting import Acting, Actor
-from executor.policies.judging.axes import by_axis
-from executor.policies.judging.comparison import PolicyScore, by_training
-from executor.policies.judging.evaluation import (
+from executor.bench.tables import Rate
+from executor.cli.app import run
+from executor.data.generation import series_of
+from executor.data.store import EpisodeStore
+from executor.data.work import prepare_unit
+from executor.envs.pushes import DrawnPush, Pusher, draw_pushes
+from executor.envs.scene_environment import SceneEnvironment
+from executor.learn.acting import Policy, TrainedPolicy
+from executor.learn.demonstrations import read_demonstrations
+from executor.learn.evaluation.outcomes import AFTER_S, EpisodeOutcome, MonitorWatch, OutcomeWatch
+from executor.learn.evaluation.scores import Curve, PolicyScore, by_axis, by_training, diagram, loss_curve
+from executor.learn.evaluation.trials import (
     MOST_S,
     PUSHED_BETWEEN_S,
     UNDONE_S,
     PlanGuide,
+    StallWatch,
     TrialConditions,
     environment_for,
     most_steps,
     pusher_of,
     run_episode,
 )
-from executor.policies.judging.helping import StallWatch
-from executor.policies.judging.monitors import MonitorWatch
-from executor.policies.judging.outcomes import AFTER_S, EpisodeOutcome, OutcomeWatch
-from executor.policies.judging.page import Curve, diagram, loss_curve
-from executor.policies.steps import subtask_of
-from executor.policies.trained import PolicyRecord
-from executor.policies.training import Trainer
-from executor.policies.windows import read_demonstrations
-from executor.rollouts.running import rollout
+from executor.learn.observations import subtask_of
+from executor.learn.policy_record import PolicyRecord
+from executor.learn.training import Trainer
+from executor.rollouts.rollout import rollout
 from llm import propose
 from oag import TaskError
 from tests.executor.policies.conftest import KITCHEN, PLAN, small
@@ -54,7 +51,7 @@ pytestmark = pytest.mark.physics
 
 @pytest.fixture
 def env(picked: EpisodeStore) -> Iterator[SceneEnvironment]:
-    """Returns the environment of a demonstration, at its start."""
+    """Return the environment of a demonstration, at its start."""
     episode = next(picked.demonstrations())
     with closing(SceneEnvironment(scene=episode.scene, task=episode.task)) as found:
         found.reset(seed=0)
@@ -85,10 +82,10 @@ def test_pushes_move_the_base_and_the_item_by_a_force(env: SceneEnvironment) -> 
 
 
 def test_pushes_follow_from_the_seed() -> None:
-    first, again, other = (drawn_pushes(("base", "item"), seed, (2.0, 10.0)) for seed in (1, 1, 2))
+    first, again, other = (draw_pushes(("base", "item"), seed, (2.0, 10.0)) for seed in (1, 1, 2))
     assert first == again != other and len(first) == 2
     assert all(2.0 <= push.at_s <= 10.0 for push in (*first, *other))
-    assert [push for push in drawn_pushes(("item",), 1, (2.0, 10.0))] == [push for push in first if push.what == "item"]
+    assert [push for push in draw_pushes(("item",), 1, (2.0, 10.0))] == [push for push in first if push.what == "item"]
 
 
 def test_an_item_that_is_not_there_is_not_pushed(env: SceneEnvironment) -> None:
@@ -114,7 +111,7 @@ def test_monitors_see_a_robot_that_runs_into_things(env: SceneEnvironment) -> No
         target[0] += 0.05  # On, whatever is there: at last the table.
         env.step(target.astype(np.float32))
         watch.look(env.target)
-    assert {"stalled", "unexpected-contact"} & set(watch.seen)
+    assert {"stalled", "unexpected-contact"} & set(watch.first_failures_s)
 
 
 def test_help_is_counted_apart(picked: EpisodeStore, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,10 +119,10 @@ def test_help_is_counted_apart(picked: EpisodeStore, out: Path, monkeypatch: pyt
     data = read_demonstrations([picked.path], small())
     record = PolicyRecord.of(small(), 3, data)
     Trainer(out, record, data).run(lambda step, loss: None)
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
-    monkeypatch.setattr("executor.policies.judging.evaluation.PUSHED_BETWEEN_S", (0.1, 0.2))
-    with closing(environment_for(Actor.load(out), record.kinds[0])) as env:
-        outcome, _ = run_episode(env, Actor.load(out), 62986, TrialConditions(("item",), fallback=True))
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.PUSHED_BETWEEN_S", (0.1, 0.2))
+    with closing(environment_for(TrainedPolicy.load(out), record.kinds[0])) as env:
+        outcome, _ = run_episode(env, TrainedPolicy.load(out), 62986, TrialConditions(("item",), fallback=True))
     assert not outcome.success_once and outcome.failure and outcome.success_with_help
     (helped,) = outcome.helped
     assert helped["because"] == "time" and helped["succeeded"] and helped["took_s"] > 3.0
@@ -169,7 +166,7 @@ class Pretender:
     record = SimpleNamespace(rate_hz=10.0)
 
     def __init__(self) -> None:
-        self.subtask = self.anew = 0
+        self.subtask = self.restarts = 0
         self.begun: list[list[int]] = []
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
@@ -182,24 +179,24 @@ class Pretender:
 def test_the_graph_sends_back_who_goes_on_from_what_is_not_done_and_on_who_does_what_is() -> None:
     task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
     actor = Pretender()
-    guide = PlanGuide(cast(Acting, actor), task)
+    guide = PlanGuide(cast(Policy, actor), task)
     for _ in range(100):
         guide.look({"stage": 0})
         guide.look({"stage": 1})  # A door counts as open long before it was opened as far as it has to be.
     assert actor.begun == []
-    actor.anew = 1
+    actor.restarts = 1
     guide.look({"stage": 0})
     assert actor.begun == [], "what is not done may be begun anew"
-    actor.anew = 2
+    actor.restarts = 2
     guide.look({"stage": 1})
     assert actor.begun == [[1, 2, 3]]
-    actor.anew, actor.subtask = 2, 2
+    actor.restarts, actor.subtask = 2, 2
     for _ in range(int(UNDONE_S * 10.0)):
         guide.look({"stage": 1})
     assert len(actor.begun) == 1
     guide.look({"stage": 1})
     assert actor.begun[1:] == [[1, 2, 3]]
-    actor.anew, actor.subtask = 3, 3
+    actor.restarts, actor.subtask = 3, 3
     guide.look({"stage": 4})
     assert len(actor.begun) == 2, "behind the last subtask there is nothing to go on with"
 
@@ -215,9 +212,9 @@ def test_who_succeeds_as_the_time_runs_out_is_looked_at_for_as_long_as_anybody(
 
     actor = Pretender()
     actor.act = lambda observation: env.target  # type: ignore[attr-defined]
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
-    monkeypatch.setattr("executor.policies.judging.evaluation.OutcomeWatch", Late)
-    outcome, _ = run_episode(env, cast(Acting, actor), 0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.OutcomeWatch", Late)
+    outcome, _ = run_episode(env, cast(Policy, actor), 0)
     assert outcome.success_once and not outcome.success_at_end, "it did not hold"
     assert outcome.simulated_s == pytest.approx(0.9, abs=0.05) and env.world.time_s >= 0.9 + AFTER_S
 
@@ -251,7 +248,7 @@ def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alon
     unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
     assert unit.stances == 2 and unit.to_json()["stances"] == 2
     assert "stances" not in replace(unit, stances=1).to_json()
-    graph = prepared(unit).graph
+    graph = prepare_unit(unit).graph
     hashes = [rollout(graph, seed=seed, vary=False, stances=2).state_hash for seed in (0, 7)]
     assert hashes[0] == hashes[1] != rollout(graph, seed=7, vary=False).state_hash
 
@@ -264,7 +261,7 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
     for seed in (0, 1):
         told = ["--data", str(picked.path), "--out", str(tmp_path / f"p{seed}"), "--seed", str(seed), "--json"]
         assert run(["train", str(settings), "--threads", "1", *told]) == 0
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
     capsys.readouterr()
     policies = [str(tmp_path / "p0"), str(tmp_path / "p1")]
     asked = ["--episodes", "2", "--seed", "62985", "--steps", "2", "4", "--push", "base", "--json"]
@@ -278,12 +275,12 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
     assert "each thing once" in str(last_json(capsys)["error"])
 
     # Ctrl-C in the second episode of the second policy: what both had done by then is kept.
-    def ended(env: SceneEnvironment, actor: Actor, seed: int, conditions: TrialConditions) -> object:
+    def ended(env: SceneEnvironment, actor: TrainedPolicy, seed: int, conditions: TrialConditions) -> object:
         if seed == 62986 and actor.name == policies[1]:
             raise KeyboardInterrupt
         return run_episode(env, actor, seed, conditions)
 
-    monkeypatch.setattr("executor.policies.judging.evaluation.run_episode", ended)
+    monkeypatch.setattr("executor.learn.evaluation.trials.run_episode", ended)
     asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
     assert run(["evaluate", *policies, *asked]) == 130
     kept = last_json(capsys)
@@ -292,5 +289,5 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
 
 
 def episode(seed: int, *, good: bool) -> EpisodeOutcome:
-    """Returns an outcome."""
+    """Return an outcome."""
     return EpisodeOutcome(seed, good, good, "" if good else "lost", 2.0, {})

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 import torch
 
-from executor.datasets.store import EpisodeStore
-from executor.policies.acting import Actor
-from executor.policies.judging.evaluation import environment_for
-from executor.policies.networks import PolicyNetwork
-from executor.policies.seen.features import ROBOT_NUMBERS, THING_NUMBERS
-from executor.policies.seen.locator import Locator
-from executor.policies.settings import PolicySettings
-from executor.policies.trained import PolicyRecord
-from executor.policies.training import Trainer
-from executor.policies.windows import Demonstrations, read_demonstrations
+from executor.data.store import EpisodeStore
+from executor.learn.acting import TrainedPolicy
+from executor.learn.demonstrations import Demonstrations, read_demonstrations
+from executor.learn.evaluation.trials import environment_for
+from executor.learn.networks import Locator, PolicyNetwork
+from executor.learn.observations import ROBOT_NUMBERS, THING_NUMBERS
+from executor.learn.policy_record import PolicyRecord
+from executor.learn.settings import PolicySettings
+from executor.learn.training import Trainer
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -70,7 +69,7 @@ def test_training_brings_places_nearer_and_the_policy_acts_on_a_cloud_alone(data
     torch.manual_seed(0)
     before = off_m(record.network().eval())
     Trainer(out, record, data).run(lambda step, loss: None)
-    actor = Actor.load(out)
+    actor = TrainedPolicy.load(out)
     assert off_m(actor._network) < 0.6 * before
     env = environment_for(actor, record.kinds[0])
     observation, _ = env.reset(seed=62985)

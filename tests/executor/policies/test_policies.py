@@ -13,37 +13,44 @@ import numpy as np
 import pytest
 import torch
 
-from executor.datasets.formats.export import open_set, write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
-from executor.datasets.store import EpisodeStore, NotADataset
-from executor.envs.environment import SceneEnvironment
-from executor.policies import windows
-from executor.policies.acting import Actor
-from executor.policies.chunks import targets_from_here, targets_in_the_room
-from executor.policies.judging.comparison import PolicyScore, paired_tests
-from executor.policies.judging.evaluation import TrialConditions, environment_for, run_episode
-from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
-from executor.policies.networks import NetworkSizes, PolicyNetwork
-from executor.policies.seen.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
-from executor.policies.settings import Sees, SettingsError, known_settings, read_settings, settings_of
-from executor.policies.steps import primitive_of, subtask_of
-from executor.policies.trained import (
+from executor.data.formats.export import open_set, write_set
+from executor.data.formats.store_reader import stream_of
+from executor.data.state_readers import AGENT, ENVIRONMENT, THING, THINGS
+from executor.data.store import EpisodeStore, NotADataset
+from executor.envs.scene_environment import SceneEnvironment
+from executor.learn import demonstrations
+from executor.learn.acting import TrainedPolicy
+from executor.learn.action_chunks import to_base_targets, to_world_targets
+from executor.learn.demonstrations import Demonstrations, read_demonstrations
+from executor.learn.evaluation.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
+from executor.learn.evaluation.scores import PolicyScore, paired_tests
+from executor.learn.evaluation.trials import TrialConditions, environment_for, run_episode
+from executor.learn.networks import NetworkSizes, PolicyNetwork
+from executor.learn.observations import (
+    HANDLE_NUMBERS,
+    ROBOT_NUMBERS,
+    THING_NUMBERS,
+    own_numbers,
+    primitive_of,
+    state_numbers,
+    subtask_of,
+)
+from executor.learn.policy_record import (
     ABOUT,
     MOST_DEVIATIONS,
     WEIGHTS,
     NotAPolicy,
     PolicyRecord,
     load_network,
-    normalised,
+    normalise,
     read_record,
     read_tensors,
 )
-from executor.policies.training import Trainer, learning_rate, parameters
-from executor.policies.windows import Demonstrations, read_demonstrations
-from executor.robot.actions import joint_limits
-from oag.model.primitives import Primitive
-from oag.model.scenefile import FULL_SCALE
+from executor.learn.settings import Sees, SettingsError, known_settings, read_settings, settings_of
+from executor.learn.training import Trainer, learning_rate, parameters
+from executor.sim.robot.actions import joint_limits
+from oag.model.scene_rules import FULL_SCALE
+from oag.model.symbols import Primitive
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -51,12 +58,12 @@ pytestmark = pytest.mark.physics
 
 @pytest.fixture(scope="module")
 def data(picked: EpisodeStore) -> Demonstrations:
-    """Returns the demonstrations as a policy of the state sees them."""
+    """Return the demonstrations as a policy of the state sees them."""
     return read_demonstrations([picked.path], small())
 
 
 def trained(data: Demonstrations, out: Path, **parts: dict[str, object]) -> PolicyRecord:
-    """Trains a small policy and returns its record."""
+    """Train a small policy and returns its record."""
     record = PolicyRecord.of(small(**parts), 3, data)
     Trainer(out, record, data).run(lambda step, loss: None)
     return record
@@ -67,8 +74,8 @@ def test_targets_in_the_room_undo_targets_from_here() -> None:
     low, high = joint_limits(FULL_SCALE).T
     qpos, targets = rng.uniform(low, high), rng.uniform(low, high, (5, 12))
     targets[:, 11] = targets[:, 10]
-    chunk = targets_from_here(qpos[None], targets[None])[0]
-    assert np.allclose(targets_in_the_room(qpos, chunk), targets, atol=1e-5)
+    chunk = to_base_targets(qpos[None], targets[None])[0]
+    assert np.allclose(to_world_targets(qpos, chunk), targets, atol=1e-5)
 
 
 def test_what_is_seen_does_not_depend_on_where_the_room_is() -> None:
@@ -99,11 +106,11 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     assert (data.phases[data.lasts - 1] == data.phases).all() and (data.lasts <= data.ends).all()
     begins = int(np.flatnonzero(np.diff(data.phases))[0]) + 1
     chunk, after = data.chunks(np.array([begins - 2]), 4)
-    expected = targets_from_here(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
+    expected = to_base_targets(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
     assert np.array_equal(chunk, expected)
     assert after[0].tolist() == data.phases[begins - 1 : begins + 3].tolist() and after[0, 0] != after[0, 1]
     chunk, after = data.chunks(np.array([border - 2]), 4)
-    expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
+    expected = to_base_targets(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
     assert np.array_equal(chunk, expected)
     assert after.tolist() == [[data.phases[border - 1]] * 4]
     assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
@@ -161,13 +168,13 @@ def test_a_primitive_of_another_subtask_is_another_step(
         episodes = [replace(one, columns={**one.columns, "subtask_index": rows * 1}) for one, rows in lifting]
         return SimpleNamespace(found=stream.found, episodes=lambda: episodes)
 
-    monkeypatch.setattr(windows, "open_set", in_two)
+    monkeypatch.setattr(demonstrations, "open_set", in_two)
     found = read_demonstrations([picked.path], small())
     assert data.steps == (1, 2, 3, 7, 17) and found.steps == (1, 2, 3, 17, 107)
     assert [primitive_of(step).value for step in found.steps] == [1, 2, 3, 17, 7]
     assert [subtask_of(step) for step in found.steps] == [0, 0, 0, 0, 1]
-    assert not found.ways[found.phases == 4].any()  # Nothing is grasped in the second one.
-    least, _ = PolicyRecord.of(small(), 0, found).left
+    assert not found.grasp_modes[found.phases == 4].any()  # Nothing is grasped in the second one.
+    least, _ = PolicyRecord.of(small(), 0, found).exit_bounds
     assert least[2, 1] > -1.0 and least[4, 1] < -100.0
 
 
@@ -181,7 +188,7 @@ def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> 
     record = PolicyRecord.of(small(), 0, data)
     mean, deviation = (torch.from_numpy(part) for part in record.numbers)
     grasping = data.phases == record.steps.index(3)
-    seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.phases), (mean, deviation)).numpy()
+    seen = normalise(torch.from_numpy(data.numbers), torch.from_numpy(data.phases), (mean, deviation)).numpy()
     assert np.allclose(seen[grasping].mean(axis=0), 0.0, atol=0.02) and np.abs(seen).max() <= MOST_DEVIATIONS
     assert (record.numbers[1] >= 0.099 * np.maximum(data.numbers.std(axis=0), 1e-3)).all()
     whole = PolicyRecord.of(small(sees={"phase": False}), 0, data)
@@ -192,15 +199,17 @@ def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> 
 @pytest.mark.parametrize("told", [False, True])
 def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
     torch.manual_seed(0)
-    network = PolicyNetwork(small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, ways=4)).eval()
+    network = PolicyNetwork(
+        small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4)
+    ).eval()
     numbers, phase = torch.randn(1, 1, 5), torch.ones(1, 1, dtype=torch.int64)
-    usual, other = (network(numbers, phase, way=torch.full((1, 1), way))[0] for way in (0, 1))
+    usual, other = (network(numbers, phase, grasp_mode=torch.full((1, 1), grasp_mode))[0] for grasp_mode in (0, 1))
     assert torch.equal(usual, other) is not told
 
 
 def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> None:
     torch.manual_seed(0)
-    network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, ways=4))
+    network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4))
     given = {"numbers": torch.randn(4, 1, 5), "phase": torch.ones(4, 1, dtype=torch.int64)}
     given["way"] = torch.zeros_like(given["phase"])
     first, second = (member(**given) for member in network.members)
@@ -212,7 +221,7 @@ def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> 
 
 
 def test_the_usual_way_is_learned_from_last(data: Demonstrations, out: Path) -> None:
-    assert set(data.ways) == {0, 1}
+    assert set(data.grasp_modes) == {0, 1}
     record = PolicyRecord.of(small(training={"steps": 10, "usual": 0.3}), 0, data)
     trainer, seen = Trainer(out, record, data), []
     forward = trainer._network.forward
@@ -244,9 +253,9 @@ def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: Episode
     record = PolicyRecord.of(smoke, 0, seen)
     assert parameters(record.network()) > 12e6
     Trainer(out, record, seen).run(lambda step, loss: None)
-    actor = Actor.load(out)
+    actor = TrainedPolicy.load(out)
     # It is told no steps, so that those of doors are nothing to it either.
-    Actor("doors", replace(record, steps=(1, 2, 3, 4, 5, 6, 17, 19)), record.network())
+    TrainedPolicy("doors", replace(record, steps=(1, 2, 3, 4, 5, 6, 17, 19)), record.network())
     env = environment_for(actor, record.kinds[0])
     observation, _ = env.reset(seed=62985)
     actor.begin([17, 1, 2, 3, 7], 62985)
@@ -262,9 +271,9 @@ def test_the_future_does_not_reach_the_past(picked: EpisodeStore, data: Demonstr
     network = PolicyRecord.of(small(**kinds), 0, data).network().eval()  # type: ignore[arg-type]
     numbers, phase = torch.zeros(1, 4, data.numbers.shape[1]), torch.zeros(1, 4, dtype=torch.int64)
     with torch.inference_mode():
-        before = network(numbers, phase, way=phase)[0]
+        before = network(numbers, phase, grasp_mode=phase)[0]
         numbers[0, 3] = 5.0
-        after = network(numbers, phase, way=phase)[0]
+        after = network(numbers, phase, grasp_mode=phase)[0]
     assert torch.equal(before[0, :3], after[0, :3]) and not torch.equal(before[0, 3], after[0, 3])
 
 
@@ -307,7 +316,7 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
     record = trained(data, out)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    actor = Actor.load(out)
+    actor = TrainedPolicy.load(out)
 
     def actions(plan: list[int]) -> list[np.ndarray]:
         observation, _ = env.reset(seed=62985)
@@ -328,7 +337,7 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
 
 def test_a_policy_whose_numbers_ran_away_is_named(data: Demonstrations, out: Path) -> None:
     kind = trained(data, out).kinds[0]
-    actor = Actor.load(out)
+    actor = TrainedPolicy.load(out)
     for weights in actor._network.parameters():
         weights.data.fill_(float("nan"))
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
@@ -338,10 +347,10 @@ def test_a_policy_whose_numbers_ran_away_is_named(data: Demonstrations, out: Pat
 
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = trained(data, out)
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    outcome, footage = run_episode(env, Actor.load(out), 62985, TrialConditions(keep_states=True))
+    outcome, footage = run_episode(env, TrainedPolicy.load(out), 62985, TrialConditions(keep_states=True))
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
 

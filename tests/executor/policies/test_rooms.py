@@ -8,26 +8,32 @@ import numpy as np
 import pytest
 import torch
 
-from executor.datasets.formats.export import open_set
-from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
-from executor.datasets.store import EpisodeStore
-from executor.policies.acting import Actor
-from executor.policies.chunks import numbers_each, targets_in_the_room
-from executor.policies.seen.mirror import mirrored, mirrored_joints
-from executor.policies.seen.surroundings import FAR_FROM_BASE_M, FAR_FROM_TARGET_M, hinge_m, surrounding_numbers
-from executor.policies.settings import SettingsError
-from executor.policies.trained import PolicyRecord
-from executor.policies.training import Trainer
-from executor.policies.windows import read_demonstrations
-from executor.robot.actions import arm_chain
-from oag.model.scenefile import PAPER_SCALE
+from executor.data.formats.export import open_set
+from executor.data.state_readers import AGENT, ENVIRONMENT, THING, THINGS
+from executor.data.store import EpisodeStore
+from executor.learn.acting import TrainedPolicy
+from executor.learn.action_chunks import action_size, to_world_targets
+from executor.learn.demonstrations import read_demonstrations
+from executor.learn.observations import (
+    FAR_FROM_BASE_M,
+    FAR_FROM_TARGET_M,
+    hinge_m,
+    mirror_columns,
+    mirror_joints,
+    surrounding_numbers,
+)
+from executor.learn.policy_record import PolicyRecord
+from executor.learn.settings import SettingsError
+from executor.learn.training import Trainer
+from executor.sim.robot.actions import arm_chain
+from oag.model.scene_rules import PAPER_SCALE
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
 
 
 def room() -> tuple[np.ndarray, np.ndarray]:
-    """Returns the robot at 1, 0, facing along y, before a box of 0.4 by 0.6 m at 1, 1 with a low thing beside it."""
+    """Return the robot at 1, 0, facing along y, before a box of 0.4 by 0.6 m at 1, 1 with a low thing beside it."""
     agent, environment = np.zeros((1, AGENT)), np.zeros((1, ENVIRONMENT))
     agent[0, :3] = 1.0, 0.0, np.pi / 2
     rows = environment[:, : THINGS * THING].reshape(1, THINGS, THING)
@@ -78,13 +84,13 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
     joints[:, 3:10] = rng.uniform(-1.0, 1.0, (4, 7))
     chain, mirror = arm_chain(0.7), np.diag([1.0, -1.0, 1.0, 1.0])
     seen = mirror @ chain.forward(joints[:, 3:10]) @ mirror
-    assert np.allclose(chain.forward(mirrored_joints(joints)[:, 3:10]), seen)
+    assert np.allclose(chain.forward(mirror_joints(joints)[:, 3:10]), seen)
 
     columns = {name: column.copy() for name, column in next(iter(open_set(picked.path, ()).episodes())).columns.items()}
     columns["observation.state"][:, 9] = columns["action.joint_target"][:, 9] = 0.5
-    image = mirrored(columns)
+    image = mirror_columns(columns)
     assert image is not None
-    again = mirrored(image)
+    again = mirror_columns(image)
     assert again is not None
     for name in (
         "observation.state",
@@ -94,10 +100,10 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
         "primitive_index",
     ):
         assert np.allclose(again[name], columns[name], atol=1e-6)
-    sides = mirrored({**columns, "primitive_index": np.array([17, 15, 16, 20, 11, 7])})
+    sides = mirror_columns({**columns, "primitive_index": np.array([17, 15, 16, 20, 11, 7])})
     assert sides is not None and sides["primitive_index"].tolist() == [17, 16, 15, 21, 12, 7]
     columns["action.joint_target"][0, 9] = -2.0
-    assert mirrored(columns) is None
+    assert mirror_columns(columns) is None
 
 
 def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore, tmp_path: Path) -> None:
@@ -109,37 +115,37 @@ def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore
     assert begun[both.starts].all() and (both.phases[begun] == both.steps.index(17)).all()
     record = PolicyRecord.of(settings, 0, both)
     Trainer(tmp_path, record, both).run(lambda step, loss: None)
-    actor = Actor.load(tmp_path)
+    actor = TrainedPolicy.load(tmp_path)
     actor.begin([17, 1, 2, 3, 7], 0)
     agent, environment = room()
     actor.act({"agent_pos": agent[0] + np.eye(AGENT)[18], "environment_state": environment[0]})
-    assert actor._ways.keys() == {0} and actor._ways[0] < record.ways
+    assert actor._grasp_modes.keys() == {0} and actor._grasp_modes[0] < record.grasp_modes
     straight = PolicyRecord.of(small(network={"linear": True}), 0, plain).network().eval()
     seen = torch.randn(1, 1, plain.numbers.shape[1])
     steps = [torch.full((1, 1), phase) for phase in (0, 1)]
     with torch.no_grad():
         for member in straight.members:
             member.action[-1].weight.zero_()  # type: ignore[union-attr,operator,index]
-    first, second = (straight(seen, phase, way=torch.zeros_like(phase)).actions for phase in steps)
-    doubled = straight(2 * seen, steps[0], way=torch.zeros_like(steps[0])).actions
-    base = straight(0 * seen, steps[0], way=torch.zeros_like(steps[0])).actions
+    first, second = (straight(seen, phase, grasp_mode=torch.zeros_like(phase)).actions for phase in steps)
+    doubled = straight(2 * seen, steps[0], grasp_mode=torch.zeros_like(steps[0])).actions
+    base = straight(0 * seen, steps[0], grasp_mode=torch.zeros_like(steps[0])).actions
     assert torch.allclose(doubled - base, 2 * (first - base), atol=1e-5) and not torch.allclose(first, second)
     numbers, none = torch.zeros(1, 1, record.sizes.numbers), torch.zeros(1, 1, dtype=torch.int64)
-    assert record.network().eval()(numbers, none, way=none).ways.shape == (1, record.ways)
+    assert record.network().eval()(numbers, none, grasp_mode=none).grasp_modes.shape == (1, record.grasp_modes)
 
 
 def test_joints_are_put_right_by_where_the_hand_is_foretold_to_be(picked: EpisodeStore) -> None:
     settings = small(acts={"hand": True})
     data = read_demonstrations([picked.path], settings)
-    assert numbers_each(settings.acts) == 17
+    assert action_size(settings.acts) == 17
     moment = int(np.flatnonzero(data.phases == data.steps.index(2))[0])
     chunk = data.chunks(np.array([moment]), 8)[0][0]
-    exact = targets_in_the_room(data.qpos[moment], chunk[:, :11])
+    exact = to_world_targets(data.qpos[moment], chunk[:, :11])
     askew = chunk.copy()
     askew[:, 3:10] += np.random.default_rng(0).normal(0.0, 0.03, (8, 7))
     hands = arm_chain(PAPER_SCALE).forward(exact[:, 3:10])
     right, wrong = (
-        arm_chain(PAPER_SCALE).forward(targets_in_the_room(data.qpos[moment], numbers)[:, 3:10])
+        arm_chain(PAPER_SCALE).forward(to_world_targets(data.qpos[moment], numbers)[:, 3:10])
         for numbers in (askew, askew[:, :11])
     )
     assert np.abs(right - hands)[:, :3, 3].max() < 1e-3 < 5e-3 < np.abs(wrong - hands)[:, :3, 3].max()

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import torch
 
-from executor.cli.main import run
-from executor.datasets.store import EpisodeStore
+from executor.cli.app import run
+from executor.data.store import EpisodeStore
 from executor.envs import MOST_STEPS
-from executor.envs.episodes import of_family
-from executor.policies.stock import StockActor, is_stock
-from executor.policies.trained import NotAPolicy
-from executor.policies.windows import learned_from
+from executor.envs.episodes import family_source
+from executor.learn.acting import LeRobotPolicy, is_stock
+from executor.learn.demonstrations import learned_from
+from executor.learn.policy_record import NotAPolicy
 from tests.executor.policies.test_commands import last_json
 
 pytestmark = pytest.mark.physics
@@ -47,7 +47,7 @@ class Still:
 
 
 def installed(monkeypatch: pytest.MonkeyPatch, policy: Still) -> None:
-    """Puts a LeRobot in place that has one policy."""
+    """Put a LeRobot in place that has one policy."""
     configs, factory = ModuleType("lerobot.configs.policies"), ModuleType("lerobot.policies.factory")
     loader = SimpleNamespace(from_pretrained=lambda folder, **_: policy)
     configs.PreTrainedConfig = SimpleNamespace(from_pretrained=lambda folder: policy.config)  # type: ignore[attr-defined]
@@ -63,7 +63,7 @@ def installed(monkeypatch: pytest.MonkeyPatch, policy: Still) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Returns a folder as LeRobot's trainer leaves one, so far as is looked at here."""
+    """Return a folder as LeRobot's trainer leaves one, so far as is looked at here."""
     out = tmp_path / "pretrained_model"
     out.mkdir()
     (out / "config.json").write_text('{"type": "act"}')
@@ -76,7 +76,7 @@ def test_a_stock_policy_stands_in_the_same_table(
 ) -> None:
     policy = Still(10)
     installed(monkeypatch, policy)
-    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.8)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.8)
     asked = ["evaluate", str(folder), "--episodes", "2", "--json"]
     assert run([*asked, "--seed", "62985", "--data", str(picked.path)]) == 0
     (told,) = last_json(capsys)["policies"].values()  # type: ignore[attr-defined]
@@ -97,23 +97,23 @@ def test_what_it_does_is_what_the_environment_takes(
 ) -> None:
     found = learned_from(picked.path)
     installed(monkeypatch, Still(12))
-    actor = StockActor(folder, found)
+    actor = LeRobotPolicy(folder, found)
     assert actor.record.settings.acts.kind == "joint_target" and is_stock(folder)
     actor.begin([17], 3)
     action = actor.act({"agent_pos": np.zeros(20), "environment_state": np.zeros(216)})
     assert action.tolist() == [0.0] * 6 + [1.0] + [0.0] * 5
     installed(monkeypatch, Still(7))
     with pytest.raises(NotAPolicy, match="7 numbers at a time; the environment takes 10 or 12"):
-        StockActor(folder, found)
+        LeRobotPolicy(folder, found)
     seeing = Still(10)
     seeing.config.image_features = {"observation.images.head": None}
     installed(monkeypatch, seeing)
     with pytest.raises(NotAPolicy, match=r"sees observation\.images\.head"):
-        StockActor(folder, found)
+        LeRobotPolicy(folder, found)
 
 
 def checkpoint(run: Path, step: int | None, **training: object) -> Path:
-    """Returns a policy's folder in a run's, as LeRobot's trainer leaves both; `step` None is one copied by itself."""
+    """Return a policy's folder in a run's, as LeRobot's trainer leaves both; `step` None is one copied by itself."""
     out = run / "checkpoints" / f"{step or 0:06d}" / "pretrained_model"
     out.mkdir(parents=True)
     told = {"steps": 2000, "seed": 0, "output_dir": str(run), "job_name": run.name, "policy": {"repo_id": run.name}}
@@ -132,8 +132,8 @@ def test_policies_are_one_row_where_nothing_but_the_seed_differs(
     found = learned_from(picked.path)
 
     def row(folder: Path) -> tuple[str, int]:
-        actor = StockActor(folder, found)
-        return actor.record.but_for_its_seed, actor.step
+        actor = LeRobotPolicy(folder, found)
+        return actor.record.key_without_seed, actor.step
 
     first = row(checkpoint(tmp_path / "a", 2000))
     assert first[1] == 2000 and row(checkpoint(tmp_path / "b", 2000, seed=1)) == first
@@ -158,7 +158,7 @@ def test_a_policy_is_told_the_sentence_of_each_episode(
     asked = ["evaluate", str(folder), "--data", str(picked.path), "--task", "T5", "--seed", "62985", "--json"]
     assert run([*asked, "--episodes", "2"]) == 0
     capsys.readouterr()
-    sentences = [of_family("T5")(seed, None).query for seed in (62985, 62986)]
+    sentences = [family_source("T5")(seed, None).query for seed in (62985, 62986)]
     assert [looked["task"] for looked in policy.looks] == [[sentence] for sentence in sentences]
     assert len({"", "pick up the glass", *sentences}) == 4
 
@@ -166,4 +166,4 @@ def test_a_policy_is_told_the_sentence_of_each_episode(
 def test_without_lerobot_it_says_so(picked: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "lerobot", None)
     with pytest.raises(NotAPolicy, match="LeRobot, which is not installed here"):
-        StockActor(folder, learned_from(picked.path))
+        LeRobotPolicy(folder, learned_from(picked.path))

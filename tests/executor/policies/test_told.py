@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
-from executor.cli.main import run
-from executor.datasets.formats.export import write_set
-from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.selection import NothingToExport
-from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore, NotADataset
-from executor.datasets.worker import run_unit
-from executor.policies.chunks import hand_poses, hands_from_here
-from executor.policies.judging.evaluation import environment_for
-from executor.policies.trained import PolicyRecord
-from executor.policies.windows import learned_from, read_demonstrations
-from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
+from executor.cli.app import run
+from executor.data.formats.export import write_set
+from executor.data.formats.selection import NothingToExport
+from executor.data.formats.store_reader import stream_of
+from executor.data.generation import series_of
+from executor.data.store import EpisodeStore, NotADataset
+from executor.data.worker import run_unit
+from executor.learn.action_chunks import hand_poses, to_hand_frame
+from executor.learn.demonstrations import learned_from, read_demonstrations
+from executor.learn.evaluation.trials import environment_for
+from executor.learn.policy_record import PolicyRecord
+from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
 from tests.executor.policies.conftest import KITCHEN, PLAN, small
 from tests.executor.policies.test_commands import last_json
 
@@ -34,7 +34,7 @@ _LINES = "episodes.jsonl"
 
 @pytest.fixture(scope="module")
 def full_size(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns a store with a demonstration of a scene whose own robot is of full size."""
+    """Return a store with a demonstration of a scene whose own robot is of full size."""
     folder = tmp_path_factory.mktemp("full")
     scene = json.loads(KITCHEN.read_text())
     scene["robot"]["scale"] = FULL_SCALE
@@ -53,7 +53,7 @@ def test_a_scenes_own_robot_of_full_size_is_what_is_learned_from_and_acted_with(
     now, wanted = (hand_poses(rows, record.scale) for rows in (data.qpos, data.actions))
     moved_m, seen_m = now[:, :3, 3] - now[0, :3, 3], data.numbers[:, 8:11] - data.numbers[0, 8:11]
     assert np.abs(seen_m).max() > 0.2 and np.allclose(moved_m, seen_m, atol=1e-3)
-    assert data.hands is not None and np.allclose(data.hands[:, 0], hands_from_here(now, wanted), atol=1e-6)
+    assert data.hands is not None and np.allclose(data.hands[:, 0], to_hand_frame(now, wanted), atol=1e-6)
     actor = type("Acts", (), {"record": record})()
     env = environment_for(actor, record.kinds[0])  # type: ignore[arg-type]
     env.reset(seed=62985)
@@ -76,7 +76,7 @@ def test_an_episode_counts_once(picked: EpisodeStore, tmp_path: Path, capsys: py
 
 
 def without(name: str) -> Callable[[dict[str, Any]], object]:
-    """Returns what takes a key away."""
+    """Return what takes a key away."""
     return lambda about: about.pop(name)
 
 
@@ -111,11 +111,13 @@ def test_what_an_export_says_of_an_episode_is_checked(
 def test_a_set_of_failures_alone_is_not_learned_from(picked: EpisodeStore, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = stream_of(picked)
     failed = [replace(one, about={**one.about, "kind": "correction"}) for one in stream.episodes()]
-    monkeypatch.setattr("executor.policies.windows.open_set", lambda *given: replace(stream, episodes=lambda: failed))
+    monkeypatch.setattr(
+        "executor.learn.demonstrations.open_set", lambda *given: replace(stream, episodes=lambda: failed)
+    )
     for read in (learned_from, lambda folder: read_demonstrations([folder], small())):
         with pytest.raises(NothingToExport, match="has no demonstrations"):
             read(picked.path)
     robotless = replace(stream, found=replace(stream.found, robot={}))
-    monkeypatch.setattr("executor.policies.windows.open_set", lambda *given: robotless)
+    monkeypatch.setattr("executor.learn.demonstrations.open_set", lambda *given: robotless)
     with pytest.raises(NotADataset, match=r"what it says of the robot .*: it lacks 'scale'"):
         read_demonstrations([picked.path], small())

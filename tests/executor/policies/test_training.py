@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from executor.cli.main import run
-from executor.datasets.store import EpisodeStore
-from executor.policies import training
-from executor.policies.settings import read_settings
-from executor.policies.trained import LOSSES, RESUME, WEIGHTS, PolicyRecord, read_tensors
-from executor.policies.training import Trainer, TrainingDiverged, parts
-from executor.policies.windows import Demonstrations, read_demonstrations
+from executor.cli.app import run
+from executor.data.store import EpisodeStore
+from executor.learn import training
+from executor.learn.demonstrations import Demonstrations, read_demonstrations
+from executor.learn.policy_record import LOSSES, RESUME, WEIGHTS, PolicyRecord, read_tensors
+from executor.learn.settings import read_settings
+from executor.learn.training import Trainer, TrainingDiverged, parts
 from tests.executor.policies.conftest import small
 from tests.executor.policies.test_commands import last_json
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.physics
 
 @pytest.fixture(scope="module")
 def data(picked: EpisodeStore) -> Demonstrations:
-    """Returns the demonstrations as a policy of the state sees them."""
+    """Return the demonstrations as a policy of the state sees them."""
     return read_demonstrations([picked.path], small())
 
 
@@ -75,7 +75,7 @@ def test_ctrl_c_in_the_middle_of_a_step_leaves_no_half_of_it(
     record = PolicyRecord.of(small(training={"keep_every": 2}), 3, data)
     Trainer(out / "whole", record, data).run(lambda step, loss: None)
     trainer = Trainer(out / "cut", record, data)
-    monkeypatch.setattr("executor.policies.training.SAVE_EACH_S", -1.0)  # After each step.
+    monkeypatch.setattr("executor.learn.training.SAVE_EACH_S", -1.0)  # After each step.
     owner, name, at = {
         "optimiser": (trainer._optimiser, "step", 3),
         "average": (torch, "_foreach_lerp_", 4),

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.cameras import VIEWS, intrinsic_matrix
-from executor.pictures.frames import Frames
-from executor.pictures.overview import cameras_for
-from executor.pictures.stage import Draughtsman
-from executor.results.episode import ACTION_NAMES, Episode, EpisodeTooShort
-from executor.results.robomimic import write_robomimic
+from executor.data.episode import ACTION_NAMES, Episode, EpisodeTooShort
+from executor.data.robomimic import write_robomimic
 from executor.scenes import library
+from executor.sim.render.cameras import VIEWS, cameras_for, intrinsic_matrix
+from executor.sim.render.frames import Frames
+from executor.sim.render.stage import SceneRenderer
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")
@@ -25,7 +24,7 @@ PRODUCT = Path(__file__).resolve().parents[3]
 
 
 def frames_of(count: int) -> Frames:
-    """Returns pictures that carry their own index as brightness."""
+    """Return pictures that carry their own index as brightness."""
     tones = np.arange(count, dtype=np.uint8)[:, None, None, None]
     views = {
         "global": np.broadcast_to(tones, (count, 64, 64, 3)).copy(),
@@ -178,8 +177,8 @@ def test_intrinsics_are_those_that_pictures_are_drawn_with() -> None:
     scene = library.load("kitchen_t1")
     cameras = cameras_for(scene, VIEWS, aspect=64 / 48)
     with (
-        closing(Draughtsman()) as draughtsman,
-        draughtsman.stage(scene, cameras, dict.fromkeys(VIEWS, (64, 48))) as stage,
+        closing(SceneRenderer()) as scene_renderer,
+        scene_renderer.stage(scene, cameras, dict.fromkeys(VIEWS, (64, 48))) as stage,
     ):
         for camera in cameras:
             assert np.allclose(stage.intrinsics(camera.name), intrinsic_matrix(camera, (64, 48)), atol=1e-3)

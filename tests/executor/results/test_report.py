@@ -13,17 +13,16 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli.summary import summary_lines
-from executor.pictures.frames import Frames
-from executor.records.rollout import FailureKind, Peaks, Rollout
-from executor.results.report.graph_picture import graph_picture
-from executor.results.report.html import style, value_text
-from executor.results.report.page import report_page
-from executor.results.report.steps import _MEANING
-from executor.results.run_folder import RunFolder
-from executor.results.run_record import RunRecord
+from executor.cli.rollout_display import summary_lines
+from executor.records import FailureKind, Peaks, Rollout
+from executor.reports.graph_picture import graph_picture
+from executor.reports.html import style, value_text
+from executor.reports.page import _FAILURE_MEANINGS, report_page
+from executor.reports.run_folder import RunFolder
+from executor.rollouts.run_record import RunRecord
 from executor.scenes import library
-from oag.revision.measurements import TargetDrive, Unplanned, measurements_json
+from executor.sim.render.frames import Frames
+from oag.measurements import TargetDrive, Unplanned, measurements_json
 from tests.executor.recordings import invented_rollout
 
 VOID = {"meta", "img", "br", "input", "link", "hr"}
@@ -181,7 +180,7 @@ def test_the_reproduction_block_has_command_seed_hash_and_versions() -> None:
 
 
 def test_every_kind_of_failure_has_its_meaning() -> None:
-    assert set(_MEANING) == {kind.value for kind in FailureKind}
+    assert set(_FAILURE_MEANINGS) == {kind.value for kind in FailureKind}
 
 
 def test_the_graph_has_a_box_a_step_and_an_arrow_an_edge() -> None:

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import oag
-from bddl.files import temporary_beside
-from executor.cli.summary import summary_lines
-from executor.machine.files import json_text
-from executor.records.rollout import Detour
-from executor.results.run_folder import FolderUnusable, ResultsExist, RunFolder
-from executor.results.run_record import RunRecord, filled_task, opened
+from bddl.files import atomic_path
+from executor.cli.rollout_display import summary_lines
+from executor.records import Detour
+from executor.reports.run_folder import FolderUnusable, ResultsExist, RunFolder
+from executor.rollouts.run_record import RunRecord, filled_task, with_open_numbers
+from executor.system.files import json_text
 from tests.executor.recordings import invented_rollout
 
 
@@ -47,7 +47,7 @@ def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
 def test_a_write_that_fails_keeps_the_old_file_and_leaves_no_other(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(RuntimeError), temporary_beside(path) as temporary:
+    with pytest.raises(RuntimeError), atomic_path(path) as temporary:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
@@ -76,7 +76,7 @@ def test_the_written_files_can_be_read_back(tmp_path: Path) -> None:
 def test_the_certificate_is_of_the_plan_that_ran_with_its_numbers_and_what_was_inserted(tmp_path: Path) -> None:
     """The first of the two subtasks counts as one that the rollout inserted; asked for was the second, numbers open."""
     rollout = replace(invented_rollout(), detours=(Detour(0, 1, "the door was shut"),))
-    asked = oag.compose(opened(rollout.asked_for), scene=rollout.scene)
+    asked = oag.compose(with_open_numbers(rollout.asked_for), scene=rollout.scene)
     assert [subtask.name for subtask in asked.task.subtasks] == ["pick_up_glass"]
     folder = RunFolder.prepare(tmp_path)
     record = RunRecord(asked, asked.verify(), rollout=rollout)

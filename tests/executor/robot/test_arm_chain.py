@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.datasets.formats.clouds import HAND_POINTS, CloudReader
-from executor.robot.description import BASE_LINK, FINGER_LINKS, HAND_LINK, TCP_LINK, robot_urdf
-from executor.robot.kinematics import Kinematics
-from executor.robot.tracking import ArmChain
+from executor.data.state_readers import HAND_POINTS, CloudReader
+from executor.sim.robot.description import BASE_LINK, FINGER_LINKS, HAND_LINK, TCP_LINK, robot_urdf
+from executor.sim.robot.kinematics import ArmChain, Kinematics
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY, sample
-from executor.motion.planning.oracle import Carried, CollisionOracle
-from executor.robot.description import ARM_HOME, BASE_LINK, MAST_LINK
-from executor.robot.kinematics import ARM
-from executor.world.engine import ROBOT
-from executor.world.world import World
+from executor.planning.collision import Carried, CollisionOracle
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import ARM_HOME, BASE_LINK, MAST_LINK
+from executor.sim.robot.kinematics import ARM
+from executor.sim.world import World
 from oag import RobotPose, Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size
 
@@ -32,7 +32,7 @@ def collide(a: Groups, b: Groups) -> bool:
 
 
 def groups(world: World) -> dict[tuple[str, str], list[Groups]]:
-    """Returns (owner, link) -> the collision groups of its shapes."""
+    """Return (owner, link) -> the collision groups of its shapes."""
     found: dict[tuple[str, str], list[Groups]] = {}
     for body, ref in world._owner_of.items():
         shapes = [list(shape.get_collision_groups()) for shape in body.collision_shapes]

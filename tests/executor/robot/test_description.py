@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.robot import description
-from executor.robot.description import (
+from executor.sim.robot import description
+from executor.sim.robot.description import (
     ARM_HOME,
     BASE_LINK,
     JOINT_NAMES,
@@ -20,11 +20,11 @@ from executor.robot.description import (
     robot_urdf,
     robot_xml,
 )
-from executor.robot.meshes import MeshPart, read_collada, simplified
-from executor.robot.tracking import ArmChain
+from executor.sim.robot.kinematics import ArmChain
+from executor.sim.robot.meshes import ColoredPart, read_collada, simplified
 from oag import Primitive, RobotPose
-from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
-from oag.task.sizes import Gripper, longest_motion_m
+from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.sizes import Gripper, longest_motion_m
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPat
         description.data_root.__wrapped__()
 
 
-def hand_parts() -> list[MeshPart]:
+def hand_parts() -> list[ColoredPart]:
     folder = description.data_root() / "robots/panda_description/meshes/visual"
     return read_collada(folder / "hand.dae")
 

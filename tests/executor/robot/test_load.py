@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
-from executor.world.engine import ROBOT
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
 from tests.executor.helpers import MakeWorld, at, settle
 
 pytestmark = pytest.mark.physics

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 
-from executor.robot.description import robot_urdf
+from executor.sim.robot.description import robot_urdf
 
 TURNS = 10
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from executor.primitives.session import Session
-from executor.records.rollout import Rollout, ignore
-from executor.rollouts.running import Run
+from executor.records import Rollout, ignore
+from executor.rollouts.rollout import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
+from executor.skills.session import Session
 from tests.executor.helpers import PAPER_SCALES
 from tests.executor.rollout.tasks import t1
 
@@ -23,10 +23,10 @@ class Components:
     held: list[str] = field(default_factory=list)
 
     def before(self, session: Session) -> None:
-        """Looks at nothing."""
+        """Look at nothing."""
 
     def after(self, session: Session) -> None:
-        """Looks at every entity of the scene."""
+        """Look at every entity of the scene."""
         for entity in session.world.sapien_scene.entities:
             self.kinds |= {type(component).__name__ for component in entity.components}
         if session.hand.held:

@@ -72,7 +72,7 @@ AJAR: list[Any] = [1, 2, 3, {"19": [0.0, 0.3]}, 5]
 def graph(
     scene: str | oag.Scene, roles: list[dict[str, Any]], flows: list[list[Any]], goal: str, scales: dict[str, float]
 ) -> oag.ObjectActionGraph:
-    """Returns a composed task over a scene, or over the package's scene of that name."""
+    """Return a composed task over a scene, or over the package's scene of that name."""
     chosen = library.load(scene) if isinstance(scene, str) else scene
     fields = {"task_detail_message": "", "support_init": None, "support_goal": None}
     subtasks = [fields | role | {"flow": flow} for role, flow in zip(roles, flows, strict=True)]
@@ -87,31 +87,31 @@ def graph(
 
 
 def t1(flows: list[list[Any]] = T1_OPEN_FLOWS) -> oag.ObjectActionGraph:
-    """Returns T1 with the given flows."""
+    """Return T1 with the given flows."""
     return graph("kitchen_t1", T1_ROLES, flows, T1_GOAL, {"glass_0": 0.71})
 
 
 def t3(scale: float = 0.62) -> oag.ObjectActionGraph:
-    """Returns T3 with the apple at the given scale."""
+    """Return T3 with the apple at the given scale."""
     return graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, "(inside apple_0 bowl_0)", {"apple_0": scale})
 
 
-def standing_open() -> oag.Scene:
-    """Returns T1's scene with the refrigerator's door at a half."""
+def open_joints() -> oag.Scene:
+    """Return T1's scene with the refrigerator's door at a half."""
     nominal = library.load("kitchen_t1").to_json()
     nominal["objects"]["refrigerator_0"]["parameters"] |= {"open_fraction": 0.5}  # type: ignore[index]
     return oag.Scene.from_json({**nominal, "facts": ["(ontop glass_0 table_0)", "(open refrigerator_0)"]})
 
 
 def closing(flow: list[Any] = AJAR) -> oag.ObjectActionGraph:
-    """Returns the task of closing the refrigerator that stands open, by a flow."""
-    return graph(standing_open(), T1_ROLES[3:], [flow], "(not (open refrigerator_0))", {})
+    """Return the task of closing the refrigerator that stands open, by a flow."""
+    return graph(open_joints(), T1_ROLES[3:], [flow], "(not (open refrigerator_0))", {})
 
 
 def into_an_open_refrigerator(
     flows: list[list[Any]] | None = None, width_m: float = 0.6, shelf_heights_m: tuple[float, ...] = (0.42, 0.72)
 ) -> oag.ObjectActionGraph:
-    """Returns T1's second and third subtask, the refrigerator standing open from the start.
+    """Return T1's second and third subtask, the refrigerator standing open from the start.
 
     Args:
         flows: Of the two subtasks; by default with open numbers.

@@ -10,13 +10,13 @@ import pytest
 import executor
 import oag
 from executor.assets.library import sample
-from executor.motion.articulation import ways
-from executor.motion.articulation.stances import push_stances, rigid_stances
-from executor.primitives import articulate
-from executor.records.rollout import FailureKind, Rollout
-from executor.world.world import World
+from executor.planning import articulation_stances
+from executor.planning.articulation_stances import push_stances, rigid_stances
+from executor.records import FailureKind, Rollout
+from executor.sim.world import World
+from executor.skills import articulate
 from oag import RobotPose, Scene, SceneObject, Task
-from oag.revision.measurements import measurements_json
+from oag.measurements import measurements_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 FRONT_X_M = 0.75
@@ -26,7 +26,7 @@ STATES = {True: "(open fixture_0)", False: "(not (open fixture_0))"}
 
 
 def box(name: str, centre: tuple[float, float, float], extent: tuple[float, float, float]) -> SceneObject:
-    """Returns a closed body that stands in the way."""
+    """Return a closed body that stands in the way."""
     return SceneObject(name, "cabinet", "closed", centre, (1.0, 0.0, 0.0, 0.0), extent, (1.0, 1.0, 1.0), {})
 
 
@@ -37,7 +37,7 @@ def scene_of(
     robot: tuple[float, float] = (-0.4, 0.2),
     **parameters: object,
 ) -> Scene:
-    """Returns a fixture with its front at x = 0.75 m, and what stands around it."""
+    """Return a fixture with its front at x = 0.75 m, and what stands around it."""
     fixture = sample(model, variation, "fixture_0")
     depth, _, height = fixture.extent_m
     fixture = replace(
@@ -58,7 +58,7 @@ def scene_of(
 
 
 def run(scene: Scene, *kinds: str, flows: list[list[Any]] | None = None) -> Rollout:
-    """Returns the rollout of openings and closings, one subtask each."""
+    """Return the rollout of openings and closings, one subtask each."""
     subtasks = [
         {
             "task_activity_name": kind,
@@ -74,7 +74,7 @@ def run(scene: Scene, *kinds: str, flows: list[list[Any]] | None = None) -> Roll
 
 
 def motions(rollout: Rollout) -> list[Any]:
-    """Returns by which motion each articulation was done."""
+    """Return by which motion each articulation was done."""
     steps = [step for subtask in rollout.subtasks for step in subtask.steps if step.primitive.startswith("ARTICULATE")]
     return [measurements_json(step.measurements)["motion"] for step in steps]
 
@@ -173,7 +173,7 @@ def test_the_drawer_that_holds_the_item_is_opened_and_the_item_goes_along() -> N
 
 
 def test_what_a_pull_leaves_ajar_is_pushed_wide_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ways, "OPENING", ((rigid_stances, True),))
+    monkeypatch.setattr(articulation_stances, "OPENING", ((rigid_stances, True),))
     rollout = run(scene_of("fridge_one_door"), "open", flows=[[17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6]])
     assert rollout.succeeded, rollout.failure
     step = next(step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN")
@@ -183,7 +183,7 @@ def test_what_a_pull_leaves_ajar_is_pushed_wide_from_inside(monkeypatch: pytest.
 
 @pytest.mark.parametrize("model", ["oven_bottom_hinge", "fridge_one_door"])
 def test_a_push_from_outside_shuts_a_door(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ways, "CLOSING", ((push_stances, False),))
+    monkeypatch.setattr(articulation_stances, "CLOSING", ((push_stances, False),))
     rollout = run(scene_of(model, open_fraction=0.5), "close")
     assert rollout.succeeded, rollout.failure
     assert motions(rollout) == ["push"]
@@ -199,7 +199,7 @@ def test_each_of_two_openings_of_one_grasp_has_its_own_numbers() -> None:
 
 
 def test_an_opening_that_takes_too_many_motions_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ways, "OPENING", ((rigid_stances, True),))
+    monkeypatch.setattr(articulation_stances, "OPENING", ((rigid_stances, True),))
     monkeypatch.setattr(articulate, "MOST_STAGES", 1)
     rollout = run(scene_of("fridge_one_door"), "open", flows=[[17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6]])
     assert rollout.failure is not None and rollout.failure.kind is FailureKind.STALLED

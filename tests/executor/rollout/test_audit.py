@@ -14,8 +14,8 @@ from benchmarks.audit_geometry import Snapshot, holds
 from benchmarks.audit_watch import Watch, watching
 from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
-from executor.machine.extras import load_sapien
-from executor.world.world import World
+from executor.sim.world import World
+from executor.system.extras import load_sapien
 from tests.executor.helpers import at, on_a_shelf, scene_at_paper_size
 
 pytestmark = pytest.mark.physics

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
-from executor.world.faults import BlockedDoor, Fault, WeakGrip, WrongScale
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.sim.faults import BlockedDoor, Fault, WeakGrip, WrongScale
 from oag import flow_to_json
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, graph, t1
 
@@ -18,7 +18,7 @@ SEED = 16100
 
 
 def opened(*faults: Fault) -> Evolution:
-    """Returns the evolution of opening the refrigerator."""
+    """Return the evolution of opening the refrigerator."""
     flow: list[Any] = [1, 2, 3, {"4": None}, 5]
     task = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {})
     return evolve(task, seed=SEED, faults=faults)

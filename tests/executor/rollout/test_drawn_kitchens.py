@@ -10,8 +10,8 @@ from __future__ import annotations
 import pytest
 
 import oag
-from executor.rollouts.running import failure_of, rollout
-from executor.scenes import long_horizon
+from executor.rollouts.rollout import failure_of, rollout
+from executor.scenes.generators import long_horizon
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 

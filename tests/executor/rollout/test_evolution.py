@@ -8,15 +8,15 @@ from collections.abc import Iterator
 import pytest
 
 import oag
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
-from executor.machine.files import json_text
-from executor.records.rollout import Event, PlanRefused
-from executor.results.evolution_files import evolution_json
-from executor.rollouts.running import rollout
+from executor.records import Event, PlanRefused
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.rollouts.rollout import rollout
+from executor.rollouts.run_record import evolution_json
 from executor.scenes import library
-from llm.evolution import GiveUp, Situation
-from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, closing, graph, standing_open, t1
+from executor.system.files import json_text
+from llm.evolve import GiveUp, Situation
+from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, closing, graph, open_joints, t1
 
 pytestmark = pytest.mark.physics
 
@@ -55,7 +55,7 @@ def test_the_same_seed_tells_the_same_story(closed: Evolution) -> None:
 
 
 def test_the_evolved_task_runs_by_itself_to_the_same_states(closed: Evolution) -> None:
-    scene = standing_open()
+    scene = open_joints()
     alone = rollout(oag.compose(closed.evolved, scene=scene), scene, SEED)
     assert alone.succeeded
     assert alone.state_hash == closed.rollout.state_hash
@@ -69,7 +69,7 @@ def test_every_attempt_starts_from_the_same_checkpoint(closed: Evolution) -> Non
 
 
 def test_what_was_so_when_an_attempt_began_is_read(closed: Evolution) -> None:
-    first, second = (seen.start for seen in closed.stories[0].sights)
+    first, second = (seen.start for seen in closed.stories[0].observations)
     assert first is not None and first == second
     assert first.facts == ("(open refrigerator_0)", "(ontop glass_0 table_0)")
     pose = library.load("kitchen_t1").robot
@@ -125,6 +125,6 @@ def test_the_papers_flows_for_t1_evolve_to_success() -> None:
     revision = evolution.stories[3].history.revisions[0]
     assert revision.cause == "the joint limits end too early" and revision.change == "parameters"
     assert [event.message for event in events if event.kind == "revision"] == [revision.explanation]
-    placing, closing = (evolution.stories[index].sights[0].start for index in (2, 3))
+    placing, closing = (evolution.stories[index].observations[0].start for index in (2, 3))
     assert placing is not None and placing.facts == ("(open refrigerator_0)", "(inside glass_0 gripper)")
     assert closing is not None and closing.facts == ("(open refrigerator_0)", "(inside glass_0 refrigerator_0)")

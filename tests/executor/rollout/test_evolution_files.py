@@ -12,12 +12,11 @@ import pytest
 from PIL import Image
 
 import oag
-from executor.evolution.evolve import evolve
-from executor.evolution.frames import AttemptPictures, draw_attempts, shown_step
-from executor.evolution.record import Evolution
-from executor.results.evolution_files import SCHEMA_FILE, pairs, write_pairs
-from executor.results.report.evolution import evolution_section
+from executor.reports.page import evolution_section
 from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.evolution_record import AttemptPictures, Evolution, draw_attempts, shown_step
+from executor.rollouts.evolve import evolve
+from executor.rollouts.run_record import SCHEMA_FILE, pairs, write_pairs
 from tests.executor.rollout.tasks import AJAR, closing
 
 pytestmark = pytest.mark.physics

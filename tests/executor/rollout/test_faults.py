@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.evolution.evolve import evolve
-from executor.world.belief import BelievedWorld
-from executor.world.faults import NavigationOffset, PoseError
-from oag.revision.measurements import UnmeantContact, first_of
+from executor.rollouts.evolve import evolve
+from executor.sim.belief import BelievedWorld
+from executor.sim.faults import NavigationOffset, PoseError
+from oag.measurements import UnmeantContact, first_of
 from tests.executor.helpers import MakeWorld
 from tests.executor.rollout.tasks import t1, t3
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 import oag
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
-from executor.world.faults import Fault, PoseError, WeakGrip
-from oag.revision.measurements import measurements_json
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.sim.faults import Fault, PoseError, WeakGrip
+from oag.measurements import measurements_json
 from tests.executor.rollout.tasks import T1_ROLES, graph, into_an_open_refrigerator
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

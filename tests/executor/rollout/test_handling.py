@@ -11,10 +11,9 @@ import pytest
 import bddl
 from bddl import Atom
 from executor.geometry import Array, rotation_z
-from executor.motion.grasping.reach import HIGH_LIFTS_M
-from executor.rollouts.handling import PICKED_UP_M, STANDS_DEG, picked_up, put_down, tilt_deg
-from executor.rollouts.judge import as_failure, judge
-from executor.world.world import World
+from executor.planning.picks import HIGH_LIFTS_M
+from executor.rollouts.goals import PICKED_UP_M, STANDS_DEG, as_failure, judge, picked_up, put_down, tilt_deg
+from executor.sim.world import World
 from tests.executor.helpers import MakeWorld, at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics

@@ -9,15 +9,15 @@ import pytest
 
 import bddl
 import oag
-from executor.primitives.control import LIMIT_S, Controller
-from executor.primitives.timing import ACCELERATION_LIMITS, SPEED_LIMITS, STOP_LIMITS
-from executor.records.rollout import FailureKind, Rollout
-from executor.results.run_record import rollout_json
-from executor.robot.description import ARM_HOME, TCP_LINK
-from executor.rollouts.judge import judge_at_rest
-from executor.world.engine import ROBOT
-from executor.world.penetration import deepest, summary
-from oag.revision.measurements import measurements_json
+from executor.records import FailureKind, Rollout
+from executor.rollouts.goals import judge_at_rest
+from executor.rollouts.run_record import rollout_json
+from executor.sim.detectors import deepest_overlap, summarize_overlaps
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import ARM_HOME, TCP_LINK
+from executor.skills.control import LIMIT_S, Controller
+from executor.skills.trajectories import ACCELERATION_LIMITS, SPEED_LIMITS, STOP_LIMITS
+from oag.measurements import measurements_json
 from tests.executor.helpers import MakeWorld, at, settle
 from tests.executor.rollout.conftest import Components
 from tests.executor.rollout.tasks import t1
@@ -93,15 +93,15 @@ def test_the_record_tells_of_overlaps_and_side_effects(watched: tuple[Rollout, C
 def test_an_overlap_is_measured_with_its_pair(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
     settle(world, 0.2)
-    assert deepest(world).depth_m < 1e-3
+    assert deepest_overlap(world).depth_m < 1e-3
     T = world.T_world_link("glass_0")
     world.set_object_pose("glass_0", T @ at(0.0, 0.0, -0.01))
     world.step()
-    found = deepest(world)
+    found = deepest_overlap(world)
     assert found.depth_m == pytest.approx(0.01, abs=2e-3)
     assert set(found.pair) == {"glass_0/glass", "table_0/table"}
-    assert summary([found]).p99_m == pytest.approx(found.depth_m, abs=1e-6)
-    assert summary([]).samples == 0
+    assert summarize_overlaps([found]).p99_m == pytest.approx(found.depth_m, abs=1e-6)
+    assert summarize_overlaps([]).samples == 0
 
 
 def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> None:

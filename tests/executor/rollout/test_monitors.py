@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.primitives.monitors import Bystanders, stall
-from executor.records.rollout import FailureKind
-from oag.revision.measurements import RobotStall, measurements_json
+from executor.records import FailureKind
+from executor.skills.control import Bystanders, stall
+from oag.measurements import RobotStall, measurements_json
 from tests.executor.helpers import MakeWorld, at, settle
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.evolution_episode import faults_of, task_of
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
 from oag import compose, flow_to_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 
 
 def evolved(name: str, fault: str, seed: int) -> Evolution:
-    """Returns the evolution of one of the paper's tasks under a fault."""
+    """Return the evolution of one of the paper's tasks under a fault."""
     task, scene = task_of(name)
     return evolve(compose(task, scene=scene), scene, seed, faults=faults_of(fault, task, seed) or ())
 

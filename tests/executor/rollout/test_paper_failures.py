@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import pytest
 
-from executor.evolution.evolve import evolve
-from executor.evolution.record import Evolution
-from executor.world.faults import Fault, NavigationOffset, PoseError
-from oag.revision.measurements import measurements_json
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.sim.faults import Fault, NavigationOffset, PoseError
+from oag.measurements import measurements_json
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, into_an_open_refrigerator, t3
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import oag
-from executor.rollouts.running import rollout
+from executor.rollouts.rollout import rollout
 from tests.executor.rollout.tasks import into_an_open_refrigerator
 from tests.oag.paper import EVOLVED, NAMES, scene, task_json
 

@@ -8,21 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.motion.planning.oracle import CollisionOracle
-from executor.motion.planning.planner import Planner
-from executor.primitives.articulate import articulate
-from executor.primitives.control import Controller
-from executor.primitives.driving import nearest_home, retreat
-from executor.primitives.grasp import converge, grasp, ungrasp
-from executor.primitives.library import LIBRARY
-from executor.primitives.move import move
-from executor.primitives.navigate import navigate_to_target
-from executor.primitives.session import Session
-from executor.records.rollout import FailureKind
-from executor.robot.description import ARM_HOME
-from executor.world.world import World
+from executor.planning.collision import CollisionOracle
+from executor.planning.planner import Planner
+from executor.records import FailureKind
+from executor.sim.robot.description import ARM_HOME
+from executor.sim.world import World
+from executor.skills.articulate import articulate
+from executor.skills.control import Controller
+from executor.skills.grasp import converge, grasp, ungrasp
+from executor.skills.library import LIBRARY, move
+from executor.skills.navigate import navigate_to_target, nearest_home, retreat
+from executor.skills.session import Session
 from oag import Action, Primitive
-from oag.revision.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
+from oag.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
 from tests.executor.helpers import scene_at_paper_size
 from tests.executor.rollout.tasks import t1
 

@@ -8,8 +8,9 @@ import pytest
 import executor
 import llm
 import oag
-from executor.scenes.rooms import AtEdge, Room, against, place, stand, stand_robot
-from oag.revision.measurements import JointMotion, first_of
+from executor.scenes.layout import AtEdge, against, place, stand, stand_robot
+from executor.scenes.room import Room
+from oag.measurements import JointMotion, first_of
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 

@@ -10,14 +10,13 @@ import pytest
 import oag
 from bddl import format
 from executor.geometry import pitch_of, transform_from_quaternion
-from executor.records.rollout import Event, Rollout, SubtaskRecord
-from executor.results.run_record import RunRecord, filled_task
+from executor.records import Event, Rollout, SubtaskRecord
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.regrasp import MOST_SUPPORTS, found_no_place, regrasps
-from executor.rollouts.running import Run, resume, rollout
+from executor.rollouts.rollout import MOST_SUPPORTS, Run, found_no_place, regrasps, resume, rollout
+from executor.rollouts.run_record import RunRecord, filled_task
 from executor.scenes import library
-from executor.world.penetration import Overlap
-from oag.revision.measurements import SupportDrive
+from executor.sim.detectors import Overlap
+from oag.measurements import SupportDrive
 from tests.executor.recordings import invented_rollout
 from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_ROLES, graph
 
@@ -155,7 +154,7 @@ def _scripted(
 ) -> tuple[_Scripted, list[Event]]:
     """A run of all T1 whose third subtask finds no place at first."""
     monkeypatch.setattr(
-        "executor.rollouts.running.found_no_place",
+        "executor.rollouts.rollout.found_no_place",
         lambda record, subtask, held: not record.succeeded and subtask.name == "put_glass_into_refrigerator",
     )
     heard: list[Event] = []

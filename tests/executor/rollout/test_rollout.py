@@ -11,20 +11,11 @@ import numpy as np
 import pytest
 
 import oag
-from executor.records.rollout import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
-from executor.rollouts.running import resume, rollout
+from executor.records import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
+from executor.rollouts.rollout import resume, rollout
 from executor.scenes import library
-from oag.revision.measurements import measurements_json
-from tests.executor.rollout.tasks import (
-    T1_OPEN_FLOWS,
-    T1_PAPER_FLOWS,
-    T1_ROLES,
-    T3_OPEN_FLOWS,
-    T3_ROLES,
-    graph,
-    t1,
-    t3,
-)
+from oag.measurements import measurements_json
+from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_PAPER_FLOWS, T1_ROLES, T3_OPEN_FLOWS, T3_ROLES, graph, t1, t3
 
 pytestmark = pytest.mark.physics
 
@@ -84,7 +75,7 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout) 
 
 def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     code = (
-        "from executor.rollouts.running import rollout\n"
+        "from executor.rollouts.rollout import rollout\n"
         "from tests.executor.rollout.tasks import t3\n"
         "print(rollout(t3(), seed=1, record_hz=20.0).state_hash)\n"
     )

@@ -10,8 +10,9 @@ import pytest
 import executor
 import llm
 import oag
-from executor.records.rollout import Rollout
-from executor.scenes.rooms import AtEdge, Room, against, place, stand, stand_robot
+from executor.records import Rollout
+from executor.scenes.layout import AtEdge, against, place, stand, stand_robot
+from executor.scenes.room import Room
 from oag import Scene, SceneObject, Task
 from tests.executor.helpers import on_a_shelf
 

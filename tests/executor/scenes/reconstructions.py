@@ -59,7 +59,7 @@ def kitchen() -> dict[str, Thing]:
 
 
 def write(folder: Path, objects: Mapping[str, Thing], beneath: Mapping[str, str] | None = None) -> Path:
-    """Writes `scene_0_info.json`, and the scene graph beside it where there is one; returns the first one's path."""
+    """Write `scene_0_info.json`, and the scene graph beside it where there is one; returns the first one's path."""
     T = camera()
     info = {
         "resolution": [720, 1280],

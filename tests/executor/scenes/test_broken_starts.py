@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.importer import import_asset
-from executor.cli import main
-from executor.datasets.plan import series_of
+from executor.assets.importers.importer import import_asset
+from executor.cli import app
+from executor.data.generation import series_of
 from executor.rollouts.checkpoint import Checkpoint, StartUnstable
-from executor.scenes.reading import load_scene
+from executor.scenes.file import load_scene
 from oag import SceneError
 
 Entry = dict[str, Any]
@@ -44,7 +44,7 @@ def written(folder: Path, objects: dict[str, Entry], **more: Any) -> Path:
 
 def checked(folder: Path, objects: dict[str, Entry], capsys: pytest.CaptureFixture[str]) -> tuple[list[str], list[str]]:
     """The errors and the warnings of `--check`."""
-    code = main.run(["scenes", str(written(folder, objects)), "--check", "--json"])
+    code = app.run(["scenes", str(written(folder, objects)), "--check", "--json"])
     said = json.loads(capsys.readouterr().out)
     assert code == (2 if said["errors"] else 0)
     return said["errors"], said["warnings"]
@@ -182,7 +182,7 @@ def test_a_quaternion_that_is_not_of_length_one_is_a_warning(
 def test_commands_print_warnings_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lying = can(1.2, 0.2, 0.68, orientation=about("x", 90))
     scene = written(tmp_path, {"table_0": TABLE, "can_0": can(1.0, 0.0, orientation=[2, 0, 0, 0]), "can_1": lying})
-    assert main.run(["plan", "pick up can_0", "--scene", str(scene)]) in (0, 1)
+    assert app.run(["plan", "pick up can_0", "--scene", str(scene)]) in (0, 1)
     told = " ".join(capsys.readouterr().err.split())
     assert "warning: can_1 lies on its side" in told and "orientation: is a quaternion of length 2" in told
 

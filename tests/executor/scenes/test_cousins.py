@@ -14,12 +14,12 @@ import executor
 import oag
 from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import LIBRARY, asset_for
-from executor.scenes.cousins import from_cousins
-from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
+from executor.scenes.digital_cousins import from_cousins
+from executor.scenes.file import load_scene
+from executor.scenes.layout import WALKWAY_M, robot_footprint
 from executor.scenes.library import holds_cousins
-from executor.scenes.reading import load_scene
-from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
-from executor.scenes.settle import settle
+from executor.scenes.reconstruction import FLAT, NoMatchingModel, category_of, model_for, shaped, written_category
+from executor.scenes.validation import settle
 from llm import propose
 from tests.executor.scenes.reconstructions import CAMERA_M, kitchen, thing, write
 
@@ -217,7 +217,7 @@ def test_categories_of_behavior_find_the_library_s(theirs: str, ours: str) -> No
 
 @pytest.mark.parametrize("theirs", ["floor_lamp", "sink", "toilet", "of", ""])
 def test_a_category_without_likeness_is_refused(theirs: str) -> None:
-    with pytest.raises(Unlike, match="the library has nothing of the category"):
+    with pytest.raises(NoMatchingModel, match="the library has nothing of the category"):
         category_of(theirs)
 
 

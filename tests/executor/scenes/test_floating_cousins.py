@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import bddl
-from executor.cli import main
-from executor.scenes.cousins import Converted, from_cousins
-from executor.scenes.plausible import flaws
+from executor.cli import app
+from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
+from executor.scenes.validation import issues
 from oag import SceneError
 from tests.executor.scenes.reconstructions import Thing, camera, thing, write
 
@@ -24,7 +24,7 @@ def mug(bottom_m: float, x: float = 0.5, y: float = 1.4) -> Thing:
     return thing("mug", (0.11, 0.08, 0.09), (x, y, bottom_m + 0.045))
 
 
-def facts(found: Converted) -> set[str]:
+def facts(found: SceneWithNotes) -> set[str]:
     return {bddl.format(fact) for fact in found.scene.facts if isinstance(fact, bddl.Atom)}
 
 
@@ -42,7 +42,7 @@ def test_what_floats_comes_onto_the_nearest_top_below(
     bottom_m: float, note: str | None, x: float, tmp_path: Path
 ) -> None:
     found = from_cousins(write(tmp_path, {"table_0": TABLE, "mug_0": mug(bottom_m, x)}))
-    assert facts(found) == {"(ontop mug_0 table_0)"} and not flaws(found.scene)
+    assert facts(found) == {"(ontop mug_0 table_0)"} and not issues(found.scene)
     assert [text for text in found.notes if "by" in text and "onto" in text] == ([note] if note else [])
 
 
@@ -115,9 +115,9 @@ def test_ids_are_made_legal_with_a_note(tmp_path: Path, capsys: pytest.CaptureFi
     path = write(tmp_path, {"my table": TABLE, "mug": mug(TOP_M)})
     said = "'my table' is called my_table here: ids have letters, digits, '_', '.' and '-'"
     assert from_cousins(path).notes == (said,)
-    assert main.run(["scenes", str(path), "--check", "--json"]) == 0
+    assert app.run(["scenes", str(path), "--check", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["notes"] == [said]
-    assert main.run(["plan", "pick up the mug", "--scene", str(path)]) in (0, 1)
+    assert app.run(["plan", "pick up the mug", "--scene", str(path)]) in (0, 1)
     assert f"note: {said}" in " ".join(capsys.readouterr().err.split())
 
 

@@ -6,15 +6,15 @@ import pytest
 
 import oag
 from executor.assets.library import asset_for
-from executor.scenes import household
-from executor.scenes.household import arrange as built
-from executor.scenes.household import layouts
+from executor.scenes.generators import household
+from executor.scenes.generators import household as built
+from executor.scenes.generators import household as layouts
 from executor.scenes.pair import NotDrawn, ScenePair
 from executor.scenes.reachability import reach
-from executor.scenes.settle import overlaps, settle
-from executor.world.world import World
+from executor.scenes.validation import overlaps, settle
+from executor.sim.world import World
 from oag import Verdict
-from oag.task.sizes import LEAST_SCALE, PAPER_GRIPPER, handled_sizes
+from oag.sizes import LEAST_SCALE, PAPER_GRIPPER, resized_targets
 
 pytestmark = pytest.mark.physics
 SEED = 13100
@@ -42,13 +42,13 @@ def test_a_pair_is_named_after_its_family_seed_and_room(sample: dict[int, SceneP
 
 
 def test_nothing_is_made_into_another_thing_and_widths_differ(sample: dict[int, ScenePair]) -> None:
-    changes = [change for pair in sample.values() for change in handled_sizes(pair.task, pair.scene)]
+    changes = [change for pair in sample.values() for change in resized_targets(pair.task, pair.scene)]
     assert changes and all(min(change.factors) >= LEAST_SCALE for change in changes)
     # A room whose target is the widest that there are, and one that is held by its rim at its own size.
     bears, bowls = ([household.pair(seed, index) for seed in range(SEED, SEED + 3)] for index in (BEAR, BOWL))
     widths_m = [min(pair.scene["teddy_bear_0"].extent_m[:2]) for pair in bears]
     assert len(set(widths_m)) == 3 and max(widths_m) <= PAPER_GRIPPER.widest_m
-    assert all(not handled_sizes(pair.task, pair.scene) for pair in bowls)
+    assert all(not resized_targets(pair.task, pair.scene) for pair in bowls)
     assert min(min(pair.scene["bowl_0"].extent_m[:2]) for pair in bowls) > PAPER_GRIPPER.widest_m
 
 

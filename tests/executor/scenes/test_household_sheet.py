@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.household import TILE_PX, room_sheet
-from executor.scenes import household
+from executor.scenes.generators import household
 
 pytestmark = [pytest.mark.render, pytest.mark.physics, pytest.mark.slow]
 

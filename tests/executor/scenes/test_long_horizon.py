@@ -8,13 +8,12 @@ import pytest
 
 import oag
 from executor.assets.footprint import Footprint, gaps_m
-from executor.scenes.kitchens import PASSAGES_M, TIGHT_FRONTS_M
-from executor.scenes.long_horizon import FAMILIES, FRIDGE_FRONT_M, QUERIES, draw
+from executor.scenes.generators.long_horizon import FAMILIES, FRIDGE_FRONT_M, PASSAGES_M, QUERIES, TIGHT_FRONTS_M, draw
 from executor.scenes.pair import NotDrawn, ScenePair
-from executor.scenes.settle import overlaps, settle
-from executor.world.world import World
+from executor.scenes.validation import overlaps, settle
+from executor.sim.world import World
 from oag import SceneObject
-from oag.task.sizes import LEAST_SCALE, PAPER_GRIPPER
+from oag.sizes import LEAST_SCALE, PAPER_GRIPPER
 
 SEEDS = range(12100, 12112)
 

@@ -14,14 +14,15 @@ import pytest
 
 import bddl
 import llm
-from executor.cli import main
-from executor.machine.vulkan import Renderer, RendererNotFound
-from executor.pictures import stage
-from executor.scenes import drawn, library
-from executor.scenes.plausible import flaws
-from executor.scenes.reading import load_scene, scene_for
+from executor.cli import app
+from executor.scenes import library
+from executor.scenes.file import load_scene, scene_for
+from executor.scenes.generators import by_name
+from executor.scenes.validation import issues
+from executor.sim.render import stage
+from executor.system.vulkan import Renderer, RendererNotFound
 from oag import Scene, SceneError, Verdict, compose
-from oag.model.sceneform import json_schema
+from oag.model.forms import json_schema
 from tests.source_tree import ROOT
 
 FILES = {path.stem: path for path in sorted((ROOT / "tests" / "data" / "scenes").glob("*.json"))}
@@ -76,7 +77,7 @@ def facts(name: str) -> set[str]:
 
 def checked(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, Any]]:
     """What `--check` says of a file, and its exit code."""
-    code = main.run(["scenes", str(path), "--check", "--json"])
+    code = app.run(["scenes", str(path), "--check", "--json"])
     said = json.loads(capsys.readouterr().out)
     assert isinstance(said, dict)
     return code, said
@@ -131,7 +132,7 @@ def test_a_file_that_lists_closed_says_everything_itself() -> None:
 
 @pytest.mark.parametrize("name", GOOD)
 def test_what_is_written_is_read_as_it_was(name: str, tmp_path: Path) -> None:
-    assert main.run(["scenes", str(FILES[name]), "--out", str(tmp_path / "whole.json")]) == 0
+    assert app.run(["scenes", str(FILES[name]), "--out", str(tmp_path / "whole.json")]) == 0
     assert load_scene(tmp_path / "whole.json") == Scene.from_json(tmp_path / "whole.json") == load_scene(FILES[name])
 
 
@@ -188,10 +189,10 @@ def test_a_table_is_full_at_some_time(tmp_path: Path) -> None:
 
 def test_a_robot_has_a_place_of_its_own(tmp_path: Path) -> None:
     scene = load_scene(FILES["10_furniture_at_the_origin"])
-    assert scene.robot.position[:2] != (0.0, 0.0) and not flaws(scene)
+    assert scene.robot.position[:2] != (0.0, 0.0) and not issues(scene)
     data = json.loads(FILES["10_furniture_at_the_origin"].read_text()) | {"robot": {"position": [0.0, 0.0]}}
     (tmp_path / "x.json").write_text(json.dumps(data))
-    assert [flaw.object_id for flaw in flaws(load_scene(tmp_path / "x.json")) if flaw.error] == ["robot"]
+    assert [issue.object_id for issue in issues(load_scene(tmp_path / "x.json")) if issue.error] == ["robot"]
     (tmp_path / "x.json").write_text(json.dumps(data | {"robot": {"scale": 1}}))
     assert load_scene(tmp_path / "x.json").robot == replace(scene.robot, scale=1.0)
 
@@ -245,11 +246,11 @@ def test_only_a_sentence_about_the_floor_brings_it_into_a_named_scene() -> None:
 @pytest.mark.parametrize("query", ["put the can on the shelf", "put the book on the floor"])
 def test_things_are_taken_from_the_floor_and_put_on_it(query: str, tmp_path: Path) -> None:
     words = ["--scene", str(FILES["07_floor"]), "--no-video", "--out", str(tmp_path / "r")]
-    assert main.run(["run", query, *words]) == 0
+    assert app.run(["run", query, *words]) == 0
 
 
 def test_a_picture_is_a_file_that_is_named_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", "kitchen_t1", "--picture", "picture.txt"]) == 2
+    assert app.run(["scenes", "kitchen_t1", "--picture", "picture.txt"]) == 2
     assert "a file that ends in .png" in " ".join(capsys.readouterr().err.split())
 
 
@@ -261,7 +262,7 @@ def test_without_a_renderer_the_message_says_so(
 
     monkeypatch.setattr(stage, "activate", fail)
     words = ["scenes", str(FILES["02_smallest"]), "--check", "--picture", str(tmp_path / "p.png")]
-    assert main.run(words) == 2
+    assert app.run(words) == 2
     told = capsys.readouterr()
     assert "nothing is wrong" in told.out and "no Vulkan driver" in told.err and not (tmp_path / "p.png").exists()
 
@@ -272,14 +273,14 @@ def test_a_picture_shows_the_things(tmp_path: Path) -> None:
     from PIL import Image
 
     shown = tmp_path / "new" / "p.png"
-    assert main.run(["scenes", str(FILES["01_kitchen"]), "--check", "--picture", str(shown)]) == 0
+    assert app.run(["scenes", str(FILES["01_kitchen"]), "--check", "--picture", str(shown)]) == 0
     with Image.open(shown) as picture:
         assert picture.size == stage.SIZE_PX
         assert len(picture.convert("RGB").getcolors(2**24) or ()) > 1000
 
 
 def test_drawn_scenes_are_listed_by_family(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["scenes", "--json"]) == 0
+    assert app.run(["scenes", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert len(said["rooms"]) == 102 and len({room["name"] for room in said["rooms"]}) == 102
     assert {scene["name"] for scene in said["scenes"]} == set(library.names())
@@ -299,8 +300,8 @@ def test_a_name_that_no_scene_has(name: str) -> None:
     [("kitchen02-b", "kitchen02-13000-b"), ("kitchen02-13001-b", "kitchen02-13001-b"), ("t3-7", "t3_000007")],
 )
 def test_a_drawn_scene_is_had_by_its_name(name: str, called: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert drawn.named(name) == library.load(called)
-    assert main.run(["scenes", name, "--check"]) == 0
-    query = next((one.query for one in drawn.rooms() if one.name == name), None)
+    assert by_name.draw_named(name) == library.load(called)
+    assert app.run(["scenes", name, "--check"]) == 0
+    query = next((one.query for one in by_name.rooms() if one.name == name), None)
     if query is not None:
-        assert main.run(["plan", query, "--scene", name]) == 0
+        assert app.run(["plan", query, "--scene", name]) == 0

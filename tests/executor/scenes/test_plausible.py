@@ -14,10 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from bddl import format
 from executor.assets.library import asset_for
-from executor.scenes import library, long_horizon
-from executor.scenes.cousins import from_cousins
-from executor.scenes.furnishing.furnish import furnished
-from executor.scenes.plausible import flaws, require_possible
+from executor.scenes import library
+from executor.scenes.digital_cousins import from_cousins
+from executor.scenes.file import complete_scene
+from executor.scenes.generators import long_horizon
+from executor.scenes.validation import issues, require_valid
 from oag import Scene, SceneError
 from tests.executor.scenes.reconstructions import kitchen, write
 from tests.oag.paper import NAMES, scene
@@ -49,35 +50,35 @@ def add(key: str, like: str, **fields: Any) -> Change:
 
 @pytest.mark.parametrize("name", library.names())
 def test_the_packages_scenes_have_no_flaw(name: str) -> None:
-    assert flaws(library.load(name)) == ()
+    assert issues(library.load(name)) == ()
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_tests_own_scenes_have_no_flaw(name: str) -> None:
-    assert flaws(scene(name)) == ()
+    assert issues(scene(name)) == ()
 
 
 def test_a_reconstruction_has_no_error(tmp_path: Path) -> None:
-    found = flaws(from_cousins(write(tmp_path, kitchen())).scene)
-    assert not [str(flaw) for flaw in found if flaw.error]
+    found = issues(from_cousins(write(tmp_path, kitchen())).scene)
+    assert not [str(issue) for issue in found if issue.error]
 
 
 @pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("family", NAMES)
 def test_drawn_kitchens_have_no_error(family: str) -> None:
-    found = flaws(long_horizon.draw(family, 12000).scene)
-    assert not [str(flaw) for flaw in found if flaw.error]
+    found = issues(long_horizon.draw(family, 12000).scene)
+    assert not [str(issue) for issue in found if issue.error]
 
 
 @pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("index", [0, 9, 40, 60, 101])
 def test_household_rooms_have_no_error(index: int) -> None:
-    from executor.scenes import household
+    from executor.scenes.generators import household
 
-    found = flaws(household.pair(13000, index).scene)
-    assert not [str(flaw) for flaw in found if flaw.error]
+    found = issues(household.pair(13000, index).scene)
+    assert not [str(issue) for issue in found if issue.error]
 
 
 @pytest.mark.parametrize(
@@ -106,8 +107,8 @@ def test_household_rooms_have_no_error(index: int) -> None:
     ],
 )
 def test_a_mistake_is_an_error_that_names_it(change: Change, said: str) -> None:
-    found = [str(flaw) for flaw in flaws(changed(change)) if flaw.error]
-    assert any(flaw.startswith(said) for flaw in found), found
+    found = [str(issue) for issue in issues(changed(change)) if issue.error]
+    assert any(issue.startswith(said) for issue in found), found
 
 
 @pytest.mark.parametrize(
@@ -118,14 +119,14 @@ def test_a_mistake_is_an_error_that_names_it(change: Change, said: str) -> None:
     ],
 )
 def test_what_physics_will_settle_is_a_warning(change: Change, said: str) -> None:
-    assert [(str(flaw), flaw.error) for flaw in flaws(changed(change))] == [(said, False)]
+    assert [(str(issue), issue.error) for issue in issues(changed(change))] == [(said, False)]
 
 
 def test_an_apple_in_a_bowl_overlaps_nothing() -> None:
     bowl = library.load("kitchen_t3")["bowl_0"]
     x, y, z = bowl.position
     inside = changed(move("apple_0", x, y, z + 0.02), "kitchen_t3")
-    assert not [str(flaw) for flaw in flaws(inside) if "overlap" in str(flaw) or "mid-air" in str(flaw)]
+    assert not [str(issue) for issue in issues(inside) if "overlap" in str(issue) or "mid-air" in str(issue)]
 
 
 def test_all_that_cannot_be_built_is_said_at_once() -> None:
@@ -134,7 +135,7 @@ def test_all_that_cannot_be_built_is_said_at_once() -> None:
             data["objects"][key].update(category=category, model=category)
 
     with pytest.raises(SceneError) as caught:
-        require_possible(changed(change))
+        require_valid(changed(change))
     assert "2 things are wrong" in str(caught.value)
     assert "glass_0 (unicorn)" in str(caught.value) and "table_0 (chandelier)" in str(caught.value)
 
@@ -148,7 +149,7 @@ def test_a_crowd_of_things_is_compared_with_its_neighbours() -> None:
             data["objects"][f"apple_{n}"] = apple | {"position": [5.0 + 0.2 * (n % 25), 5.0 + 0.2 * (n // 25), 0.035]}
         data["objects"]["apple_300"] = apple | {"position": [5.03, 5.0, 0.035]}
 
-    assert [str(flaw) for flaw in flaws(changed(change))] == ["apple_0 and apple_300 overlap by 4.0 cm"]
+    assert [str(issue) for issue in issues(changed(change))] == ["apple_0 and apple_300 overlap by 4.0 cm"]
 
 
 HALF = math.sqrt(0.5)
@@ -172,13 +173,13 @@ def test_what_fell_over_is_on_or_in_what_it_lies_on(orientation: tuple[float, ..
     x, y, z = {"table": (1.2, 0.2, 0.7), "edge": (1.65, 0.0, 0.7), "air": (1.2, 0.2, 0.85)}.get(where, (-1.5, 0.0, 0.0))
     objects = {"table_0": table, "refrigerator_0": fridge}
     if where == "refrigerator":
-        empty = furnished({"name": "s", "objects": objects}).scene
+        empty = complete_scene({"name": "s", "objects": objects}).scene
         assert empty is not None
         regions = asset_for(empty.objects["refrigerator_0"]).regions
         x, y, z = np.add(regions[0].floor_m, fridge["position"])
     bottle = {"category": "bottle", "bbox_extent": [0.06, 0.06, 0.24], "position": [x, y, z + low_m]}
     bottle |= {"orientation": list(orientation)}
-    scene = furnished({"name": "s", "objects": objects | {"bottle_0": bottle}}).scene
+    scene = complete_scene({"name": "s", "objects": objects | {"bottle_0": bottle}}).scene
     assert scene is not None
     about = {format(fact) for fact in scene.facts if "bottle_0" in format(fact)}
     place = {"table": "ontop bottle_0 table_0", "floor": "ontop bottle_0 floor"}

@@ -9,13 +9,14 @@ import pytest
 
 import llm
 from executor.geometry import hand_rotation, transform
-from executor.motion.planning.candidates import HandGoal
-from executor.records.rollout import MissingFlow
-from executor.robot.kinematics import Kinematics
-from executor.scenes.long_horizon import draw
+from executor.planning.stances import HandGoal
+from executor.records import MissingFlow
+from executor.scenes.generators.long_horizon import draw
+from executor.scenes.layout import against, place, stand
 from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, ReachSearch, reach
-from executor.scenes.rooms import Room, against, place, stand
-from executor.world.world import World
+from executor.scenes.room import Room
+from executor.sim.robot.kinematics import Kinematics
+from executor.sim.world import World
 from oag import RobotPose, Scene
 
 

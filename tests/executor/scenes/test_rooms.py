@@ -11,25 +11,25 @@ import bddl
 from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import asset_for
 from executor.geometry import transform_from_quaternion
-from executor.scenes.rooms import (
+from executor.scenes.layout import (
+    BEHIND_M,
+    WALKWAY_M,
     WALLS,
     AtEdge,
     Clearance,
-    NoRoom,
-    Room,
-    Units,
     against,
     build_walls,
     place,
+    robot_footprint,
     row,
+    row_length_m,
     scatter,
     stand,
     stand_robot,
 )
-from executor.scenes.rooms.furniture import BEHIND_M, WALKWAY_M, robot_footprint, row_length_m
-from executor.scenes.rooms.room import Stray
+from executor.scenes.room import NoRoom, Perturbation, Room, Units
 from oag import SceneObject
-from oag.task.sizes import PAPER_GRIPPER, Sizing
+from oag.sizes import PAPER_GRIPPER, Sizing
 
 SEEDS = range(12000, 12020)
 
@@ -92,7 +92,7 @@ def test_a_target_that_strays_has_the_room_in_a_row_that_its_turn_needs(turned_r
         ]
 
     usual, other = a_room(3), a_room(3)
-    other = Room("a_room", "kitchen", other.rng, 3.4, 3.8, lambda thing: Stray(1.1, 0.9, 1.05, turned_rad))
+    other = Room("a_room", "kitchen", other.rng, 3.4, 3.8, lambda thing: Perturbation(1.1, 0.9, 1.05, turned_rad))
     mine = pieces(other)
     row(usual, "east", pieces(usual))
     names = row(other, "east", mine, gaps_m=[0.0, 0.04])
@@ -106,7 +106,7 @@ def test_a_target_that_strays_has_the_room_in_a_row_that_its_turn_needs(turned_r
     assert left[:, 1].min() - middle[:, 1].max() == pytest.approx(0.0, abs=1e-9)
     assert middle[:, 1].min() - right[:, 1].max() == pytest.approx(0.04)
     assert left[:, 1].max() - right[:, 1].min() == pytest.approx(row_length_m(other, mine, [0.04]))
-    assert other.strays == {"fridge": Stray(1.1, 0.9, 1.05, turned_rad)} and not usual.strays
+    assert other.perturbations == {"fridge": Perturbation(1.1, 0.9, 1.05, turned_rad)} and not usual.perturbations
 
 
 def test_units_of_a_kitchen_share_height_and_depth() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import bddl
-from executor.scenes.rooms import Room, against, place, row, stand, stand_robot
-from executor.scenes.settle import Unsettled, settle
+from executor.scenes.layout import against, place, row, stand, stand_robot
+from executor.scenes.room import Room
+from executor.scenes.validation import Unsettled, settle
 from oag import RobotPose, Scene
 
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import bddl
+from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for
-from executor.assets.transforms import bounds
 from executor.geometry import Array, inverse, transform_from_quaternion
 from executor.scenes import library
 from executor.scenes.vary import VariationError, vary
-from executor.world.detectors import read
+from executor.sim.detectors import read
 from oag import Scene, SceneObject
 from tests.executor.helpers import MakeWorld, scene_at_paper_size, settle
 
@@ -49,7 +49,7 @@ def test_the_block_in_the_documents_varies_all_that_it_names() -> None:
 
 
 def facts_by_geometry(scene: Scene) -> bool:
-    """Decides whether every `ontop` fact holds: bottom on the support's top, the whole footprint over it."""
+    """Decide whether every `ontop` fact holds: bottom on the support's top, the whole footprint over it."""
     for fact in scene.facts:
         for literal in bddl.literals(fact) or ():
             if literal.atom.predicate == "ontop":

@@ -7,7 +7,7 @@ import os
 import time
 from typing import Any
 
-from executor.machine.workers.process import check_version, serve
+from executor.system.workers import check_version, serve
 
 
 def handle(request: dict[str, Any]) -> dict[str, Any]:

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from executor.machine.workers.pool import WorkerOutcome, WorkerPool, WorkersUnusable, _Clock
-from executor.machine.workers.process import WorkerProcess
+from executor.system.workers import WorkerOutcome, WorkerPool, WorkerProcess, WorkersUnusable, _Deadline
 
 ODD = "tests.executor.workers.odd_worker"
 
@@ -114,9 +113,9 @@ def test_an_answer_that_comes_while_its_worker_is_killed_costs_nothing(monkeypat
 def test_a_clock_that_was_left_kills_nobody() -> None:
     worker = WorkerProcess(ODD)
     try:
-        with _Clock(worker, None) as clock:
+        with _Deadline(worker, None) as deadline:
             pass
-        clock._ring()
-        assert not clock.rang and not worker.killed
+        deadline._ring()
+        assert not deadline.timed_out and not worker.killed
     finally:
         worker.close()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.world.belief import OBSTACLE, BelievedWorld, believed_scene, believes_otherwise, true_scene, weaken
-from executor.world.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
+from executor.sim.belief import OBSTACLE, BelievedWorld, believed_scene, has_belief_fault, true_scene, weaken_grip
+from executor.sim.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from tests.executor.helpers import MakeWorld, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
@@ -60,14 +60,14 @@ def test_a_door_without_an_upright_hinge_cannot_be_blocked() -> None:
 
 def test_a_weak_grip_presses_with_its_force(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    weaken(world, (WeakGrip(2.0),))
+    weaken_grip(world, (WeakGrip(2.0),))
     limits = [joint.force_limit for joint in world.robot.active_joints]
     assert limits[10:] == pytest.approx([2.0, 2.0]) and min(limits[:10]) > 2.0
 
 
 def test_without_faults_of_belief_the_world_is_believed_as_it_is(make_world: MakeWorld) -> None:
-    assert not believes_otherwise((WeakGrip(2.0), NavigationOffset(0.0, 0.1)))
-    assert believes_otherwise((PoseError("glass_0", 0.0, 0.01),))
+    assert not has_belief_fault((WeakGrip(2.0), NavigationOffset(0.0, 0.1)))
+    assert has_belief_fault((PoseError("glass_0", 0.0, 0.01),))
     world = make_world("kitchen_t1")
     settle(world, 0.1)
     believed = BelievedWorld(world, ())

@@ -10,10 +10,10 @@ import pytest
 
 from bddl import Atom
 from executor.geometry import Array, hand_rotation, rotation_z
-from executor.robot.description import TCP_LINK
-from executor.world.detectors import UnknownObject, read
-from executor.world.engine import ROBOT
-from executor.world.world import World
+from executor.sim.detectors import UnknownObject, read
+from executor.sim.engine import ROBOT
+from executor.sim.robot.description import TCP_LINK
+from executor.sim.world import World
 from oag import Scene
 from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, settle
 
@@ -27,7 +27,7 @@ def value(world: World, predicate: str, *names: str) -> bool | None:
 
 
 def shelf_center(world: World, name: str) -> Array:
-    """Returns the centre of a compartment's floor in the world."""
+    """Return the centre of a compartment's floor in the world."""
     region = next(r for r in world.assets["refrigerator_0"].regions if r.name == name)
     local = np.asarray(region.center_m) - [0, 0, region.half_extents_m[2]]
     return (world.T_world_link("refrigerator_0", region.link) @ [*local, 1.0])[:3]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.robot.description import FINGER_FRICTION, FINGER_LINKS
-from executor.world.physics import STANDARD, Physics
-from executor.world.world import World
+from executor.sim.engine import STANDARD, Physics
+from executor.sim.robot.description import FINGER_FRICTION, FINGER_LINKS
+from executor.sim.world import World
 from tests.executor.helpers import MakeWorld, settle
 
 pytestmark = pytest.mark.physics

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.machine.extras import load_sapien
-from executor.machine.vulkan import activate
+from executor.system.extras import load_sapien
+from executor.system.vulkan import activate
 from tests.executor.helpers import MakeWorld, settle
 
 pytestmark = [pytest.mark.physics, pytest.mark.render]

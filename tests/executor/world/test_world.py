@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.scenes import household
-from executor.world.engine import GROUND, ROBOT, BodyRef
-from executor.world.physics import Physics
-from executor.world.world import World
+from executor.scenes.generators import household
+from executor.sim.engine import GROUND, ROBOT, BodyRef, Physics
+from executor.sim.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 
 pytestmark = pytest.mark.physics
@@ -22,7 +21,7 @@ SCENES = ("kitchen_t1", "kitchen_t3")
 
 
 def drive(world: World, steps: int) -> None:
-    """Moves base, arm and fingers, so that everything is awake."""
+    """Move base, arm and fingers, so that everything is awake."""
     for step in range(steps):
         targets = (0.2 * np.sin(step / 60), -0.3 - step / 4000, 0.1, 0.2, -0.7, 0.1, -2.2, 0.0, 2.5, 0.8, 0.01, 0.01)
         for joint, target in zip(world.robot.active_joints, targets, strict=True):
@@ -186,7 +185,7 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
 def test_physics_needs_no_renderer_and_an_error_ends_the_process_normally() -> None:
     code = """
         from executor.scenes import library
-        from executor.world.world import World
+        from executor.sim.world import World
         world = World(library.load("kitchen_t1"))
         for _ in range(10):
             world.step()
@@ -201,8 +200,8 @@ def test_physics_needs_no_renderer_and_an_error_ends_the_process_normally() -> N
 def test_visuals_without_a_renderer_are_refused_in_one_sentence() -> None:
     code = """
         from executor.scenes import library
-        from executor.world.engine import RendererMissing
-        from executor.world.world import World
+        from executor.sim.engine import RendererMissing
+        from executor.sim.world import World
         try:
             World(library.load("kitchen_t1"), visual=True)
         except RendererMissing as missing:

@@ -9,9 +9,8 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
-from llm.modules.plan import Flows
-from llm.modules.understand import Understanding
+from llm.proposing.modules import Flows, Understanding
+from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
 from oag import Primitive
 from tests.json_edits import altered
 from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers
@@ -20,7 +19,7 @@ RIGHT = right_answers("T1")
 
 
 def nodes(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yields a schema and those inside it."""
+    """Yield a schema and those inside it."""
     yield schema
     for inner in (*schema.get("properties", {}).values(), *([schema["items"]] if "items" in schema else ())):
         yield from nodes(inner)

@@ -10,12 +10,12 @@ import pytest
 
 import llm
 import oag
-from llm.answers.ask import MOST_REPEATS, Log, ask
-from llm.answers.conversation import Conversation, finding
-from llm.answers.prompting import Prompt, Refused
+from llm.client.transport import ChatReply
 from llm.errors import ModelTimeout
-from llm.modules.understand import Understanding
-from llm.wire.transport import ChatReply
+from llm.proposing.modules import Understanding
+from llm.structured.ask import MOST_REPEATS, Log, ask
+from llm.structured.conversation import Conversation, finding
+from llm.structured.prompting import Prompt, Refused
 from tests.llm.forms import answer_codes
 from tests.llm.scripted import Scripted
 from tests.source_tree import ROOT
@@ -24,13 +24,13 @@ PROMPT = Prompt(1, "system", "question")
 
 
 def answer(goal: str) -> str:
-    """Returns an answer of module 1 with a goal."""
+    """Return an answer of module 1 with a goal."""
     texts = {"problem": "", "task_name": "n", "task_activity_name": "n", "task_message_detail": "", "goal": goal}
     return json.dumps(texts)
 
 
 def check(given: Understanding) -> Sequence[oag.Diagnostic]:
-    """Refuses goals that say wrong, doubts those that say odd."""
+    """Refuse goals that say wrong, doubts those that say odd."""
     found = []
     if "wrong" in given.goal:
         found.append(finding("answer/empty-goal", f"{given.goal} is wrong", "goal"))
@@ -40,7 +40,7 @@ def check(given: Understanding) -> Sequence[oag.Diagnostic]:
 
 
 def asked(*replies: str, rounds: int = 4, objection: Refused | None = None) -> tuple[str, Scripted, Conversation]:
-    """Returns the goal of the answer that was taken, who was asked, and the record."""
+    """Return the goal of the answer that was taken, who was asked, and the record."""
     script, log = Scripted(*map(ChatReply, replies)), Log(Conversation("script", "query", "scene"))
     taken = ask(script, PROMPT, Understanding, check, rounds=rounds, log=log, objection=objection)
     return taken.goal, script, log.conversation

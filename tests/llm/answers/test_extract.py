@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from llm.answers.extract import LONGEST_REPLY, extract
+from llm.structured.ask import LONGEST_REPLY, extract
 from tests.llm.forms import answer_codes
 
 

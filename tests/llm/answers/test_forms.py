@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 import pytest
 
 import oag
-from llm.answers.conversation import Conversation
-from llm.evolution import Situation
-from llm.judges import judges
-from llm.modules.proposer import ModelProposer
-from llm.wire.chat import read_answer
-from llm.wire.transport import ChatReply, ChatRequest, Transport
+from llm.client.openai import read_answer
+from llm.client.transport import ChatReply, ChatRequest, Transport
+from llm.evolve import Situation
+from llm.evolve.judges import judges
+from llm.proposing.model_proposer import ModelProposer
+from llm.structured.conversation import Conversation
 from tests.llm.evolution.scripted_judges import Judge, ajar, asks_inspector, attempt_of
 from tests.llm.forms import FORMS, INSPECTOR, KINDS, SUPERVISOR, Form, draft, right_answer
 from tests.llm.scripted_modules import QUERIES, Script, module_of, right_answers, scene_of
 from tests.oag.paper import scene
 
 SEEN = ajar()
-SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), seen=SEEN)
+SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), observation=SEEN)
 STEP = 5
 CASES = [(name, kind) for name, form in FORMS.items() for kind in form.kinds]
 
@@ -41,7 +41,7 @@ class Formed:
     given: bool = field(default=False)
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Returns the reply."""
+        """Return the reply."""
         judged = self.kind in (INSPECTOR, SUPERVISOR)
         kind = (INSPECTOR if asks_inspector(request) else SUPERVISOR) if judged else module_of(request)
         if kind != self.kind or self.given:
@@ -51,7 +51,7 @@ class Formed:
 
 
 def reply_of(form: Form, kind: int) -> ChatReply:
-    """Returns a reply of a form as it comes from a server."""
+    """Return a reply of a form as it comes from a server."""
     made = form.make(right_answer(kind), kind)
     said = made if isinstance(made, dict) else {"content": made}
     body = {"choices": [{"message": {"role": "assistant", **said}, "finish_reason": form.finish}]}
@@ -61,7 +61,7 @@ def reply_of(form: Form, kind: int) -> ChatReply:
 
 
 def outcome(kind: int, reply: ChatReply | None) -> tuple[object, Conversation]:
-    """Returns what comes of a reply to a kind of question, and what was said; None replies rightly at once."""
+    """Return what comes of a reply to a kind of question, and what was said; None replies rightly at once."""
     if kind == INSPECTOR:
         right: Transport = Judge((), lambda step: right_answer(INSPECTOR))
     elif kind == SUPERVISOR:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from llm.answers.base import begins_with_denial, says_nothing
+from llm.structured.schema import begins_with_denial, is_empty_remark
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from llm.answers.base import begins_with_denial, says_nothing
     ],
 )  # fmt: skip
 def test_nothing_is_said(text: str) -> None:
-    assert says_nothing(text)
+    assert is_empty_remark(text)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_nothing_is_said(text: str) -> None:
     ],
 )  # fmt: skip
 def test_something_is_said(text: str) -> None:
-    assert not says_nothing(text)
+    assert not is_empty_remark(text)
 
 
 def test_what_begins_like_a_denial_is_asked_about() -> None:

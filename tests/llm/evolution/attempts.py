@@ -7,19 +7,20 @@ from dataclasses import fields, replace
 from typing import Any
 
 import oag
-from llm.evolution import Miss, Situation
-from oag.revision.grounds import Grounds, Unmet
-from oag.revision.measurements import (
+from llm.evolve import Miss, Situation
+from oag.measurements import (
     AtomMeasured,
     GripLoss,
     GripMeasured,
     HandMeasured,
     JointMotion,
+    MeasuredEvidence,
     Measurement,
     Measurements,
     MoveMeasured,
     SupportDrive,
     UnmeantContact,
+    Unmet,
     Unplanned,
 )
 from tests.oag.paper import scene, task_json
@@ -30,7 +31,7 @@ PAPER_SUBTASKS = [
 
 
 def paper_task(name: str) -> oag.Task:
-    """Returns one of the paper's tasks with its initial flows."""
+    """Return one of the paper's tasks with its initial flows."""
     return oag.Task.from_json(task_json(name), scene=scene(name))
 
 
@@ -47,7 +48,7 @@ _PLAIN: tuple[Measurement, ...] = (
 
 
 def measured(**numbers: Any) -> Measurements:
-    """Returns the records that have some of these numbers; what is not given has a plain value."""
+    """Return the records that have some of these numbers; what is not given has a plain value."""
     own = ((record, {f.name: numbers[f.name] for f in fields(record) if f.name in numbers}) for record in _PLAIN)
     return tuple(replace(record, **given) for record, given in own if given)
 
@@ -62,7 +63,7 @@ def failed(
     unmet: Mapping[str, Mapping[str, object]] | None = None,
     misses: Iterable[Miss] = (),
 ) -> oag.Attempt:
-    """Returns an attempt in which one step is found at fault.
+    """Return an attempt in which one step is found at fault.
 
     Args:
         flow: What was run.
@@ -77,7 +78,7 @@ def failed(
         motion_verified=not failure,
         state_reached=False,
         text=f"{flow[step]} went wrong.",
-        evidence=Grounds(
+        evidence=MeasuredEvidence(
             measurements=measured(**(measurements or {})),
             failure=failure,
             failure_measurements=measured(**(failure_measurements or {})),
@@ -96,5 +97,5 @@ def failed(
 
 
 def situation(name: str, subtask: int, attempt: oag.Attempt, history: oag.History | None = None) -> Situation:
-    """Returns what a supervisor is told of an attempt at a paper's subtask."""
+    """Return what a supervisor is told of an attempt at a paper's subtask."""
     return Situation(paper_task(name), subtask, scene(name), attempt, history or oag.History(subtask))

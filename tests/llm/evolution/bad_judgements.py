@@ -39,12 +39,12 @@ class BadJudgement:
 
 
 def right_answer(who: Who) -> Right:
-    """Returns an answer that would be taken."""
+    """Return an answer that would be taken."""
     return critique_answer(STEP, state_reached="no") if who == "inspector" else revision_answer(RIGHT_FLOW)
 
 
 def generate(seed: int) -> BadJudgement:
-    """Returns the bad answer of a seed; equal seeds give equal answers."""
+    """Return the bad answer of a seed; equal seeds give equal answers."""
     chance = random.Random(seed)
     who: Who = chance.choice(("inspector", "supervisor"))
     fault = chance.choice([*OF_BOTH, *OF_ONE[who]])

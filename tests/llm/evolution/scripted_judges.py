@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import oag
-from llm.evolution import AttemptSeen, GoalReading, StepSeen
-from llm.wire.transport import ChatReply, ChatRequest
-from oag.revision.measurements import AtomMeasured
+from llm.client.transport import ChatReply, ChatRequest
+from llm.evolve import AttemptObservation, GoalReading, StepObservation
+from oag.measurements import AtomMeasured
 from tests.llm.evolution.attempts import measured, paper_task
 from tests.llm.live import PNG
 
@@ -19,7 +19,7 @@ JPEG = b"\xff\xd8\xff\xe0"
 
 
 def critique_answer(step: int, **changes: Any) -> dict[str, Any]:
-    """Returns a right answer of the Inspector about a step, from 1, with some fields changed."""
+    """Return a right answer of the Inspector about a step, from 1, with some fields changed."""
     fields = {
         "step": step,
         "motion_verified": "yes",
@@ -32,7 +32,7 @@ def critique_answer(step: int, **changes: Any) -> dict[str, Any]:
 
 
 def revision_answer(flow: Sequence[Any], **changes: Any) -> dict[str, Any]:
-    """Returns a right answer of the Supervisor with a flow, and some fields changed."""
+    """Return a right answer of the Supervisor with a flow, and some fields changed."""
     fields = {
         "sub_task": 4,
         "root_cause_step": 5,
@@ -50,19 +50,19 @@ def asks_inspector(request: ChatRequest) -> bool:
 
 
 def question(request: ChatRequest) -> str:
-    """Returns the text of the question itself."""
+    """Return the text of the question itself."""
     return str(request.messages[0].parts[0])
 
 
 def asked_step(text: str) -> int:
-    """Returns the number of the step that the Inspector's question is about."""
+    """Return the number of the step that the Inspector's question is about."""
     found = re.search(r"from which you judge step (\d+)", text)
     assert found is not None
     return int(found[1])
 
 
 def as_reply(answer: object) -> str:
-    """Returns an answer as a model writes it."""
+    """Return an answer as a model writes it."""
     return answer if isinstance(answer, str) else json.dumps(answer)
 
 
@@ -81,7 +81,7 @@ class Judge:
     asked: list[ChatRequest] = field(default_factory=list)
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Returns the scripted answer."""
+        """Return the scripted answer."""
         number = len(self.supervised)
         self.asked.append(request)
         if asks_inspector(request):
@@ -95,12 +95,12 @@ class Judge:
 
 
 def door(fraction: float) -> tuple[GoalReading, ...]:
-    """Returns what is read of a door that is to be closed."""
+    """Return what is read of a door that is to be closed."""
     return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, AtomMeasured(open_fraction=fraction), "open"),)
 
 
-def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:
-    """Returns an attempt at closing the refrigerator of T1 that left it ajar, with pictures of some views."""
+def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptObservation:
+    """Return an attempt at closing the refrigerator of T1 that left it ajar, with pictures of some views."""
     task = paper_task("T1")
     flow = task.subtasks[3].flow or ()
     steps = []
@@ -112,12 +112,12 @@ def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:
         if step == 5:
             told |= {"failure": "goal-not-reached", "message": "close_refrigerator ran, but it is open"}
         told["frames"] = {v: tuple(PNG + f"{step} {v} {k}".encode() for k in range(pictures)) for v in views}
-        steps.append(StepSeen(step, action, action, **told))
-    return AttemptSeen(task, 3, flow, tuple(steps), door(0.35))
+        steps.append(StepObservation(step, action, action, **told))
+    return AttemptObservation(task, 3, flow, tuple(steps), door(0.35))
 
 
-def attempt_of(seen: AttemptSeen, critiques: Sequence[oag.Critique]) -> oag.Attempt:
-    """Returns the record of an attempt."""
+def attempt_of(seen: AttemptObservation, critiques: Sequence[oag.Critique]) -> oag.Attempt:
+    """Return the record of an attempt."""
     return oag.Attempt(
         flow=seen.flow,
         outcome="failed",

@@ -7,17 +7,9 @@ from collections import Counter
 import pytest
 
 import oag
-from llm.evolution import GiveUp, Situation
-from llm.judges import judges
-from tests.llm.evolution.bad_judgements import (
-    OF_BOTH,
-    OF_ONE,
-    RIGHT_FLOW,
-    STEP,
-    BadJudgement,
-    generate,
-    right_answer,
-)
+from llm.evolve import GiveUp, Situation
+from llm.evolve.judges import judges
+from tests.llm.evolution.bad_judgements import OF_BOTH, OF_ONE, RIGHT_FLOW, STEP, BadJudgement, generate, right_answer
 from tests.llm.evolution.scripted_judges import ajar, as_reply, attempt_of
 from tests.llm.forms import answer_codes
 from tests.llm.scripted import Scripted
@@ -26,11 +18,11 @@ from tests.oag.paper import scene
 QUICK = range(150)
 ALL = range(2_400)
 SEEN = ajar()
-SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), seen=SEEN)
+SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), observation=SEEN)
 
 
 def check(seed: int) -> BadJudgement:
-    """Checks the bad answer of a seed, and returns it."""
+    """Check the bad answer of a seed, and returns it."""
     bad = generate(seed)
     both = judges(Scripted(bad.reply), rounds=2)
     if bad.who == "supervisor":

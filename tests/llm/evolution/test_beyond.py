@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import oag
-from llm.evolution import GiveUp, SearchSupervisor
-from llm.evolution.beyond import stopped_at
+from llm.evolve import GiveUp, SearchSupervisor
+from llm.evolve.diagnosis import stopped_at
 from tests.llm.evolution.attempts import failed, paper_task, situation
 
 AGAIN = [5, 6, 17, 1, 2, 3]
@@ -17,13 +17,13 @@ OPENING: list[Any] = [1, 2, 3, {"4": None}, 5]
 
 
 def lost(reached: float, before: float = 0.0, flow: list[Any] = OPENING, step: int = 3, **more: Any) -> oag.Attempt:
-    """Returns an attempt in which the fingers lost the handle."""
+    """Return an attempt in which the fingers lost the handle."""
     measured = {"fraction_before": before, "fraction_reached": reached, "fraction_asked": 0.85, **more}
     return failed(oag.flow_from_json(flow), step, "slipped", measurements=measured)
 
 
 def answer(*attempts: oag.Attempt) -> oag.Revision | GiveUp:
-    """Returns the answer to the last of some attempts at opening T1's refrigerator."""
+    """Return the answer to the last of some attempts at opening T1's refrigerator."""
     history = oag.History(0)
     for attempt in attempts[:-1]:
         history = history.add(attempt, oag.Revision(attempt.flow, "parameters", "tried"))

@@ -9,21 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from llm.evolution import GiveUp, SearchSupervisor, Situation
-from oag.revision.grounds import Grounds
+from llm.evolve import GiveUp, SearchSupervisor, Situation
+from oag.measurements import MeasuredEvidence
 from tests.llm.evolution.attempts import failed, measured, paper_task
 from tests.oag.paper import scene
 
 
 def reached(flow: oag.ActionFlow, **numbers: dict[str, Any]) -> oag.Attempt:
-    """Returns an attempt that reached its goal, with what its steps measured, by the primitive's name."""
+    """Return an attempt that reached its goal, with what its steps measured, by the primitive's name."""
     critiques = tuple(
         oag.Critique(
             step=step,
             primitive=action.primitive,
             motion_verified=True,
             text=f"{action} ran as asked.",
-            evidence=Grounds(measurements=measured(**numbers.get(action.primitive.name, {}))),
+            evidence=MeasuredEvidence(measurements=measured(**numbers.get(action.primitive.name, {}))),
         )
         for step, action in enumerate(flow)
     )
@@ -31,7 +31,7 @@ def reached(flow: oag.ActionFlow, **numbers: dict[str, Any]) -> oag.Attempt:
 
 
 def after(name: str, subtask: int, attempt: oag.Attempt, limit: int = 5, **numbers: dict[str, Any]) -> Situation:
-    """Returns the situation in which a subtask failed after the others were reached with these measurements."""
+    """Return the situation in which a subtask failed after the others were reached with these measurements."""
     task = paper_task(name)
     flows = [subtask.flow or () for subtask in task.subtasks]
     earlier = tuple(oag.History(i, limit=limit).add(reached(flow, **numbers)) for i, flow in enumerate(flows[:subtask]))

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 import oag
+from llm.client.recording import Recorder, Replay
+from llm.client.transport import Transport
 from llm.errors import ReplayMissing
-from llm.evolution import Situation
-from llm.judges import Judges, judges
-from llm.wire.cassette import Recorder, Replay
-from llm.wire.transport import Transport
+from llm.evolve import Situation
+from llm.evolve.judges import Judges, judges
 from tests.llm.evolution.scripted_judges import ajar, as_reply, attempt_of, critique_answer, revision_answer
 from tests.llm.live import KEY, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
@@ -24,10 +24,10 @@ FAILED = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 
 
 def judged(transport: Transport, **options: object) -> tuple[oag.Revision, Judges]:
-    """Returns the revision of a door that was left ajar, judged and revised by the model, and the judges."""
+    """Return the revision of a door that was left ajar, judged and revised by the model, and the judges."""
     both = judges(transport, name="server", views=VIEWS, **options)  # type: ignore[arg-type]
     critiques = [both.inspector.inspect(SEEN, step) for step in range(len(SEEN.steps))]
-    told = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, critiques), oag.History(3), seen=SEEN)
+    told = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, critiques), oag.History(3), observation=SEEN)
     answer = both.supervisor.revise(told)
     assert isinstance(answer, oag.Revision), answer
     return answer, both

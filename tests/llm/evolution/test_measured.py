@@ -8,21 +8,21 @@ from typing import Any
 import pytest
 
 import oag
-from llm.evolution import AttemptSeen, GoalReading, Inspector, MeasuredInspector, Miss, StepSeen
-from llm.evolution.cause import CauseKind, diagnose
-from oag.revision.measurements import AtomMeasured
+from llm.evolve import AttemptObservation, GoalReading, Inspector, MeasuredInspector, Miss, StepObservation
+from llm.evolve.diagnosis import CauseKind, diagnose
+from oag.measurements import AtomMeasured
 from tests.llm.evolution.attempts import measured, paper_task
 
 CLOSED = "(open refrigerator_0)"
 INSIDE = "(inside glass_0 refrigerator_0)"
 
 
-def attempt(subtask: int, *steps: dict[str, Any], goal: tuple[GoalReading, ...]) -> AttemptSeen:
-    """Returns an attempt at a subtask of T1 in which some steps ran, each with what is told of it."""
+def attempt(subtask: int, *steps: dict[str, Any], goal: tuple[GoalReading, ...]) -> AttemptObservation:
+    """Return an attempt at a subtask of T1 in which some steps ran, each with what is told of it."""
     task = paper_task("T1")
     flow = task.subtasks[subtask].flow or ()
-    seen = tuple(StepSeen(n, flow[n], flow[n], **_records(told)) for n, told in enumerate(steps))
-    return AttemptSeen(task, subtask, flow, seen, goal)
+    seen = tuple(StepObservation(n, flow[n], flow[n], **_records(told)) for n, told in enumerate(steps))
+    return AttemptObservation(task, subtask, flow, seen, goal)
 
 
 def _records(told: dict[str, Any]) -> dict[str, Any]:
@@ -30,12 +30,12 @@ def _records(told: dict[str, Any]) -> dict[str, Any]:
     return told | {key: measured(**told[key]) for key in numbers if key in told}
 
 
-def critiques(seen: AttemptSeen) -> list[oag.Critique]:
+def critiques(seen: AttemptObservation) -> list[oag.Critique]:
     return [MeasuredInspector().inspect(seen, step) for step in range(len(seen.steps))]
 
 
-def blamed(seen: AttemptSeen) -> tuple[int, CauseKind] | None:
-    """Returns the step and the kind of the root cause."""
+def blamed(seen: AttemptObservation) -> tuple[int, CauseKind] | None:
+    """Return the step and the kind of the root cause."""
     cause = diagnose(oag.Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
     return None if cause is None else (cause.step, cause.kind)
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import pytest
 
 import oag
+from llm.client.budget import Budget, Metered
+from llm.client.transport import ChatReply
 from llm.errors import PicturesMissing, ReplayMissing, RequestError
-from llm.evolution import AttemptSeen, Inspector, MeasuredInspector
-from llm.evolution.pictures import window
-from llm.judges import Judges, judges
-from llm.wire.budget import Budget, Metered
-from llm.wire.transport import ChatReply
+from llm.evolve import AttemptObservation, Inspector, MeasuredInspector
+from llm.evolve.judges import Judges, judges
+from llm.evolve.observation import window
 from tests.llm.evolution.scripted_judges import Judge, ajar, critique_answer, question
 from tests.llm.live import PNG
 from tests.llm.scripted import Scripted
@@ -23,12 +23,12 @@ VIEWS = ("global", "head", "wrist")
 
 
 def team(judge: object, **options: object) -> Judges:
-    """Returns judges behind a scripted model."""
+    """Return judges behind a scripted model."""
     return judges(judge, **options)  # type: ignore[arg-type]
 
 
-def inspect(judge: object, step: int, seen: AttemptSeen | None = None, **options: object) -> oag.Critique:
-    """Returns the critique of a step of the door that was left ajar."""
+def inspect(judge: object, step: int, seen: AttemptObservation | None = None, **options: object) -> oag.Critique:
+    """Return the critique of a step of the door that was left ajar."""
     return team(judge, **options).inspector.inspect(seen or ajar(VIEWS), step)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from llm.evolution import GiveUp, Miss, SearchSupervisor, Supervisor
+from llm.evolve import GiveUp, Miss, SearchSupervisor, Supervisor
 from tests.llm.evolution.attempts import PAPER_SUBTASKS, failed, paper_task, situation
 from tests.oag.paper import scene
 

@@ -7,14 +7,14 @@ from typing import Any
 from hypothesis import strategies as st
 
 import oag
-from llm.memory.note import KINDS, LONGEST_LESSON, Note, Trial
+from llm.memory_notes import KINDS, LONGEST_LESSON, Note, Trial
 
 AJAR: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 CLOSED: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
 
 
 def trial(task: str, seed: int | None, outcome: Any, revisions: int = 1) -> Trial:
-    """Returns a run of a correction."""
+    """Return a run of a correction."""
     return Trial(task=task, seed=seed, outcome=outcome, revisions=revisions)
 
 
@@ -23,7 +23,7 @@ TWICE = (trial("T1", 16999, "succeeded", 1), trial("T1", 17001, "succeeded", 1))
 
 
 def note(before: list[Any] = AJAR, after: list[Any] = CLOSED, **changes: Any) -> Note:
-    """Returns a note about a refrigerator that was left ajar, with some fields changed."""
+    """Return a note about a refrigerator that was left ajar, with some fields changed."""
     fields: dict[str, Any] = {
         "cause": "the joint limits end too early",
         "primitive": oag.Primitive.ARTICULATE_CLOSE,
@@ -45,7 +45,7 @@ lines = st.text(st.characters(exclude_categories=("Cc", "Cf", "Cs")), min_size=1
 
 @st.composite
 def actions(draw: st.DrawFn) -> oag.Action:
-    """Draws an action whose number, if it takes one, is given or open."""
+    """Draw an action whose number, if it takes one, is given or open."""
     primitive = draw(st.sampled_from(list(oag.Primitive)))
     kind = oag.parameter_kind(primitive)
     if kind is oag.ParameterKind.NONE:

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 import oag
-from llm.memory.folder import SkillMemory
-from llm.memory.learning import foresee
-from llm.memory.note import Note
+from llm.memory import SkillMemory, foresee
+from llm.memory_notes import Note
 from tests.llm.evolution.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
@@ -21,7 +20,7 @@ CATEGORY = SCENE["refrigerator_0"].category
 
 
 def ajar_task() -> oag.Task:
-    """Returns T1 with the flow that leaves the refrigerator ajar."""
+    """Return T1 with the flow that leaves the refrigerator ajar."""
     task = SITUATION.task
     subtask = replace(task.subtasks[3], flow=oag.flow_from_json(AJAR))
     return replace(task, subtasks=(*task.subtasks[:3], subtask))

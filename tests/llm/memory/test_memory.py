@@ -10,11 +10,9 @@ from typing import Any
 import pytest
 
 import oag
-from llm.evolution import GiveUp, SearchSupervisor, Situation
-from llm.memory.folder import MemoryFolderError, SkillMemory
-from llm.memory.note import note_text, read_note
-from llm.memory.recall import Circumstances, circumstances, recall
-from llm.memory.supervisor import RememberingSupervisor, notes_for
+from llm.evolve import GiveUp, SearchSupervisor, Situation
+from llm.memory import MemoryFolderError, RememberingSupervisor, SkillMemory, notes_for
+from llm.memory_notes import Circumstances, circumstances, note_text, read_note, recall
 from tests.llm.evolution.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
@@ -22,7 +20,7 @@ SHORT = {"measurements": {"fraction_reached": 0.352, "fraction_asked": 0.35}}
 
 
 def ajar(flow: list[Any] = AJAR) -> oag.Attempt:
-    """Returns an attempt at closing the refrigerator that left it ajar."""
+    """Return an attempt at closing the refrigerator that left it ajar."""
     return failed(oag.flow_from_json(flow), 4, **SHORT)
 
 
@@ -31,14 +29,14 @@ def told() -> Situation:
 
 
 def memory(folder: Path, *notes: Any) -> SkillMemory:
-    """Returns a memory with notes."""
+    """Return a memory with notes."""
     for one in notes:
         (folder / f"{one.name}.md").write_text(note_text(one), encoding="utf-8")
     return SkillMemory(folder)
 
 
 def solved(*flows: list[Any], note: str = "") -> oag.History:
-    """Returns the history of an evolution whose last flow succeeded; the note is that of its last revision."""
+    """Return the history of an evolution whose last flow succeeded; the note is that of its last revision."""
     history = oag.History(3)
     for flow, following in pairwise(flows):
         last = following == flows[-1]
@@ -51,7 +49,7 @@ def solved(*flows: list[Any], note: str = "") -> oag.History:
 
 
 def proposed_by(found: SkillMemory) -> oag.Revision:
-    """Returns what a memory proposes for the refrigerator that was left ajar."""
+    """Return what a memory proposes for the refrigerator that was left ajar."""
     proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
     assert isinstance(proposed, oag.Revision)
     return proposed

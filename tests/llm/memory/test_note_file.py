@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Note, NoteError, note_text, read_note
+from llm.memory_notes import LONGEST_LESSON, MOST_EVIDENCE, Note, NoteError, note_text, read_note
 from tests.llm.memory.notes import note, notes, trial
 
 

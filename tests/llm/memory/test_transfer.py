@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 
 import oag
-from llm.memory.supervisor import transfer
+from llm.memory import transfer
 from tests.llm.memory.notes import flows
 
 
 def moved(before: list[Any], after: list[Any], flow: list[Any]) -> list[Any] | None:
-    """Returns the transfer in the paper's form."""
+    """Return the transfer in the paper's form."""
     found = transfer(*(oag.flow_from_json(part) for part in (before, after, flow)))
     return None if found is None else oag.flow_to_json(found)
 

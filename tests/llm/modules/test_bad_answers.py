@@ -8,7 +8,7 @@ import pytest
 
 import llm
 import oag
-from llm.modules.proposer import ModelProposer
+from llm.proposing.model_proposer import ModelProposer
 from tests.llm.bad_answers import ANY_MODULE, OF_MODULE, BadAnswer, generate
 from tests.llm.forms import answer_codes
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
@@ -19,7 +19,7 @@ FAULTS = {fault.__name__ for fault in (*ANY_MODULE, *(fault for faults in OF_MOD
 
 
 def findings_for(bad: BadAnswer) -> tuple[oag.Diagnostic, ...]:
-    """Returns everything that was found wrong while a model insisted on a bad answer, which has to be refused."""
+    """Return everything that was found wrong while a model insisted on a bad answer, which has to be refused."""
     script = Script(right_answers(bad.task), {bad.module: [Wrong(bad.reply)]})
     proposer = ModelProposer(script, name="script", rounds=2, revisions=3, cross_check=False)
     with pytest.raises(llm.AnswersRefused) as caught:
@@ -29,7 +29,7 @@ def findings_for(bad: BadAnswer) -> tuple[oag.Diagnostic, ...]:
 
 
 def check(seed: int) -> BadAnswer:
-    """Checks the bad answer of a seed, and returns it."""
+    """Check the bad answer of a seed, and returns it."""
     bad = generate(seed)
     found = findings_for(bad)
     codes = {finding.code for finding in found}

@@ -9,10 +9,10 @@ import pytest
 
 import bddl
 import oag
-from llm.modules import blame
-from llm.modules.blame import charges
-from llm.modules.proposer import ModelProposer
-from llm.wire.transport import ChatReply, ChatRequest
+from llm.client.transport import ChatReply, ChatRequest
+from llm.proposing import blame
+from llm.proposing.blame import charges
+from llm.proposing.model_proposer import ModelProposer
 from tests.json_edits import altered
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
 
@@ -20,19 +20,19 @@ T1 = task_of("T1")
 
 
 def with_subtask(index: int, **changes: object) -> oag.Task:
-    """Returns T1 with one subtask changed."""
+    """Return T1 with one subtask changed."""
     subtasks = list(T1.subtasks)
     subtasks[index] = replace(subtasks[index], **changes)  # type: ignore[arg-type]
     return replace(T1, subtasks=tuple(subtasks))
 
 
 def without(index: int) -> oag.Task:
-    """Returns T1 without one subtask."""
+    """Return T1 without one subtask."""
     return replace(T1, subtasks=T1.subtasks[:index] + T1.subtasks[index + 1 :])
 
 
 def formula(text: str) -> bddl.Formula:
-    """Returns a formula."""
+    """Return a formula."""
     return bddl.parse_formula(text)
 
 
@@ -63,7 +63,7 @@ class Follower(Script):
     """A module 3 that follows the roles that it is given, right or wrong."""
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Returns the scripted answer, with the conditions of the target that is to be opened."""
+        """Return the scripted answer, with the conditions of the target that is to be opened."""
         reply = super().complete(request)
         if module_of(request) == 3 and "open_refrigerator | target table_0" in str(request.messages[0].parts[0]):
             return replace(reply, text=reply.text.replace("(open refrigerator_0)", "(open table_0)", 2))

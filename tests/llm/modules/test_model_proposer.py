@@ -12,12 +12,11 @@ import pytest
 import bddl
 import llm
 import oag
+from llm.client.budget import Budget
+from llm.client.recording import Recorder, connect
+from llm.client.transport import ChatReply, ChatRequest, Image
 from llm.errors import BudgetSpent, ModelCancelled
-from llm.modules.proposer import ModelProposer
-from llm.wire.budget import Budget
-from llm.wire.cassette import Recorder
-from llm.wire.connect import connect
-from llm.wire.transport import ChatReply, ChatRequest, Image
+from llm.proposing.model_proposer import ModelProposer
 from tests.json_edits import altered
 from tests.llm.kitchens import noted
 from tests.llm.scripted_modules import (
@@ -38,12 +37,12 @@ SECOND = ("sub_tasks", 1)
 
 
 def proposer(script: Any, **settings: Any) -> ModelProposer:
-    """Returns a proposer that asks a script, and does not compare with the offline planner."""
+    """Return a proposer that asks a script, and does not compare with the offline planner."""
     return ModelProposer(script, name="script", **{"cross_check": False, **settings})
 
 
 def propose(script: Any, **settings: Any) -> llm.Proposal:
-    """Returns what comes of T1's query."""
+    """Return what comes of T1's query."""
     return proposer(script, **settings).propose(QUERIES["T1"], SCENE)
 
 
@@ -239,7 +238,9 @@ def test_queries_without_a_question_are_not_asked(query: str, code: str) -> None
 
 
 def test_a_goal_that_the_words_do_not_say_is_asked_about_once_and_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("llm.modules.proposer._word_by_word", lambda *_: bddl.parse_formula("(inside glass_0 gripper)"))
+    monkeypatch.setattr(
+        "llm.proposing.model_proposer._word_by_word", lambda *_: bddl.parse_formula("(inside glass_0 gripper)")
+    )
     script = Script(T1)
     proposal = propose(script, cross_check=True)
     assert script.count(1) == 2
@@ -319,7 +320,7 @@ def test_propose_takes_a_configuration_string(tmp_path: Path) -> None:
     file = tmp_path / "run.jsonl"
     first = propose(Recorder(Script(T1), file))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("llm.modules.proposer._word_by_word", lambda *_: None)
+        patch.setattr("llm.proposing.model_proposer._word_by_word", lambda *_: None)
         replayed = llm.propose(QUERIES["T1"], SCENE, model=f"replay:{file}")
     assert replayed.task == first.task
     assert replayed.proposer == f"replay:{file}"

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import oag
-from llm.modules.proposer import ModelProposer
-from llm.wire.cassette import Recorder, Replay
-from llm.wire.transport import Image
+from llm.client.recording import Recorder, Replay
+from llm.client.transport import Image
+from llm.proposing.model_proposer import ModelProposer
 from tests.llm.live import KEY, PNG, transport_to
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.llm.scripted_modules import QUERIES, as_reply, right_answers, scene_of, without_subtask

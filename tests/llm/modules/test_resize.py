@@ -8,9 +8,9 @@ import pytest
 
 import llm
 import oag
-from llm.modules.proposer import ModelProposer
-from llm.offline.steps import scale_factors
-from oag.task.sizes import TO_THE_AIM, Sizing
+from llm.offline.subtasks import scale_factors
+from llm.proposing.model_proposer import ModelProposer
+from oag.sizes import TO_THE_AIM, Sizing
 from tests.llm.kitchens import SCENES
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 
@@ -18,7 +18,7 @@ QUERY = "put the cup into the fridge"
 
 
 def kitchen(width_m: float, scene: oag.Scene = SCENES["kitchen_t1"]) -> oag.Scene:
-    """Returns a kitchen with a glass of that width."""
+    """Return a kitchen with a glass of that width."""
     data = scene.to_json()
     objects = data["objects"]
     assert isinstance(objects, dict)

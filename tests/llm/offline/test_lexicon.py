@@ -118,7 +118,7 @@ def test_a_lexicon_of_ones_own_teaches_new_names() -> None:
 
 
 def with_object(scene: str, category: str, facts: list[str]) -> oag.Scene:
-    """Returns a scene with a large object `thing_0` more."""
+    """Return a scene with a large object `thing_0` more."""
     data = SCENES[scene].to_json()
     objects = {**SCENES[scene].objects}
     data["objects"] = {

@@ -26,7 +26,7 @@ CLOSE = ("close_refrigerator", "refrigerator_0", None, None, "(open refrigerator
 
 
 def fridge_rows(item: str) -> list[tuple[str | None, ...]]:
-    """Returns the rows of T1 and T2, which differ in the item only."""
+    """Return the rows of T1 and T2, which differ in the item only."""
     key, table, fridge = f"{item}_0", "table_0", "refrigerator_0"
     pick = (f"pick_up_{item}", key, table, None, f"(ontop {key} {table})", f"(not (ontop {key} {table}))")
     place = (f"put_{item}_into_refrigerator", key, None, fridge, f"(inside {key} gripper)", f"(inside {key} {fridge})")
@@ -60,7 +60,7 @@ GOALS = {
 
 
 def kitchen(task: str) -> oag.Scene:
-    """Returns the test scene of one of the paper's tasks."""
+    """Return the test scene of one of the paper's tasks."""
     return SCENES[f"kitchen_{task.lower()}"]
 
 

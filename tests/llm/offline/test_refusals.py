@@ -73,7 +73,7 @@ CASES = {
 
 
 def refusal(scene: str, query: str) -> llm.QueryError:
-    """Returns the error that a query ends in."""
+    """Return the error that a query ends in."""
     with pytest.raises(llm.QueryError) as caught:
         llm.propose(query, SCENES[scene])
     return caught.value

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import bddl
 import llm
 import oag
-from llm.offline.wish import Intent, IntentKind, Request, in_one_hand
+from llm.offline.intents import Intent, IntentKind, Request, order_for_one_hand
 from tests.llm.kitchens import SCENES
 from tests.llm.naive_world import World
 
@@ -22,7 +22,7 @@ DOORS = ("refrigerator_0", "cabinet_0", "microwave_0", "wardrobe_0")
 
 @st.composite
 def requests(draw: st.DrawFn) -> tuple[Request, oag.Scene]:
-    """Draws a scene and up to four wishes about its objects, sensible or not."""
+    """Draw a scene and up to four wishes about its objects, sensible or not."""
     scene = draw(st.sampled_from(ROOMS))
     items = st.sampled_from(tuple(key for key, thing in scene.objects.items() if thing.role == "B"))
     doors = st.sampled_from(tuple(key for key in scene.objects if key in DOORS))
@@ -38,14 +38,14 @@ def requests(draw: st.DrawFn) -> tuple[Request, oag.Scene]:
 
 
 def placed(intent: Intent) -> tuple[str, str]:
-    """Returns where a wish to place something wants it."""
+    """Return where a wish to place something wants it."""
     assert intent.relation is not None
     assert intent.destination is not None
     return intent.relation, intent.destination
 
 
 def holds(intent: Intent, moment: tuple[dict[str, tuple[str, str]], dict[str, bool], str | None]) -> bool:
-    """Decides in the world whether a wish is fulfilled at a moment."""
+    """Decide in the world whether a wish is fulfilled at a moment."""
     where, is_open, hand = moment
     if intent.kind.is_about_a_door:
         return is_open.get(intent.target, False) is (intent.kind is IntentKind.OPEN)
@@ -105,13 +105,13 @@ def test_a_plan_does_what_was_asked_and_nothing_else(drawn: tuple[Request, oag.S
 def test_a_wish_that_is_said_twice_in_a_row_is_one() -> None:
     put = Intent(IntentKind.PLACE, "glass_0", "inside", "refrigerator_0")
     twice = Request((put, Intent(IntentKind.PICK, "glass_0"), put))
-    assert in_one_hand(twice) == Request((put,))
+    assert order_for_one_hand(twice) == Request((put,))
 
 
 def test_a_picking_up_that_is_said_twice_is_one() -> None:
     pick, opened = Intent(IntentKind.PICK, "apple_0"), Intent(IntentKind.OPEN, "refrigerator_0")
     put = Intent(IntentKind.PLACE, "apple_0", "inside", "refrigerator_0")
-    assert in_one_hand(Request((pick, opened, pick, put))) == Request((opened, put))
+    assert order_for_one_hand(Request((pick, opened, pick, put))) == Request((opened, put))
 
 
 @given(requests())

@@ -9,13 +9,13 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.offline.ground import gap_m, left_m, on_side
-from llm.offline.wish import Intent, IntentKind, Request, carries_past_doors, in_one_hand
+from llm.offline.grounding import gap_m, left_m, on_side
+from llm.offline.intents import Intent, IntentKind, Request, carries_past_doors, order_for_one_hand
 from tests.llm.kitchens import SCENES, noted
 
 
 def steps(scene: str, query: str) -> list[str]:
-    """Returns the names of the subtasks that a query leads to."""
+    """Return the names of the subtasks that a query leads to."""
     return [subtask.name for subtask in llm.propose(query, SCENES[scene]).task.subtasks]
 
 
@@ -157,7 +157,7 @@ APPLE_IN = Intent(IntentKind.PLACE, "apple_0", "inside", "refrigerator_0")
     ],
 )
 def test_one_hand(asked: tuple[Intent, ...], kept: tuple[Intent, ...]) -> None:
-    assert in_one_hand(Request(asked)) == Request(kept)
+    assert order_for_one_hand(Request(asked)) == Request(kept)
     reordered = asked != kept and len(asked) > 2
     assert carries_past_doors(Request(asked)) is reordered
 

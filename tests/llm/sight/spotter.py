@@ -9,14 +9,13 @@ from typing import Any
 
 from PIL import Image
 
-from llm.sight.forms import Box
-from llm.sight.pattern import RECTANGLES_PX, SIZE_PX
-from llm.wire.profiles import BoxForm
+from llm.client.profiles import BoxForm
+from llm.vision import RECTANGLES_PX, SIZE_PX, Box
 from tests.llm.model_server import Act, Seen, replies
 
 
 def written(box: Box, form: BoxForm, size_px: tuple[int, int]) -> list[float]:
-    """Returns the numbers by which a box in pixels is written in a form."""
+    """Return the numbers by which a box in pixels is written in a form."""
     unit, order = form.split()
     whole = {"pixels": None, "thousandths": 1000.0, "shares": 1.0}[unit]
     across, down = (1.0, 1.0) if whole is None else (whole / size_px[0], whole / size_px[1])
@@ -26,7 +25,7 @@ def written(box: Box, form: BoxForm, size_px: tuple[int, int]) -> list[float]:
 
 
 def pattern_answer(form: BoxForm, off_px: float = 0.0) -> dict[str, Any]:
-    """Returns the answer to the pattern of a model whose boxes are some pixels off."""
+    """Return the answer to the pattern of a model whose boxes are some pixels off."""
     return {
         "things": [
             {
@@ -50,7 +49,7 @@ class Spotter:
         self.things, self.form = things, form
 
     def __call__(self, seen: Seen) -> Act:
-        """Returns the answer to a request."""
+        """Return the answer to a request."""
         if "test pattern" in "".join(seen.texts):
             return replies(json.dumps(pattern_answer(self.form)))
         # In pixels, what counts is the picture as it was sent; the others need no size.

@@ -8,15 +8,26 @@ from typing import Any
 
 import pytest
 
-from llm.answers.conversation import AnswersRefused, Conversation
+from llm.client.budget import Metered
+from llm.client.profiles import BoxForm, find_profile
+from llm.client.recording import Recorder, Replay
+from llm.client.transport import ChatReply, Image
 from llm.errors import ModelError, ReplayMissing
-from llm.sight.forms import FORMS, box_px, overlap
-from llm.sight.pattern import LEAST_OVERLAP, RECTANGLES_PX, SIZE_PX, Rectangles, agreement, drawn
-from llm.sight.things import MOST_THINGS, Spotted, spot
-from llm.wire.budget import Metered
-from llm.wire.cassette import Recorder, Replay
-from llm.wire.profiles import BoxForm, find_profile
-from llm.wire.transport import ChatReply, Image
+from llm.structured.conversation import AnswersRefused, Conversation
+from llm.vision import (
+    FORMS,
+    LEAST_OVERLAP,
+    MOST_THINGS,
+    RECTANGLES_PX,
+    SIZE_PX,
+    Rectangles,
+    Spotted,
+    agreement,
+    box_px,
+    draw_pattern,
+    overlap,
+    spot,
+)
 from tests.llm.scripted import Scripted
 from tests.llm.sight.spotter import pattern_answer, written
 
@@ -27,24 +38,24 @@ TABLE = (60.0, 250.0, 700.0, 600.0)
 
 
 def thing(number: int, label: str, box: tuple[float, ...], form: BoxForm = "thousandths xyxy", **more: Any) -> Any:
-    """Returns one thing of an answer."""
+    """Return one thing of an answer."""
     x0, y0, x1, y1 = box
     return {"number": number, "label": label, "box": written((x0, y0, x1, y1), form, SIZE), **more}
 
 
 def right(form: BoxForm = "thousandths xyxy") -> dict[str, Any]:
-    """Returns the answer that is right: a cup on a table."""
+    """Return the answer that is right: a cup on a table."""
     return {"things": [thing(4, "cup", CUP, form, on=9), thing(9, "table", TABLE, form, doors=0, drawers=2, on=0)]}
 
 
 def spotted(*answers: object, form: BoxForm = "thousandths xyxy", boxes: BoxForm | None = None) -> tuple[Spotted, Any]:
-    """Returns what is taken of a model's answers after the one to the pattern, and what it was asked."""
+    """Return what is taken of a model's answers after the one to the pattern, and what it was asked."""
     script = Scripted(json.dumps(pattern_answer(form)), *(a if isinstance(a, str) else json.dumps(a) for a in answers))
     return look(Metered(script, boxes=boxes or form)), script
 
 
 def look(model: Metered) -> Spotted:
-    """Returns what a model sees in the picture; cups and tables are known."""
+    """Return what a model sees in the picture; cups and tables are known."""
     unknown = {"cupp": "there is no 'cupp'; near it: cup"}.get
     return spot(model, PICTURE, SIZE, ["cup", "table"], unknown, Conversation("m", "what is in it", "room"))
 
@@ -58,7 +69,7 @@ def test_the_pattern_tells_every_form_from_the_others(form: BoxForm, off_px: flo
 
 
 def test_the_pattern_is_the_same_picture_every_time() -> None:
-    assert drawn().sha256 == drawn().sha256 and drawn().data.startswith(b"\x89PNG")
+    assert draw_pattern().sha256 == draw_pattern().sha256 and draw_pattern().data.startswith(b"\x89PNG")
     assert all(box[2] <= SIZE_PX[0] and box[3] <= SIZE_PX[1] for box in RECTANGLES_PX.values())
 
 
@@ -87,7 +98,7 @@ def test_a_list_and_the_names_that_models_were_trained_on_are_read() -> None:
 
 
 def outside(by: float) -> dict[str, Any]:
-    """Returns an answer whose cup is moved to the right by a share of the picture."""
+    """Return an answer whose cup is moved to the right by a share of the picture."""
     return {"things": [thing(1, "cup", (CUP[0] + by * SIZE[0], CUP[1], CUP[2] + by * SIZE[0], CUP[3]))]}
 
 

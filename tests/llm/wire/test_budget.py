@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from llm.client.budget import Budget, Metered, Usage
+from llm.client.profiles import Price
+from llm.client.transport import ChatReply
 from llm.errors import BudgetSpent, ModelConfigError, ModelTimeout, ModelUnavailable, RequestError
-from llm.wire.budget import Budget, Metered, Usage
-from llm.wire.profiles import Price
-from llm.wire.transport import ChatReply
 from tests.llm.live import ASK, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
 from tests.llm.scripted import Scripted

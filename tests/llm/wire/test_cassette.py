@@ -13,6 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from llm.client.recording import (
+    FAILURES,
+    MOST_LINES,
+    Exchange,
+    Recorder,
+    Replay,
+    append_line,
+    differences,
+    nearest,
+    read_recording,
+)
+from llm.client.transport import ChatReply, ChatRequest, Image, Message
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -22,9 +34,6 @@ from llm.errors import (
     ModelUnavailable,
     ReplayMissing,
 )
-from llm.wire.cassette import FAILURES, Exchange, Recorder, Replay, append_line, read_recording
-from llm.wire.differences import MOST_LINES, differences, nearest
-from llm.wire.transport import ChatReply, ChatRequest, Image, Message
 from tests.llm.live import ASK, PNG, transport_to
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.llm.scripted import Scripted
@@ -33,7 +42,7 @@ LOOK = ChatRequest("You see kitchens.", (Message(("What is on the table?", Image
 
 
 def outcome_of(transport: Recorder | Replay, request: ChatRequest) -> ChatReply | tuple[type, str]:
-    """Returns the reply, or the kind and the words of the failure."""
+    """Return the reply, or the kind and the words of the failure."""
     try:
         return transport.complete(request)
     except ModelError as error:
@@ -84,7 +93,7 @@ def test_a_cancelled_request_is_no_part_of_the_run(tmp_path: Path) -> None:
 
 
 def recorded(file: Path, *texts: str) -> Path:
-    """Records one answer to each text."""
+    """Record one answer to each text."""
     recorder = Recorder(Scripted(*texts), file)
     for text in texts:
         recorder.complete(
@@ -288,7 +297,7 @@ def test_a_timeout_comes_again(tmp_path: Path) -> None:
 
 
 def question(about: str) -> ChatRequest:
-    """Returns a request about something."""
+    """Return a request about something."""
     return ChatRequest.of("system", f"what about the {about}?")
 
 

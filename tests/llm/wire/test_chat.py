@@ -8,9 +8,9 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from llm.client.openai import Unanswered, error_message, read_answer
+from llm.client.transport import ChatReply
 from llm.errors import ModelError
-from llm.wire.chat import Unanswered, error_message, read_answer
-from llm.wire.transport import ChatReply
 
 VALUES: st.SearchStrategy[Any] = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
@@ -30,7 +30,7 @@ VALUES: st.SearchStrategy[Any] = st.recursive(
 
 
 def is_sound(outcome: ChatReply | Unanswered) -> bool:
-    """Returns whether an outcome keeps its promises."""
+    """Return whether an outcome keeps its promises."""
     if isinstance(outcome, Unanswered):
         return issubclass(outcome.kind, ModelError) and bool(outcome.problem)
     counts = (outcome.input_tokens, outcome.output_tokens)

@@ -16,6 +16,9 @@ from typing import Any
 import pytest
 from PIL import Image as Picture
 
+from llm.client.openai import OpenAITransport
+from llm.client.profiles import find_profile, listed, tables
+from llm.client.transport import ChatRequest, Image, Message
 from llm.errors import (
     BadReply,
     ModelCancelled,
@@ -27,15 +30,12 @@ from llm.errors import (
     ReplyTooLong,
     RequestError,
 )
-from llm.wire.client import OpenAITransport
-from llm.wire.profiles import find_profile, listed, tables
-from llm.wire.transport import ChatRequest, Image, Message
 from tests.llm.live import ASK, BAD_PICTURES, KEY, KEY_VARIABLE, PNG, profile_of, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
 
 
 def picture(seed: int) -> Image:
-    """Returns a PNG of noise, about 12 kB."""
+    """Return a PNG of noise, about 12 kB."""
     data = io.BytesIO()
     Picture.frombytes("RGB", (64, 64), hashlib.shake_256(bytes([seed])).digest(64 * 64 * 3)).save(data, "PNG")
     return Image(data.getvalue())

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from llm.answers.conversation import AnswersRefused, Conversation
+from llm.client.budget import Budget
+from llm.client.recording import connect
 from llm.errors import BadReply, BudgetSpent, CassetteError, ModelConfigError, ModelError, QueryError
-from llm.wire.budget import Budget
-from llm.wire.connect import connect
+from llm.structured.conversation import AnswersRefused, Conversation
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, hurry
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.source_tree import ROOT
@@ -46,7 +46,7 @@ def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.Mo
         monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
         connect("openai-compatible:small", record=file).complete(ASK)
     code = (
-        "import sys\nfrom llm.wire.connect import connect\nfrom llm.wire.transport import ChatRequest\n"
+        "import sys\nfrom llm.client.recording import connect\nfrom llm.client.transport import ChatRequest\n"
         "ask = ChatRequest.of('Answer in JSON.', 'Where is the mug?', json_schema={'type': 'object'})\n"
         "print(connect('replay:' + sys.argv[1]).complete(ask).text)\n"
         "print({'openai', 'httpx2', 'httpx', 'anyio'} & set(sys.modules))\n"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from llm.client.profiles import find_profile
+from llm.client.recording import Recorder
 from llm.errors import ModelError
-from llm.wire.cassette import Recorder
-from llm.wire.profiles import find_profile
 from tests.llm.live import ASK, KEY, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from llm.client.profiles import ModelProfile, Price, find_profile, listed, tables
 from llm.errors import ModelConfigError
-from llm.wire.profiles import ModelProfile, Price, find_profile, listed, tables
 from tests.source_tree import ROOT
 
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from llm.client.transport import ChatReply, ChatRequest, Image, Message, Transport, digest_of
 from llm.errors import RequestError
-from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Transport, digest_of
 from tests.test_layers import loaded_after
 
 PLAIN = ChatRequest.of("Be brief.", "Where is the mug?", Image(b"abc"), json_schema={"type": "object"})
@@ -123,6 +123,6 @@ def test_whatever_completes_requests_is_a_transport() -> None:
 CLIENT_LIBRARIES = {"openai", "httpx", "httpx2", "anyio", "jiter"}
 
 
-@pytest.mark.parametrize("module", ["llm", "llm.wire.connect", "llm.wire.client", "llm.wire.cassette"])
+@pytest.mark.parametrize("module", ["llm", "llm.client.openai", "llm.client.recording"])
 def test_importing_loads_no_client_library(module: str) -> None:
     assert not loaded_after(f"import {module}") & CLIENT_LIBRARIES

@@ -46,7 +46,7 @@ def cabinet(tmp_path: Path) -> Path:
 
 
 def mobility(folder: Path, limits: tuple[float, float] = (0.0, 1.8), axis: str = "0 -1 0") -> str:
-    """Returns the text of the cabinet's URDF, and writes its meshes below a folder."""
+    """Return the text of the cabinet's URDF, and writes its meshes below a folder."""
     body = [("body", write_box(folder, f"body-{name}", box)) for name, box in BODY.items()]
     door = [("door-2", write_box(folder, "panel", PANEL))]
     door += [("handle-3", write_box(folder, f"h{name}", box)) for name, box in HANDLE.items()]
@@ -77,7 +77,7 @@ def _mesh(file: str) -> str:
 
 
 def write_box(folder: Path, name: str, box: Box) -> str:
-    """Writes a box between two corners as an OBJ and returns its name as a URDF gives it."""
+    """Write a box between two corners as an OBJ and returns its name as a URDF gives it."""
     low, high = np.array(box[0]), np.array(box[1])
     mesh = trimesh.creation.box(extents=high - low)
     mesh.apply_translation((low + high) / 2)

@@ -23,7 +23,7 @@ INNER_DEPTH_M = 0.09
 
 
 def drawer_parts(bottom_m: float) -> Mapping[str, Box]:
-    """Returns the boxes of one drawer, by name, for a front that begins at a height; its tray is shallow."""
+    """Return the boxes of one drawer, by name, for a front that begins at a height; its tray is shallow."""
     low, high = bottom_m + 0.02, bottom_m + 0.02 + 0.01 + INNER_DEPTH_M
     middle = bottom_m + 0.18
     return {
@@ -39,7 +39,7 @@ def drawer_parts(bottom_m: float) -> Mapping[str, Box]:
 
 
 def write_drawers(folder: Path) -> Path:
-    """Writes the cabinet's folder and returns it.
+    """Write the cabinet's folder and returns it.
 
     The upper drawer's joint has an origin of its own, turned by a quarter about the vertical axis, as conversions make
     them: its axis, and where its meshes are, are given in that turned frame.
@@ -81,14 +81,14 @@ def _element(folder: Path, file: str, part: str, box: Box, origin: str = "") -> 
 
 
 def boxes(name: str, parts: Sequence[Box], *, seen_only: Mapping[str, Box] | None = None) -> str:
-    """Returns a URDF link of boxes that are solid and seen, and of named ones that are only seen."""
+    """Return a URDF link of boxes that are solid and seen, and of named ones that are only seen."""
     whole = "".join(f"<visual>{_box(box)}</visual><collision>{_box(box)}</collision>" for box in parts)
     seen = "".join(f'<visual name="{label}">{_box(box)}</visual>' for label, box in (seen_only or {}).items())
     return f'<link name="{name}">{whole}{seen}</link>'
 
 
 def joint(kind: str, child: str, axis: str, origin: str = "0 0 0", limits: tuple[float, float] = (0.0, 1.5)) -> str:
-    """Returns a URDF joint between `body` and another link."""
+    """Return a URDF joint between `body` and another link."""
     return (
         f'<joint name="{child}_joint" type="{kind}"><origin xyz="{origin}"/><axis xyz="{axis}"/><parent link="body"/>'
         f'<child link="{child}"/><limit lower="{limits[0]}" upper="{limits[1]}"/></joint>'
@@ -96,7 +96,7 @@ def joint(kind: str, child: str, axis: str, origin: str = "0 0 0", limits: tuple
 
 
 def write_urdf(folder: Path, *elements: str) -> Path:
-    """Writes a URDF of elements and returns its file."""
+    """Write a URDF of elements and returns its file."""
     file = folder / "thing.urdf"
     file.write_text(f'<robot name="thing">{"".join(elements)}</robot>')
     return file

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.assets.imports.importer import import_asset
-from executor.assets.imports.stored import Imported, names
+from executor.assets.importers.importer import import_asset
+from executor.assets.importers.store import Imported, names
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
-from executor.world.world import World
+from executor.sim.world import World
 from oag import RobotPose, Scene, SceneObject
 from tests.executor.assets.imports.conftest import mobility, write_box
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.assets.imports.importer import import_asset
+from executor.assets.importers.importer import import_asset
 from executor.assets.library import sample
 from tests.executor.assets.imports.drawers import write_drawers
 from tests.executor.assets.test_library_rollouts import TABLE_M, run

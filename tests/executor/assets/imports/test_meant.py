@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.asset_folder import ImportRefused
-from executor.assets.imports.importer import import_asset
-from executor.assets.imports.stored import StoredAsset
+from executor.assets.importers.files import ImportRefused
+from executor.assets.importers.importer import import_asset
+from executor.assets.importers.store import StoredAsset
 from executor.assets.model import LEAST_TRAVEL
-from executor.cli import main
-from executor.scenes.reading import load_scene
+from executor.cli import app
+from executor.scenes.file import load_scene
 from tests.executor.assets.imports.drawers import boxes, joint, write_urdf
 
 SHELL = [
@@ -217,7 +217,7 @@ def test_nothing_plans_with_a_door_that_hardly_opens(tmp_path: Path, capsys: pyt
     entry = '{"category": "cabinet", "model": "imported/stiff", "position": [1.2, 0.0]}'
     scene.write_text(f'{{"objects": {{"cabinet_0": {entry}}}}}')
     assert load_scene(scene)
-    assert main.run(["plan", "open the cabinet", "--scene", str(scene)]) == 1
+    assert app.run(["plan", "open the cabinet", "--scene", str(scene)]) == 1
     assert "a handle of cabinet_0 moves too little to open anything" in capsys.readouterr().out
 
 

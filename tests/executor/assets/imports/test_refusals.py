@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.asset_folder import ImportRefused
-from executor.assets.imports.importer import import_asset
+from executor.assets.importers.files import ImportRefused
+from executor.assets.importers.importer import import_asset
 from executor.assets.library import asset_for
 from tests.executor.assets.imports.conftest import mobility
 
@@ -109,7 +109,7 @@ def test_a_gltf_that_shows_one_mesh_many_times_is_refused_before_it_is_copied(
     for i in range(100):
         scene.add_geometry(ball, geom_name="ball", transform=trimesh.transformations.translation_matrix((i, 0, 0)))
     scene.export(tmp_path / "balls.glb")
-    monkeypatch.setattr("executor.assets.imports.mesh_files.MOST_FACES", 10_000)
+    monkeypatch.setattr("executor.assets.importers.files.MOST_FACES", 10_000)
     monkeypatch.setattr(trimesh.Scene, "dump", lambda *_, **__: pytest.fail("copies were made"))
     with pytest.raises(ImportRefused, match="has 32000 faces; at most 10000 are read"):
         import_asset(tmp_path / "balls.glb", category="toy")
@@ -132,7 +132,7 @@ def test_dust_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     corners = [(x, y, z) for x in range(3) for y in range(3) for z in range(2)]
     dust = [trimesh.creation.box(extents=(0.02,) * 3).apply_translation(np.array(at) * 0.1) for at in corners]
     trimesh.util.concatenate(dust).export(tmp_path / "dust.stl")
-    monkeypatch.setattr("executor.assets.imports.importer.MOST_PIECES", 10)
+    monkeypatch.setattr("executor.assets.importers.importer.MOST_PIECES", 10)
     with pytest.raises(ImportRefused, match="falls into more than 10 solid pieces"):
         import_asset(tmp_path / "dust.stl", category="toy")
 

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.asset_folder import AssetFolder
-from executor.assets.imports.importer import import_asset
-from executor.assets.imports.mesh_files import read_mesh
-from executor.assets.imports.urdf import read_urdf
+from executor.assets.importers.files import AssetFolder, read_mesh
+from executor.assets.importers.importer import import_asset
+from executor.assets.importers.urdf import read_urdf
 from executor.assets.model import Asset
-from executor.world.world import World
+from executor.sim.world import World
 from oag import RobotPose, Scene
 from tests.executor.assets.imports.drawers import INNER_DEPTH_M, TRAVEL_M, boxes, joint, write_drawers, write_urdf
 
@@ -206,7 +205,7 @@ def test_a_mesh_s_scale_may_mirror_it_and_its_outside_stays_out(tmp_path: Path, 
     trimesh.creation.icosphere(subdivisions=1, radius=1.0).export(tmp_path / "ball.obj")
     shape = f'<geometry><mesh filename="ball.obj" scale="{scale}"/></geometry>'
     raw = read_urdf(write_urdf(tmp_path, f'<link name="a"><visual>{shape}</visual></link>'))
-    (part,) = raw.links[0].looks
+    (part,) = raw.links[0].visual_meshes
     mesh = trimesh.Trimesh(part.vertices_m, part.faces)
     assert np.allclose(mesh.extents, (0.2, 0.4, 0.6), atol=1e-6) and mesh.volume > 0.0
 
@@ -242,7 +241,7 @@ def test_a_colour_may_be_named_once_for_all(tmp_path: Path) -> None:
     red = '<material name="red"><color rgba="0.8 0.1 0.1 1"/></material>'
     look = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry><material name="red"/></visual>'
     raw = read_urdf(write_urdf(tmp_path, red, f'<link name="a">{look}</link>'))
-    assert raw.links[0].looks[0].color == pytest.approx((0.6038, 0.01, 0.01), abs=1e-4)
+    assert raw.links[0].visual_meshes[0].color == pytest.approx((0.6038, 0.01, 0.01), abs=1e-4)
 
 
 @pytest.mark.parametrize(("ending", "linear"), [("glb", (0.2, 0.502, 0.902)), ("obj", (0.0331, 0.216, 0.7913))])

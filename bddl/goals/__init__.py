@@ -1,1 +1,0 @@
-"""How far a goal is reached, and the cheapest ways to reach it."""

@@ -1,1 +1,0 @@
-"""What is suspicious about a text that can be read."""

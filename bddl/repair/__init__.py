@@ -1,1 +1,0 @@
-"""What a text that cannot be read was meant to be."""

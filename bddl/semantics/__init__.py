@@ -1,1 +1,0 @@
-"""Truth of formulas in states: known in part, complete, or many at once."""

@@ -1,1 +1,0 @@
-"""The syntax tree of formulas, problems and domains, and what is known of words, dialects and mistakes."""

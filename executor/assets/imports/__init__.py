@@ -1,1 +1,0 @@
-"""Other people's assets: URDF files, PartNet-Mobility folders and meshes become assets of the library."""

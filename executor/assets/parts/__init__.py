@@ -1,1 +1,0 @@
-"""Building blocks that the models share: shapes, cupboards, doors, drawers and handles."""

@@ -1,0 +1,507 @@
+"""Results of a benchmark: rates with exact intervals, scores, throughput, text tables, and the HTML report.
+
+The main table has the paper's rows beside those of this program. The report is one HTML file and needs no network.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor
+from pathlib import Path
+from statistics import fmean, median
+from typing import Any
+
+from bddl.terminal import pluralize
+from executor.bench.paper import main_table
+from executor.bench.units import FAMILIES, Series
+from executor.records import action_text, describe_peaks, readable
+from executor.reports.html import badge, card, document, facts, fold, measurements, soft, style, text
+from executor.reports.page import versions
+from executor.scenes.generators.household import VARIATIONS
+from executor.skills.control import DISPLACED_M, TIPPED_DEG
+from oag import clopper_pearson
+
+Result = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Success rate with the exact 95 % interval (Clopper-Pearson).
+
+    Attributes:
+        successes: Number of successes.
+        trials: Number of trials.
+        clusters: Number of independent trials, where several repeat one layout and so succeed or fail together; None
+            when all are independent. The interval is then that of so many trials, each with the share of its
+            repetitions that succeeded, rounded to whole successes away from the rate at both ends.
+    """
+
+    successes: int
+    trials: int
+    clusters: int | None = None
+
+    @property
+    def percent(self) -> float | None:
+        """The plain rate in percent; None without trials."""
+        return 100.0 * self.successes / self.trials if self.trials else None
+
+    @property
+    def interval_percent(self) -> tuple[float, float] | None:
+        """The interval in percent; None without trials."""
+        if not self.trials:
+            return None
+        trials = self.trials if self.clusters is None else self.clusters
+        shares = Fraction(self.successes * trials, self.trials)
+        low, high = clopper_pearson(floor(shares), trials)[0], clopper_pearson(ceil(shares), trials)[1]
+        return 100.0 * low, 100.0 * high
+
+    def to_json(self) -> dict[str, object]:
+        """Return the rate as plain data."""
+        return {
+            "successes": self.successes,
+            "trials": self.trials,
+            "clusters": self.clusters,
+            "percent": self.percent,
+            "interval_95_percent": self.interval_percent,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Results of one family in one setting.
+
+    Attributes:
+        series: The request.
+        results: The finished units, in order.
+    """
+
+    series: Series
+    results: Sequence[Result]
+
+    @property
+    def all(self) -> Rate:
+        """Success rate over all finished units."""
+        return _rate(self.results)
+
+    @property
+    def failed(self) -> list[Result]:
+        """Units that did not succeed."""
+        return [result for result in self.results if not _succeeded(result)]
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Kind of failure -> number of units that it ended, the most frequent first."""
+        counted = Counter(result["failure"]["kind"] if result.get("failure") else "unknown" for result in self.failed)
+        return dict(counted.most_common())
+
+    @property
+    def by_mistake(self) -> dict[str, Rate]:
+        """Kind of mistake -> success rate of the units with it; empty for right plans."""
+        kinds = sorted({result["mistake"] for result in self.results if result.get("mistake")})
+        return {kind: _rate([r for r in self.results if r.get("mistake") == kind]) for kind in kinds}
+
+    @property
+    def simulated_in_vain_s(self) -> float:
+        """Simulated time of failed units [s]."""
+        return float(sum(result.get("simulated_s", 0.0) for result in self.failed))
+
+    @property
+    def subtasks(self) -> list[Rate]:
+        """Success rate of each subtask in order, over the units that reached it."""
+        return subtask_rates(self.results)
+
+    @property
+    def subtask_score(self) -> float | None:
+        """The paper's Subtask-Level Score in percent: the mean over subtasks of their conditional success rate."""
+        return subtask_score(self.results)
+
+    @property
+    def scales(self) -> tuple[float, float] | None:
+        """Minimum and maximum scaling factor of handled things; None before anything was handled."""
+        least = [
+            min((min(change["factors"]) for change in r["scaled"]), default=1.0) for r in self.results if "scaled" in r
+        ]
+        return (min(least), max(least)) if least else None
+
+    @property
+    def taken_twice(self) -> int:
+        """Number of units in which a thing was set down and grasped again, after the rollout replaced a first plan."""
+        return sum(bool(result.get("taken_twice")) for result in self.results)
+
+    @property
+    def bystanders_moved_m(self) -> float | None:
+        """Maximum displacement of things outside the task [m]; None where it was not measured."""
+        return max(
+            (result["bystanders_moved_m"] for result in self.results if "bystanders_moved_m" in result), default=None
+        )
+
+    @property
+    def busy_s(self) -> float:
+        """Wall time in which at least one unit was running [s]; pauses between runs do not count."""
+        return busy_s(self.results)
+
+    @property
+    def demos_per_hour(self) -> float | None:
+        """Successful episodes an hour of wall time, all processes together."""
+        return 3600.0 * self.all.successes / self.busy_s if self.busy_s > 0.0 else None
+
+    def to_json(self) -> dict[str, object]:
+        """Return the cell as plain data."""
+        return {
+            **self.series.to_json(),
+            "label": self.series.setting.label,
+            "finished": len(self.results),
+            "all": self.all.to_json(),
+            "subtasks": [rate.to_json() for rate in self.subtasks],
+            "subtask_score_percent": self.subtask_score,
+            "reasons": self.reasons,
+            "scales": self.scales,
+            "taken_twice": self.taken_twice,
+            "bystanders": {
+                "moved_at_most_m": self.bystanders_moved_m,
+                "a_failure_from_m": DISPLACED_M,
+                "or_tipped_by_deg": TIPPED_DEG,
+            },
+            "demos_per_hour": self.demos_per_hour,
+            "busy_s": self.busy_s,
+            "times_s": {part: _spread(values) for part, values in self._times().items()},
+            "memory": memory_growth(self.results),
+            "penetration": self._penetration(),
+            "peaks": self._peaks(),
+            "simulated_in_vain_s": self.simulated_in_vain_s,
+            "mistakes": {kind: rate.to_json() for kind, rate in self.by_mistake.items()},
+            **self._evolution(),
+        }
+
+    def _times(self) -> dict[str, list[float]]:
+        parts: dict[str, list[float]] = {"elapsed": [r["elapsed_s"] for r in self.results if "elapsed_s" in r]}
+        for result in self.results:
+            for part, seconds in result.get("wall_s", {}).items():
+                parts.setdefault(part, []).append(seconds)
+        parts["simulated"] = [result["simulated_s"] for result in self.results if "simulated_s" in result]
+        return parts
+
+    def _penetration(self) -> dict[str, object] | None:
+        """Return the penetration of bodies: the largest of the episodes' 99th percentiles, and the deepest of all."""
+        recorded = [result["penetration"] for result in self.results if "penetration" in result]
+        if not recorded:
+            return None
+        deepest = max(recorded, key=lambda figures: figures["deepest_m"])
+        return {
+            "episodes": len(recorded),
+            "largest_p99_mm": 1000.0 * max(figures["p99_m"] for figures in recorded),
+            "deepest_mm": 1000.0 * deepest["deepest_m"],
+            "deepest_pair": deepest["pair"],
+        }
+
+    def _peaks(self) -> dict[str, float]:
+        """Return the peak loads of the robot over all episodes, by the names of `executor.records.rollout.Peaks`."""
+        recorded = [result.get("peaks", {}) for result in self.results]
+        return {
+            name: max(row.get(name, 0.0) for row in recorded)
+            for name in sorted({name for row in recorded for name in row})
+        }
+
+    def _evolution(self) -> dict[str, object]:
+        evolved = [result for result in self.results if "revisions" in result]
+        if not evolved:
+            return {}
+        solved = [result["revisions"] for result in evolved if _succeeded(result)]
+        return {
+            "at_once": Rate(sum(bool(result["succeeded_at_once"]) for result in evolved), len(evolved)).to_json(),
+            "revisions_of_successes_mean": fmean(solved) if solved else None,
+        }
+
+
+def subtask_rates(results: Sequence[Result]) -> list[Rate]:
+    """Return the success rate of each subtask over the units that reached it.
+
+    A unit reaches a subtask when all before it succeeded. The first is always reached, also by a unit whose process
+    died. Units with fewer subtasks count for those that they have.
+    """
+    longest = max((len(_names(result)) for result in results), default=0)
+    rates = []
+    for k in range(longest):
+        reached = [r for r in results if len(_names(r)) > k and _done(r) >= k]
+        rates.append(Rate(sum(_done(r) > k for r in reached), len(reached)))
+    return rates
+
+
+def subtask_score(results: Sequence[Result]) -> float | None:
+    """Return the mean over subtasks of their conditional success rates [%]; one never reached counts 0."""
+    rates = subtask_rates(results)
+    return fmean(rate.percent or 0.0 for rate in rates) if rates else None
+
+
+def busy_s(results: Sequence[Result]) -> float:
+    """Return the length of the union of the units' time intervals [s]."""
+    spans = sorted((r["started_s"], r["started_s"] + r["elapsed_s"]) for r in results if "started_s" in r)
+    total, until = 0.0, float("-inf")
+    for start, end in spans:
+        total += max(0.0, end - max(start, until))
+        until = max(until, end)
+    return total
+
+
+def memory_growth(results: Sequence[Result]) -> dict[str, object] | None:
+    """Return the memory growth of the process with the most units after its warm-up, or None.
+
+    The first ten units, or a tenth where there are fewer than a hundred, warm up caches of libraries.
+    """
+    longest = of_one_process(results)
+    if not longest:
+        return None
+    warm = longest[min(10, len(longest) // 10) :]
+    first, last = warm[0]["rss_mb"], warm[-1]["rss_mb"]
+    return {
+        "units_in_one_process": len(longest),
+        "after_warm_up_mb": first,
+        "at_the_end_mb": last,
+        "growth_percent": 100.0 * (last / first - 1.0),
+        "peak_mb": max(result["peak_rss_mb"] for result in longest),
+    }
+
+
+def of_one_process(results: Sequence[Result]) -> list[Result]:
+    """Return the results of the process with the most units, in their order."""
+    by_worker: dict[int, list[Result]] = {}
+    for result in sorted((r for r in results if "rss_mb" in r), key=lambda r: r["started_s"]):
+        by_worker.setdefault(result["worker"], []).append(result)
+    return max(by_worker.values(), key=len, default=[])
+
+
+def _rate(results: Sequence[Result]) -> Rate:
+    """T5 and T6 repeat the same layouts, within a set and from set to set, with other models, sizes and places."""
+    rooms = {result["index"] // VARIATIONS for result in results if result.get("index") is not None}
+    repeated = 0 < len(rooms) < len(results)
+    return Rate(sum(_succeeded(result) for result in results), len(results), len(rooms) if repeated else None)
+
+
+def _succeeded(result: Result) -> bool:
+    return bool(result["ended"] == "succeeded")
+
+
+def _names(result: Result) -> Sequence[str]:
+    """Return the subtasks' names; a unit that failed before its task still has one undone subtask."""
+    return result.get("subtask_names") or ["?"]
+
+
+def _done(result: Result) -> int:
+    """Return the number of subtasks that succeeded before the first failure."""
+    count = 0
+    for subtask in result.get("subtasks", ()):
+        if not subtask["succeeded"]:
+            break
+        count += 1
+    return count
+
+
+def _spread(values: Sequence[float]) -> dict[str, float] | None:
+    if not values:
+        return None
+    return {"mean": fmean(values), "median": median(values), "largest": max(values), "total": sum(values)}
+
+
+DASH = "-"
+SCALE_ROW = "  scale of what is taken"
+FOOTNOTE = (
+    "SR / Subtask-Level Score in percent. The paper's rows are as printed: its simulator, its scenes. "
+    "Rows that begin with 'here' were measured by this program; below each is by how much what is taken was scaled, "
+    "1 being its own size."
+)
+
+
+def main_rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of the main table: method, then one cell a family."""
+    for row in main_table():
+        yield (
+            row.method,
+            *(f"{number(row.cells[f][0])} / {number(row.cells[f][1])}" if f in row.cells else DASH for f in FAMILIES),
+        )
+    for setting in dict.fromkeys(cell.series.setting for cell in cells):
+        mine = {cell.series.family: cell for cell in cells if cell.series.setting == setting}
+        yield setting.label, *(cell_text(mine[family]) if family in mine else DASH for family in FAMILIES)
+        yield SCALE_ROW, *(scale_text(mine[family]) if family in mine else DASH for family in FAMILIES)
+
+
+def cell_text(cell: Cell) -> str:
+    """Return a cell as in the paper: success rate and subtask-level score over all finished units."""
+    rate, score = cell.all.percent, cell.subtask_score
+    return DASH if rate is None or score is None else f"{number(rate)} / {number(score)}"
+
+
+def scale_text(cell: Cell) -> str:
+    """Return the scaling factors of the things that a cell's units handled, to fit the gripper."""
+    if cell.scales is None:
+        return DASH
+    least, greatest = (f"{factor:.2f}".rstrip("0").rstrip(".") for factor in cell.scales)
+    return least if least == greatest else f"{least}-{greatest}"
+
+
+def number(percent: float) -> str:
+    """Return a percentage with one decimal, or none where it is whole, as in the paper."""
+    return f"{percent:.1f}".removesuffix(".0")
+
+
+def rate_text(rate: Rate) -> str:
+    """Return a rate with its counts and its exact interval."""
+    interval = rate.interval_percent
+    if rate.percent is None or interval is None:
+        return "no trials"
+    of = "" if rate.clusters is None else f", by {rate.clusters} layouts"
+    return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f}{of})"
+
+
+def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Yield the details of a cell: names and values, for the terminal and for the report."""
+    asked, baseline = cell.series.episodes, cell.series.setting.baseline
+    yield "success, all units", rate_text(cell.all)
+    if cell.results:
+        yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
+    if baseline is not None:
+        simulated_s = sum(result.get("simulated_s", 0.0) for result in cell.results)
+        tried, held = (sum(result.get(f"grasps_{word}", 0) for result in cell.results) for word in ("tried", "held"))
+        yield "grasps with both fingers", f"{held} of {tried}"
+        yield "simulated in vain", f"{cell.simulated_in_vain_s:.0f} of {simulated_s:.0f} s"
+    for mistake, rate in cell.by_mistake.items():
+        yield f"success with {mistake}", f"{rate.successes} of {rate.trials}"
+    factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
+    if factors:
+        units = sum(bool(result.get("scaled")) for result in cell.results)
+        yield (
+            "things scaled to fit the gripper",
+            f"in {pluralize(units, 'unit')}, by {min(factors):g} to {max(factors):g}",
+        )
+    if cell.taken_twice:
+        yield "a thing was taken twice", f"in {pluralize(cell.taken_twice, 'unit')}"
+    if cell.bystanders_moved_m is not None:
+        yield (
+            "things beside",
+            f"moved by {1000 * cell.bystanders_moved_m:.0f} mm at most; a failure from {1000 * DISPLACED_M:.0f} mm or "
+            f"{TIPPED_DEG:.0f} degrees on",
+        )
+    if cell.reasons:
+        yield "reasons of failure", ", ".join(f"{count} {kind}" for kind, count in cell.reasons.items())
+    data = cell.to_json()
+    at_once, revisions = data.get("at_once"), data.get("revisions_of_successes_mean")
+    if isinstance(at_once, dict):
+        yield "success without a revision", f"{at_once['successes']} of {at_once['trials']}"
+    if isinstance(revisions, float):
+        yield "revisions of a success, mean", f"{revisions:.2f}"
+    if cell.demos_per_hour is not None:
+        yield "successes an hour of wall time", f"{cell.demos_per_hour:.0f}"
+    times = data["times_s"]
+    if isinstance(times, dict) and times.get("elapsed"):
+        elapsed = times["elapsed"]
+        yield "wall time of a unit", f"median {elapsed['median']:.1f} s, largest {elapsed['largest']:.1f} s"
+        parts = ("scene", "planning", "physics", "pictures")
+        means = [f"{part} {times[part]['mean']:.2f} s" for part in parts if times.get(part)]
+        yield "of that, mean", ", ".join(means)
+    growth = data["memory"]
+    if isinstance(growth, dict):
+        yield (
+            "memory of a process",
+            f"{growth['at_the_end_mb']:.0f} MB after {growth['units_in_one_process']} units, "
+            f"{growth['growth_percent']:+.1f} % since its warm-up, peak {growth['peak_mb']:.0f} MB",
+        )
+    overlap = data["penetration"]
+    if isinstance(overlap, dict):
+        between = " and ".join(overlap["deepest_pair"])
+        yield (
+            "overlap of bodies",
+            f"99th percentile of an episode at most {overlap['largest_p99_mm']:.1f} mm, deepest "
+            f"{overlap['deepest_mm']:.1f} mm ({between})",
+        )
+    peaks = data["peaks"]
+    if isinstance(peaks, dict) and peaks:
+        yield "most asked of the robot", "; ".join(f"{part} {words}" for part, words in describe_peaks(peaks))
+    if len(cell.results) < asked:
+        yield "not run yet", f"{asked - len(cell.results)} of {asked}"
+    yield "seeds", seeds_text(cell)
+
+
+def seeds_text(cell: Cell) -> str:
+    """Return the first and last seed of a cell, and the program's version."""
+    seeds = [result["seed"] for result in cell.results]
+    span = f"{min(seeds)} to {max(seeds)}" if seeds else f"from {cell.series.seed}"
+    return f"{span}, program {cell.series.version}"
+
+
+def bench_page(cells: Sequence[Cell], folder: Path) -> str:
+    """Return the whole page as text.
+
+    Args:
+        cells: The results.
+        folder: Folder of the benchmark, for the commands that replay units.
+    """
+    failed = [_failure_html(result, folder) for cell in cells for result in cell.failed]
+    body = [
+        "<header><h1>Benchmark</h1><p class='lead'>Success rates, with everything that failed.</p></header>",
+        f"<h2>Main table</h2>{card(_main_table_html(cells), soft(text(FOOTNOTE)), kind='scroll')}",
+        f"<h2>Success by family</h2>{card('<div class=bars>', *_success_bars(cells), '</div>')}",
+        "<h2>What stands behind each number</h2>",
+        *(
+            card(f"<h3>{_cell_name(cell)}</h3>", facts((name, text(value)) for name, value in detail_rows(cell)))
+            for cell in cells
+        ),
+        f"<h2>What failed</h2>{card(*(failed or ['<p>Nothing failed.</p>']))}",
+        soft(text(versions())),
+    ]
+    return document("Benchmark", body, style("page", "bench"))
+
+
+def _cell_name(cell: Cell) -> str:
+    return f"{cell.series.family}, {text(cell.series.setting.label.removeprefix('here: '))}"
+
+
+def _main_table_html(cells: Sequence[Cell]) -> str:
+    head = "".join(f"<th class='n'>{family}</th>" for family in FAMILIES)
+    rows = "".join(
+        f"<tr{' class=ours' if row[0].startswith('here') else ''}><td>{text(row[0])}</td>"
+        + "".join(f"<td class='n'>{text(cell)}</td>" for cell in row[1:])
+        + "</tr>"
+        for row in main_rows(cells)
+    )
+    return f"<table><thead><tr><th>Method</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def _success_bars(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield one bar per cell: its length is the success rate, the thin line in it the 95 % interval."""
+    for cell in cells:
+        rate, interval = cell.all.percent, cell.all.interval_percent
+        if rate is None or interval is None:
+            yield f"<span>{_cell_name(cell)}</span><span class='soft'>nothing run yet</span><span>{DASH}</span>"
+            continue
+        low, high = interval
+        yield (
+            f"<span>{_cell_name(cell)}</span><div class='bar' title='95 % interval {low:.1f} to {high:.1f} %'>"
+            f"<i style='width:{rate:.2f}%'></i><u style='left:{low:.2f}%;width:{high - low:.2f}%'></u></div>"
+            f"<span>{number(rate)} % of {cell.all.trials}</span>"
+        )
+
+
+def _failure_html(result: Mapping[str, Any], folder: Path) -> str:
+    failure = result.get("failure") or {}
+    where = ""
+    if failure.get("primitive") is not None:
+        step = action_text(failure["primitive"], failure["action"])
+        where = (
+            f"<p>Subtask {failure['subtask'] + 1}, {text(readable(failure['subtask_name']))}, step "
+            f"{failure['step'] + 1}: <span class='name'>{text(step)}</span> at {failure['time_s']:.1f} s</p>"
+        )
+    name, trace = result["name"], "".join(f"{line}\n" for line in result.get("traceback", ()))
+    command = shlex.join(["scene2demo", "bench", "replay", str(folder), name, "--out", f"replay-{name}"])
+    return fold(
+        f"<span class='name'>{text(name)}</span>{badge(str(failure.get('kind', result['ended'])), 'bad')}"
+        f"<span>{text(failure.get('message', ''))}</span>",
+        soft(text(result.get("query", ""))),
+        where,
+        measurements(failure.get("measurements", {})),
+        f"<pre>{text(trace)}</pre>" if trace else "",
+        f"<pre>{text(command)}</pre>",
+        kind="step",
+    )

@@ -1,1 +1,0 @@
-"""Commands that make data sets and work with them."""

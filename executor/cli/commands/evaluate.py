@@ -1,0 +1,289 @@
+"""`scene2demo evaluate`: run policies in the environment, all in the same episodes, and count the outcomes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import torch
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bddl.files import read_bounded_text
+from executor.bench.units import EVALUATION_VERSION, outcome_version
+from executor.cli.data_options import EvaluateOptions, Family
+from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
+from executor.cli.execution import check_seed
+from executor.cli.output import ERR, print_json, say, tell
+from executor.data.units import Origin, scene_key
+from executor.data.views import check_drawable
+from executor.learn.acting import LeRobotPolicy, Policy, TrainedPolicy, is_stock
+from executor.learn.demonstrations import EpisodeKind, learned_from
+from executor.learn.evaluation.outcomes import EpisodeOutcome
+from executor.learn.evaluation.scores import (
+    Curve,
+    EvaluationReport,
+    PolicyScore,
+    by_axis,
+    by_training,
+    evaluation_page,
+    loss_curve,
+    paired_tests,
+    rate_words,
+    success_curve,
+)
+from executor.learn.evaluation.trials import EpisodeStates, TrialConditions, draw_video, evaluate
+from executor.learn.policy_record import LOSSES, PolicyRecord
+from executor.reports.run_folder import FolderUnusable
+from executor.scenes.file import scene_for
+from executor.sim.render.pool import check_size
+from executor.sim.render.stage import shared_renderer
+from executor.system.files import write_json, write_text
+
+RESULTS, PAGE = "evaluation.json", "evaluation.html"
+
+
+def execute(options: EvaluateOptions) -> int:
+    """Evaluate policies; return the exit code: 0 whatever the outcomes, since it is a measurement.
+
+    Ctrl-C ends it with the results so far.
+
+    Raises:
+        NotAPolicy, BadOption: Something that was named cannot be used.
+        FolderUnusable: Results cannot be written into the folder.
+        NotDrawn: No room could be made of a seed.
+        RendererNotFound, VideoFailed: Videos were requested, and cannot be drawn.
+    """
+    actors, version = _actors(options), outcome_version(EVALUATION_VERSION)
+    kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
+    if options.videos:
+        check_drawable()
+    if options.out is not None:
+        _make(options.out)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    drawn: list[str] = []
+    with ExitStack() as stack:
+        bar = stack.enter_context(Progress(*columns, console=ERR, disable=options.json or not ERR.is_terminal))
+        task = bar.add_task("evaluating", total=len(actors) * options.episodes)
+        scene_renderer = stack.enter_context(shared_renderer()) if options.videos else None
+
+        def show_outcome(actor: Policy, outcome: EpisodeOutcome, footage: EpisodeStates) -> None:
+            bar.update(task, advance=1)
+            if outcome.success_once:
+                if not options.json:
+                    tell(f"  {actor.name} seed {outcome.seed}: succeeded")
+                return
+            if not options.json:
+                after = {True: ", done with the planner's help", False: ", and the planner did not do it either"}
+                words = after[bool(outcome.success_with_help)] if outcome.helped else ""
+                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}{words}")
+            if scene_renderer is not None and options.out is not None:
+                folder = options.out / f"{actors.index(actor):02d}-{outcome.seed:06d}-{outcome.failure}"
+                rate_hz = actor.record.rate_hz
+                drawn.append(str(draw_video(scene_renderer(), footage, folder, options.size, rate_hz)))
+
+        conditions = TrialConditions(options.push, options.fallback, options.videos)
+        found = evaluate(actors, kind, seeds, show_outcome, conditions)
+    judged = _judged(kind, conditions, actors, found)
+    results = {"version": version, **_results_json(kind, conditions, actors, judged, found), "videos": drawn}
+    code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
+    # Print before writing: results of hours are shown even if the disk is full by now.
+    if options.json:
+        print_json({"ok": code == DONE, "exit_code": code, **results})
+    else:
+        _print(judged)
+        if code != DONE:
+            tell(f"interrupted: this is of the first {len(next(iter(found.values())))} of {options.episodes} episodes")
+    if options.out is not None:
+        write_json(options.out / RESULTS, results)
+        write_text(options.out / PAGE, evaluation_page(judged))
+    return code
+
+
+def _make(out: Path) -> None:
+    """Make the folder for results, before there are any.
+
+    Raises:
+        FolderUnusable: Nothing can be written there.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            pass
+    except OSError as problem:
+        raise FolderUnusable(out, problem.strerror or str(problem)) from problem
+
+
+def _actors(options: EvaluateOptions) -> list[Policy]:
+    check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
+    check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")
+    check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
+    check(len(set(options.steps)) == len(options.steps), "--steps", " ".join(map(str, options.steps)), "each step once")
+    check(options.threads > 0, "--threads", options.threads, "a number above 0")
+    check_seed(options.seed, options.episodes)
+    if options.videos and options.out is None:
+        raise BadOption("--videos", "is given", "--out beside it, a folder for them")
+    check_size(options.size)
+    torch.set_num_threads(options.threads)
+    steps = options.steps or (None,)
+    actors: list[Policy] = []
+    for path in options.policies:
+        actors += (
+            [_stock(path, options)] if is_stock(path) else [TrainedPolicy.load(path, n, options.execute) for n in steps]
+        )
+    for actor in actors:
+        if isinstance(actor, LeRobotPolicy):
+            continue
+        chunk = actor.record.settings.acts.chunk
+        good = 1 <= actor.execute <= chunk
+        check(good, "--execute", actor.execute, f"1 to {chunk}, the actions that {actor.name} foretells")
+    return actors
+
+
+def _stock(path: Path, options: EvaluateOptions) -> LeRobotPolicy:
+    if options.data is None:
+        raise BadOption("--data", "is missing", f"the data set that LeRobot's policy {path} was trained on")
+    check(options.execute is None, "--execute", options.execute, "none: LeRobot's policies say so by n_action_steps")
+    return LeRobotPolicy(path, learned_from(options.data))
+
+
+def _kind(options: EvaluateOptions, actors: Sequence[Policy]) -> EpisodeKind:
+    """Return the kind of the episodes, and pass it to policies of LeRobot.
+
+    Raises:
+        BadOption: No task is given, and the policies' demonstrations are of several kinds; or a seed is one of those
+            that a policy was trained on.
+        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
+    """
+    kind = kind_of(options.task, [actor.record for actor in actors])
+    # Whatever their task: the scene t1 of a seed is the kitchen that T1 draws of it.
+    training_seeds = {seed for actor in actors for seed in actor.record.seeds}
+    both = training_seeds & set(range(options.seed, options.seed + options.episodes))
+    first, last = min(training_seeds, default=0), max(training_seeds, default=0)
+    unseen = f"others than a policy was trained on, which are from {first} to {last}"
+    check(not both, "--seed", options.seed, f"{unseen}: whatever the task, the same seed may draw the same room")
+    for actor in actors:
+        if isinstance(actor, LeRobotPolicy):
+            actor.expect(kind)
+    return kind
+
+
+def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind:
+    """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations.
+
+    Raises:
+        BadOption: No task is given, and they are of several kinds; or their scene has changed.
+        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
+    """
+    kinds = list(dict.fromkeys(kind for record in records for kind in record.kinds))
+    if task is not None:
+        full_size = any(kind.full_size for kind in kinds)
+        kinds = [EpisodeKind(Origin(family=task), full_size=full_size)]
+    if len(kinds) > 1:
+        names = list(dict.fromkeys(kind.origin.label for kind in kinds))
+        kinds_text = f"several things: {', '.join(names)}" if len(names) > 1 else f"{names[0]}, varied in several ways"
+        raise BadOption("--task", "is missing", f"a family, since the demonstrations are of {kinds_text}")
+    origin = kinds[0].origin
+    if origin.scene_key:
+        scene = scene_for(origin.query, origin.scene, full_size=kinds[0].full_size)
+        check(
+            scene_key(scene) == origin.scene_key,
+            "the scene",
+            origin.scene,
+            "what it was when the demonstrations were made",
+        )
+    return kinds[0]
+
+
+def _judged(
+    kind: EpisodeKind,
+    conditions: TrialConditions,
+    actors: Sequence[Policy],
+    found: Mapping[str, Sequence[EpisodeOutcome]],
+) -> EvaluationReport:
+    scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
+    trained = {
+        actor.name: (f"{actor.record.key_without_seed} {actor.step} {actor.execute}", actor.record.seed)
+        for actor in actors
+    }
+    words = [kind.origin.query or kind.origin.label, f"{len(next(iter(found.values())))} episodes each"]
+    words += [f"the {' and the '.join(conditions.pushes)} pushed once in each"] if conditions.pushes else []
+    words += ["where a policy got no further, the planner went on"] if conditions.fallback else []
+    folders: dict[str, dict[int, PolicyScore]] = {}
+    for actor in actors:
+        folders.setdefault(actor.folder, {})[actor.step] = scores[actor.name]
+    return EvaluationReport(
+        what="; ".join(words),
+        scores=scores,
+        trainings=by_training(trained, found),
+        tests=paired_tests(found),
+        axes={name: by_axis(outcomes) for name, outcomes in found.items()},
+        losses=tuple(curve for folder in folders if (curve := _loss(folder)) is not None),
+        successes=tuple(
+            success_curve(folder, {step: score.once for step, score in by_step.items()})
+            for folder, by_step in folders.items()
+            if len(by_step) > 1
+        ),
+        failed=[(name, one.seed, one.failure) for name, all_of in found.items() for one in all_of if one.failure],
+    )
+
+
+def _loss(folder: str) -> Curve | None:
+    try:
+        return loss_curve(folder, read_bounded_text(Path(folder) / LOSSES).splitlines())
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _results_json(
+    kind: EpisodeKind,
+    conditions: TrialConditions,
+    actors: Sequence[Policy],
+    judged: EvaluationReport,
+    found: Mapping[str, Sequence[EpisodeOutcome]],
+) -> dict[str, Any]:
+    described = {
+        actor.name: {
+            "seed": actor.record.seed,
+            "step": actor.step,
+            "execute": actor.execute,
+            "demonstrations": actor.record.demonstrations,
+            "corrections": actor.record.takeovers,
+            **judged.scores[actor.name].to_json(),
+            "by_axis": [score.to_json() for score in judged.axes[actor.name]],
+            "episodes": [outcome.to_json() for outcome in found[actor.name]],
+        }
+        for actor in actors
+    }
+    return {
+        "kind": kind.to_json(),
+        "pushes": list(conditions.pushes),
+        "fallback": conditions.fallback,
+        "policies": described,
+        "trainings": [row.to_json() for row in judged.trainings],
+        "pairs": [test.to_json() for test in judged.tests],
+    }
+
+
+def _print(judged: EvaluationReport) -> None:
+    for name, score in judged.scores.items():
+        say(f"{name}", style="bold")
+        say(f"  {'once':11} {rate_words(score.once)}")
+        say(f"  {'at the end':11} {rate_words(score.at_end)}")
+        if score.with_help is not None:
+            say(f"  {'with help':11} {rate_words(score.with_help)}, the planner went on in {score.helped}")
+        for failure, count in score.failures.items():
+            say(f"  {'failed':11} {count} x {failure}")
+        if score.monitors:
+            counts = ", ".join(f"{kind} in {count}" for kind, count in score.monitors.items())
+            say(f"  {'monitors':11} in what failed: {counts}")
+    for row in judged.trainings:
+        if row.spread is not None:
+            shares = ", ".join(f"{100 * share:.0f}" for share in row.shares)
+            seeds = ", ".join(map(str, row.seeds))
+            say(f"{'seeds':11} {seeds}: {shares} %, together {rate_words(row.once)}, spread {100 * row.spread:.1f} %")
+    for test in judged.tests:
+        words = f"{test.first} alone {test.only_first}, {test.second} alone {test.only_second} (p = {test.p:.3g})"
+        say(f"{'paired':11} {words}")

@@ -1,0 +1,206 @@
+"""`scene2demo photo`: reconstruct a scene, in which plans are proved and executed, from a photograph.
+
+`run --photo` uses `scene_of_photograph` for the scene of its run.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+from executor.cli.command_options import PhotoOptions
+from executor.cli.errors import DONE, FAILED, check
+from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, tell_kept
+from executor.cli.options import PhotoInputs
+from executor.cli.output import print_json, say, tell
+from executor.photo.errors import RoomRefused
+from executor.photo.geometry.observation import HEIGHTS_M
+from executor.photo.inputs.annotations import Detections, Detector, boxes_in
+from executor.photo.inputs.depth import DepthSource, depth_in
+from executor.photo.inputs.picture import Photograph
+from executor.photo.output import (
+    CONVERSATION,
+    EXCHANGES,
+    prepared,
+    remove_empty_folder,
+    result_json,
+    reusable_scene,
+    write_result,
+)
+from executor.photo.perception import detector_in, guessed_depth, model_detector
+from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
+from executor.reports.run_folder import kept_aside
+from executor.system.files import write_json
+from llm import Conversation
+from llm.structured.conversation import Spending
+
+
+def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None = None) -> PhotoInput:
+    """Read a photograph and its files.
+
+    Args:
+        picture: The picture, or a recording.
+        inputs: Files and values typed with it.
+        asked: The model that is asked for boxes, where there is one.
+
+    Raises:
+        BadOption: There are two sources of boxes or depths, or a number is out of its range.
+        PhotoRefused: A file cannot be used.
+        ModelError, AnswersRefused: The model gives no usable answer.
+    """
+    height_m, (low, high) = inputs.camera_height_m, HEIGHTS_M
+    good = height_m is None or low <= height_m <= high
+    check(good, "--camera-height-m", height_m, f"metres from {low:g} to {high:g}")
+    return read_inputs(
+        picture,
+        AuxiliaryInputs(
+            _detector(picture, inputs, asked),
+            _depth(inputs),
+            inputs.camera,
+            inputs.frame,
+            inputs.length,
+            inputs.board,
+            inputs.camera_height_m,
+            inputs.find_more,
+        ),
+    )
+
+
+def _detector(picture: Path, inputs: PhotoInputs, asked: Detector | None) -> Detector | None:
+    boxes, folder, least = inputs.boxes, inputs.detector, inputs.least_score
+    sources = [one for one in (boxes, folder, asked) if one is not None]
+    check(len(sources) < 2, "--boxes", boxes or folder, "one of --boxes, --detector and --model, not two")
+    check(least is None or folder is not None, "--least-score", least, "--detector beside it")
+    check(least is None or 0.0 <= least <= 1.0, "--least-score", least, "a number from 0 to 1")
+    if folder is not None:
+        return detector_in(folder, least)
+    return asked if boxes is None else boxes_in(boxes, picture.name)
+
+
+def _depth(inputs: PhotoInputs) -> DepthSource | None:
+    unit_m = inputs.depth_unit_m
+    check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
+    twice = inputs.depth is not None and inputs.depth_model is not None
+    check(not twice, "--depth-model", inputs.depth_model, "one of --depth and --depth-model, not both")
+    if inputs.depth_model is not None:
+        return guessed_depth(inputs.depth_model)
+    return None if inputs.depth is None else depth_in(inputs.depth, unit_m)
+
+
+def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, quiet: bool) -> Path:
+    """Return the scene file of a photograph; an earlier reconstruction of the same input is reused.
+
+    Args:
+        picture: The picture, or a recording.
+        inputs: Files and values typed with it.
+        folder: Folder of the reconstruction.
+        quiet: Whether to print no progress.
+
+    Raises:
+        BadOption, PhotoRefused: The inputs make no scene.
+        RoomRefused: Physics refuses the reconstruction.
+    """
+    given = read_photograph(picture, inputs)
+    kept = reusable_scene(folder, given)
+    if kept is not None:
+        return kept
+    prepared(folder, force=True)
+    with remove_empty_folder(folder):
+        result = reconstruct_scene(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
+    write_result(folder, result)
+    if result.made.refused:
+        raise RoomRefused(picture, result.made.refused, folder)
+    return folder / "scene.json"
+
+
+def execute(options: PhotoOptions) -> int:
+    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction.
+
+    Raises:
+        PhotoRefused: The inputs make no scene; the message has the reason.
+        ResultsExist, FolderUnusable: The folder.
+        ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
+    """
+    check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
+    check(not options.resume or options.model is not None, "--resume", "", "--model with it, whose answers are kept")
+    spent: list[Spending] = []
+    with ExitStack() as counted:
+        asked = _asked(options, spent, counted)
+        given = read_photograph(options.picture, options.beside, asked)
+    # Where a model was asked, the folder has the conversation already.
+    folder = options.out if options.model is not None else prepared(options.out, force=options.force)
+    with remove_empty_folder(folder):
+        result = reconstruct_scene(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
+    write_result(folder, result)
+    code = FAILED if result.made.refused else DONE
+    if options.json:
+        used = {"usage": spent[0].to_json() if spent else None}
+        print_json({"ok": code == DONE, "exit_code": code, "folder": str(folder), **used, **result_json(result)})
+        return code
+    _print_result(result)
+    for spending in spent:
+        say(spending.total())
+    say(f"results in {folder}: {'scene_refused' if code else 'scene'}.json, photo.json, overlay.png, report.html")
+    return code
+
+
+def _asked(options: PhotoOptions, spent: list[Spending], counted: ExitStack) -> Detector | None:
+    """Return the detector that asks the typed model, None without one; nothing is sent yet.
+
+    Args:
+        options: The typed options.
+        spent: Receives the model's usage, once it is asked.
+        counted: Prints the usage on failure.
+
+    Raises:
+        ModelError: The model is not known, or its recording cannot be read.
+    """
+    model = connect_model(options, None)
+    if options.model is None or model is None:
+        return None
+    name = options.model
+    replayed = Path(name.removeprefix(REPLAY)) if name.startswith(REPLAY) else None
+
+    def detect(picture: Photograph) -> Detections:
+        """Prepare the folder, since requests cost from here on; the inputs have been found usable."""
+        record = options.out / EXCHANGES
+        if options.force and replayed is None:
+            tell_kept(kept_aside(record))
+        kept = record if options.resume else replayed
+        folder = prepared(options.out, force=options.force or options.resume, keep=kept)
+        live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
+        asked = live or model
+        spending = Spending(asked) if options.json else Spending(asked, lambda line: tell(f"  {line}"))
+        spent.append(spending)
+        counted.enter_context(report_spending_on_error(spending, quiet=options.json))
+        subject = f"what is in {picture.source.name}"
+        conversation = Conversation(name, subject, picture.source.stem, listen=spending.add_round)
+        try:
+            return model_detector(asked, conversation)(picture)
+        finally:
+            write_json(folder / CONVERSATION, conversation.to_json())
+
+    return detect
+
+
+def _print_result(result: PhotoResult) -> None:
+    width = max(len(thing.id) for thing in result.found.things)
+    for thing in result.found.things:
+        size = " x ".join(f"{side:.2f}" for side in thing.fit.guess.size_m)
+        sure = f"{100 * thing.fit.confidence:.0f} % sure"
+        say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m, {sure}")
+    for one in result.found.unfitted:
+        say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
+    for other in result.given.left_out:
+        say(f"{other.label}: left out, {other.reason}", style="yellow")
+    if result.found.unfitted and not result.given.find_more:
+        say("what has no box was not searched for; --find-more does")
+    for note in result.made.notes:
+        say(note)
+    for variation in result.varied:
+        models = ", ".join(f"{key} as {model}" for key, model in variation.models.items())
+        say(f"variation {variation.number}, {models}: {'refused by physics' if variation.made.refused else 'settled'}")
+    if result.made.refused:
+        say(f"not a scene to work in: {result.made.refused}", style="red")
+    else:
+        say("settled in physics", style="green")

@@ -1,1 +1,0 @@
-"""Reconstructions from photographs, and how good they are."""

@@ -1,0 +1,109 @@
+"""`scene2demo replay`: repeat demonstrations, exactly or through the environment, and count the successes.
+
+The exit code is 0 when every exact repetition gave the same states, and 1 when one did not. How often actions succeed
+again through the environment is a measurement: 0 whatever the outcome.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import closing
+from itertools import islice
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from executor.cli.data_options import ReplayOptions
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.execution import check_workers
+from executor.cli.output import ERR, print_json, say, tell
+from executor.data.store import NotADataset
+from executor.envs.demonstration_replay import (
+    WORKER,
+    ReplayMode,
+    ReplayOutcome,
+    count_demonstrations,
+    is_store,
+    iterate_replays,
+)
+from executor.system.workers import WorkerOutcome, WorkerPool
+from oag import clopper_pearson
+
+
+def execute(options: ReplayOptions) -> int:
+    """Repeat demonstrations; return the exit code."""
+    check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
+    check_workers(options.workers)
+    exact = options.through == "log"
+    check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
+    if exact and not is_store(options.store):
+        raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
+    total = count_demonstrations(options.store, options.episodes)
+    if not total:
+        raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
+    found: list[ReplayOutcome] = []
+    interrupted = False
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=ERR, disable=options.json or not ERR.is_terminal) as bar:
+        task = bar.add_task("doing again", total=total)
+        try:
+            with closing(_redone(options, "exact" if exact else options.actions, total)) as redone:
+                for one in redone:
+                    found.append(one)
+                    bar.update(task, advance=1, description=f"{sum(each.good for each in found)} good")
+                    if not (options.json or one.good):
+                        tell(f"  {one.name}: {_wrong(exact, one)}", style="red")
+        except KeyboardInterrupt:
+            interrupted = True
+    return _finished(options, found, exact=exact, interrupted=interrupted)
+
+
+def _finished(options: ReplayOptions, found: list[ReplayOutcome], *, exact: bool, interrupted: bool) -> int:
+    good = sum(one.good for one in found)
+    low, high = clopper_pearson(good, len(found)) if found else (0.0, 1.0)
+    code = INTERRUPTED if interrupted else FAILED if exact and good < len(found) else DONE
+    if options.json:
+        failed = sorted(one.name for one in found if not one.good)
+        numbers = {"replayed": len(found), "good": good, "interval": [low, high], "failed": failed}
+        mode = "exact" if exact else options.actions
+        print_json({"ok": code == DONE, "exit_code": code, "way": mode, **numbers})
+        return code
+    what = "gave the same states" if exact else f"succeeded again through the environment, by {_WORDS[options.actions]}"
+    words = f"{good} of {len(found)} {what} ({100 * low:.1f} to {100 * high:.1f} %)"
+    say(f"{'replayed':11} {words}", style="bold" if good == len(found) else "yellow")
+    if interrupted:
+        tell("scene2demo: interrupted", style="yellow")
+    return code
+
+
+def _redone(options: ReplayOptions, mode: ReplayMode, total: int) -> Generator[ReplayOutcome, None, None]:
+    """Yield the outcome of each demonstration, as they end.
+
+    Raises:
+        NotADataset: One cannot be read.
+        WorkersUnusable: No worker process can be started.
+    """
+    if options.workers == 1:
+        yield from (redo() for redo in islice(iterate_replays(options.store, mode), total))
+        return
+    asked = [{"set": str(options.store.absolute()), "way": mode, "place": place} for place in range(total)]
+    pool = WorkerPool(WORKER, min(options.workers, total), environment={"OMP_NUM_THREADS": "1"})
+    with closing(pool.run(asked)) as outcomes:
+        for outcome in outcomes:
+            yield _check_outcome(outcome)
+
+
+def _check_outcome(outcome: WorkerOutcome) -> ReplayOutcome:
+    if outcome.ending == "finished":
+        return ReplayOutcome(**outcome.answer)
+    if outcome.ending == "error" and outcome.answer.get("kind") == NotADataset.__name__:
+        raise NotADataset(str(outcome.answer.get("error", outcome.message)))
+    return ReplayOutcome(f"demonstration {outcome.request['place'] + 1}", False, 0.0, outcome.message)
+
+
+_WORDS = {"joint_target": "joint targets", "paper": "the paper's hand actions"}
+
+
+def _wrong(exact: bool, replay: ReplayOutcome) -> str:
+    if replay.problem:
+        return replay.problem
+    return "other states" if exact else f"no success; it came {100 * replay.progress:.0f} % of the way"

@@ -1,0 +1,305 @@
+"""Set up a self-evolution from options: model or measurements as judges, memory, pictures, budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from executor.cli.command_options import JudgeOptions, PhotoOptions, RunOptions
+from executor.cli.errors import BadOption
+from executor.cli.output import tell
+from executor.reports.run_folder import EXCHANGES, kept_aside, unused_path
+from executor.rollouts.evolution_record import AttemptFrames, Evolution
+from executor.rollouts.evolve import evolve
+from executor.sim.render.cameras import VIEWS
+from executor.system import vulkan
+from executor.system.files import write_json
+from llm import Budget, Metered, connect
+from llm.errors import LlmError, ModelError, PicturesMissing
+from llm.evolve import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
+from llm.evolve.judges import Judges, judges
+from llm.memory import RememberingSupervisor, SkillMemory
+from llm.structured.conversation import Spending
+from oag import ObjectActionGraph, Scene
+
+REPLAY = "replay:"
+CONVERSATIONS, PICTURES = "conversations.json", "pictures"
+NO_VIEWS = "none"
+
+
+class EvolutionSetup:
+    """The judges of a run's episodes; a context manager that writes their conversations at its end.
+
+    Attributes:
+        frames: Renderer of failed attempts; None where no pictures are needed, or nothing can draw them.
+        memory: Notes of earlier corrections; None without.
+        spending: The judges' model and its usage; None without a model.
+        teams: The judges of the episodes so far, where there is a model.
+    """
+
+    def __init__(
+        self,
+        options: JudgeOptions,
+        out: Path | None,
+        *,
+        force: bool = False,
+        resume: bool = False,
+        spending: Spending | None = None,
+        pictures: bool = False,
+        quiet: bool = False,
+    ) -> None:
+        """Connect to the model; nothing is sent.
+
+        Args:
+            options: The typed options.
+            out: The run's folder; None keeps nothing.
+            force: Begins a new recording; an earlier one is kept under another name.
+            resume: Goes on with an earlier recording, and keeps earlier conversations.
+            spending: A model that is connected already, whose caller records it.
+            pictures: Whether the report needs pictures, without a model that looks at them; a machine that cannot draw
+                prints a warning, and everything else is done.
+            quiet: Prints no rounds.
+
+        Raises:
+            BadOption: An option makes no sense.
+            ModelError: The model is not known, or its recording cannot be made.
+            PicturesMissing: The model is to look at pictures, and nothing can draw them.
+            MemoryFolderError: The memory cannot be used.
+        """
+        self._options, self._out, self._resume = options, out, resume
+        self.views = parse_views(options.views)
+        if options.look_back < 0:
+            raise BadOption("--look-back", options.look_back, "0 or more")
+        if not self.views and not options.measurements:
+            raise BadOption("--views", NO_VIEWS, "at least one view where --no-measurements is given")
+        self.memory = None if options.memory is None else SkillMemory(options.memory)
+        for problem in () if self.memory is None else self.memory.problems:
+            tell(f"left out of the memory: {problem}", style="yellow")
+        self.frames = self._frames_for_model() if options.model is not None and self.views else None
+        self.spending = spending or spending_of(self._connected(force=force, resume=resume), quiet=quiet)
+        if self.frames is None and pictures:
+            self.frames = _frames_for_report()
+        self.teams: list[Judges] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.frames is not None:
+            self.frames.__exit__(kind, error, trace)
+        if self._out is not None and self.teams:
+            path = unused_path(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
+            write_json(path, [team.conversation.to_json() for team in self.teams])
+
+    def judges(
+        self, task: str, scene: Scene, *, views: tuple[str, ...] | None = None, look_back: int | None = None
+    ) -> tuple[Inspector, Supervisor]:
+        """Return the inspector and the supervisor of one episode.
+
+        Args:
+            task: Name of the task, for the record.
+            scene: The scene.
+            views: Cameras that replace the typed ones.
+            look_back: Steps to look back that replace the typed number.
+        """
+        if self.spending is None:
+            search: Supervisor = SearchSupervisor()
+            return MeasuredInspector(), search if self.memory is None else RememberingSupervisor(self.memory, search)
+        team = judges(
+            self.spending.model,
+            name=self._options.model or "",
+            task=task,
+            scene=scene.name,
+            views=self.views if views is None else views,
+            look_back=self._options.look_back if look_back is None else look_back,
+            measurements=self._options.measurements,
+            most_pictures=self._options.most_pictures,
+            memory=self.memory,
+            listen=self.spending.add_round,
+        )
+        self.teams.append(team)
+        return team.inspector, team.supervisor
+
+    def evolve(
+        self,
+        graph: ObjectActionGraph,
+        *,
+        views: tuple[str, ...] | None = None,
+        look_back: int | None = None,
+        learn: bool = True,
+        **how: Any,
+    ) -> Evolution:
+        """Return an episode whose failing flows these judges revised.
+
+        Args:
+            graph: The proved plan.
+            views, look_back: As for `judges`.
+            learn: Whether its corrections are written into the memory, where there is one.
+            how: Further arguments of `executor.evolve`: seed, limit, faults.
+        """
+        inspector, supervisor = self.judges(graph.task.name, graph.scene, views=views, look_back=look_back)
+        evolution = evolve(graph, inspector=inspector, supervisor=supervisor, frames=self.frames, **how)
+        if learn and self.memory is not None:
+            histories = [story.history for story in evolution.stories]
+            self.memory.learn(evolution.original, evolution.rollout.scene, histories)
+        return evolution
+
+    @property
+    def stopped(self) -> str:
+        """Why the model that judges gave no more answers in the latest episode; empty otherwise."""
+        return self.teams[-1].stopped if self.teams else ""
+
+    def _connected(self, *, force: bool, resume: bool) -> Metered | None:
+        options = self._options
+        if options.model is None:
+            return None
+        record = None
+        if self._out is not None and not options.model.startswith(REPLAY):
+            self._out.mkdir(parents=True, exist_ok=True)
+            record = self._out / EXCHANGES
+            if force and not resume and (record.exists() or record.is_symlink()):
+                # An unreachable model must not move a recording.
+                connect_model(options, None)
+                tell_kept(kept_aside(record))
+                record.unlink(missing_ok=True)
+        # Episodes that are finished ask nothing, so the first question may be a later one's.
+        return connect_model(options, record, resume=resume, same_start=False)
+
+    def _frames_for_model(self) -> AttemptFrames:
+        """Return the renderer of attempts; a replay first searches the pictures next to its recording."""
+        model = self._options.model or ""
+        kept = None if self._out is None else self._out / PICTURES
+        recorded_pictures = Path(model.removeprefix(REPLAY)).parent / PICTURES
+        if model.startswith(REPLAY) and recorded_pictures.is_dir():
+            return AttemptFrames(self.views, folder=kept, recorded=recorded_pictures)
+        renderer = vulkan.find_renderer()
+        if not renderer:
+            raise PicturesMissing(f"{renderer.why} {renderer.remedy}".strip())
+        return AttemptFrames(self.views, folder=kept)
+
+
+def _frames_for_report() -> AttemptFrames | None:
+    renderer = vulkan.find_renderer()
+    if not renderer:
+        tell(f"no pictures: {renderer.why} {renderer.remedy}".strip(), style="yellow")
+    return AttemptFrames() if renderer else None
+
+
+def tell_kept(recording: Path | None) -> None:
+    """Print where the answers of an earlier run are kept when a run starts over."""
+    if recording is not None:
+        tell(f"the answers that were recorded before are kept in {recording}", style="yellow")
+
+
+def stopped_message(reason: str) -> str:
+    """Return the message for a model that stopped answering as a judge."""
+    reported = f"the model that judges stopped answering, and nothing more was tried: {reason}"
+    return f"{reported}. What was done is kept, and --resume goes on"
+
+
+def spending_of(model: Metered | None, *, quiet: bool) -> Spending | None:
+    """Return the usage counter of a model, which prints each round in a line; None without a model."""
+    return None if model is None else Spending(model, _silent if quiet else _tell_round)
+
+
+@contextmanager
+def report_spending_on_error(spending: Spending | None, *, quiet: bool) -> Iterator[None]:
+    """Print the usage so far, and how to go on, where a model's failure or Ctrl-C ends a command.
+
+    Raises:
+        ModelInterrupted: Ctrl-C.
+    """
+    try:
+        yield
+    except (Exception, KeyboardInterrupt) as error:
+        if spending is None:
+            raise
+        if not quiet:
+            tell(f"  {spending.total()}")
+        if isinstance(error, KeyboardInterrupt):
+            raise ModelInterrupted(spending.to_json()) from error
+        if isinstance(error, LlmError):
+            error.usage = spending.to_json()
+        # Answers that did not hold would come again.
+        goes_on = isinstance(error, ModelError) or not isinstance(error, LlmError)
+        if goes_on and spending.rounds and not quiet and not spending.model.name.startswith(REPLAY):
+            tell("  what was answered is recorded, and not asked again with --resume")
+        raise
+
+
+class ModelInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a model call; `usage` is the usage until then."""
+
+    def __init__(self, usage: Mapping[str, object]) -> None:
+        super().__init__("interrupted; what was answered is recorded, and not asked again with --resume")
+        self.usage = usage
+
+
+def _tell_round(line: str) -> None:
+    tell(f"  {line}")
+
+
+def _silent(line: str) -> None:
+    """Tell nobody."""
+
+
+def connect_model(
+    options: RunOptions | JudgeOptions | PhotoOptions,
+    record: Path | None,
+    *,
+    resume: bool = False,
+    same_start: bool = True,
+) -> Metered | None:
+    """Return the typed model with its budget, None without one; nothing is sent.
+
+    Warnings about a recording are printed.
+
+    Args:
+        options: The typed options.
+        record: The file of its recording; a replay has its recording already.
+        resume, same_start: As for `llm.connect`.
+
+    Raises:
+        ModelError: The model is not known, or its recording cannot be read or made.
+    """
+    if options.model is None:
+        return None
+    budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
+    record = None if options.model.startswith(REPLAY) else record
+    model = connect(options.model, budget=budget, record=record, resume=resume, same_start=same_start)
+    for warning in model.warnings:
+        tell(warning, style="yellow")
+    return model
+
+
+def judge_arguments(options: JudgeOptions) -> dict[str, object]:
+    """Return the options, by name, that choose these judges on a command line; budgets are left out."""
+    if options.model is None:
+        return {"memory": options.memory}
+    return {
+        "model": options.model,
+        "views": options.views,
+        "look_back": options.look_back,
+        "no_measurements": not options.measurements,
+        "most_pictures": options.most_pictures,
+        "memory": options.memory,
+    }
+
+
+def parse_views(text: str) -> tuple[str, ...]:
+    """Parse the cameras that an option names, in the order of `VIEWS`; "none" names none.
+
+    Raises:
+        BadOption: It names anything else.
+    """
+    words = [word.strip().lower() for word in text.split(",") if word.strip()]
+    if words == [NO_VIEWS]:
+        return ()
+    if not words or any(word not in VIEWS for word in words):
+        raise BadOption("--views", text, f"some of {', '.join(VIEWS)}, with commas between them, or {NO_VIEWS}")
+    return tuple(view for view in VIEWS if view in words)

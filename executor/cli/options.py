@@ -1,0 +1,183 @@
+"""Options that several sub-commands have: types of fields, each with its help.
+
+A `Flag` is given or not, such as `--json`. A `Maybe` may be left out and then has no value. `negated_flag` is for
+what is on by default and is taken back, such as `--no-video`: the help describes the option, not the field.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, TypeVar
+
+import tyro
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Read:
+    """Mark for an option or positional argument that names an input file; the parser ignores it.
+
+    Attributes:
+        what: Its kind, as in its reader's messages; empty where these begin with the path.
+        named: Whether it may be a name as well: then it is a path if it ends in `.json` or has a folder in it.
+    """
+
+    what: str = ""
+    named: bool = False
+
+
+# Hide defaults of flags and of optional values in `--help`.
+_NO_HINT = tyro.conf.arg(help_behavior_hint="")
+
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, _NO_HINT]
+Maybe = Annotated[T | None, _NO_HINT]
+
+
+def option_help(text: str) -> object:
+    """Return the help of a shared option."""
+    return tyro.conf.arg(help=text)
+
+
+def negated_flag(does: str) -> object:
+    """Return the setting of a flag that is true by default and becomes an option `--no-...`.
+
+    Args:
+        does: What the option does, as a sentence for the help.
+    """
+    return tyro.conf.arg(help=does, help_behavior_hint="")
+
+
+Json = Annotated[Flag, option_help("Print one JSON object on standard output.")]
+Debug = Annotated[Flag, option_help("Show the traceback of an unexpected error.")]
+ReplaceFile = Annotated[Flag, option_help("Replace the file when it exists.")]
+ReplaceResults = Annotated[
+    Flag, option_help("Replace results that the folder already has; what a model answered is kept under another name.")
+]
+GoOn = Annotated[
+    Flag,
+    option_help("Go on from a run that ended early: what its model answered is not asked again, and what failed is."),
+]
+KeepSizes = Annotated[
+    Flag, option_help("Scale nothing to the gripper; what it cannot take at its own size is refused.")
+]
+FullSize = Annotated[
+    Flag, option_help("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")
+]
+Video = Annotated[Flag, negated_flag("Draw no pictures and no video.")]
+Size = Annotated[
+    tuple[int, int], option_help("Width and height of the robot's views; the overview is drawn twice as large.")
+]
+ResultsFolder = Annotated[Path, option_help("Folder for the results.")]
+EpisodesFolder = Annotated[Maybe[Path], option_help("Folder for results: one folder an episode, named by its seed.")]
+FirstSeed = Annotated[int, option_help("Seed of the first episode; the following ones count up.")]
+Episodes = Annotated[int, option_help("How many episodes to run.")]
+Limit = Annotated[int, option_help("How many revisions a subtask may have.")]
+READ_SCENE = Read("scene", named=True)
+SceneName = Annotated[
+    str, option_help("Name of a scene that comes with the package, or a scene's JSON file."), READ_SCENE
+]
+OptionalScene = Annotated[
+    Maybe[str],
+    option_help(
+        "Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."
+    ),
+    READ_SCENE,
+]
+TaskFile = tyro.conf.Positional[Annotated[Path, option_help("The task's JSON file."), Read("task")]]
+TaskToRun = tyro.conf.Positional[
+    Annotated[
+        Path, option_help("The task's JSON file; numbers in its flows are run as they are written."), Read("task")
+    ]
+]
+
+
+def _sentence(words: list[str]) -> str:
+    if not words:
+        raise ValueError('a sentence is missing, such as "put the glass into the refrigerator"')
+    return " ".join(words)
+
+
+Sentence = tyro.conf.Positional[
+    Annotated[
+        str,
+        tyro.conf.arg(
+            help='What the robot is to do, such as "put the glass into the refrigerator".',
+            help_behavior_hint="(required)",
+        ),
+        # Without quotes a shell passes the words one by one.
+        tyro.constructors.PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="QUERY",
+            instance_from_str=_sentence,
+            is_instance=lambda value: isinstance(value, str),
+            str_from_instance=lambda value: [value],
+        ),
+    ]
+]
+MaxTokens = Annotated[Maybe[int], option_help("Most tokens that the model may use.")]
+MaxCost = Annotated[Maybe[float], option_help("Most US dollars that the model may cost, where its price is known.")]
+MaxTime = Annotated[Maybe[float], option_help("Most seconds that the model may take.")]
+BddlFiles = tyro.conf.Positional[
+    Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="FILE...",
+            help="Files, folders with files that end in .bddl, or - for the standard input.",
+            help_behavior_hint="(required)",
+        ),
+    ]
+]
+Profile = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="NAME",
+        help="The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain "
+        "belongs to.",
+        help_behavior_hint="",
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """What every command takes.
+
+    Attributes:
+        begins: What a command does first, where that takes seconds and nothing is printed before it.
+    """
+
+    begins: ClassVar[str] = ""
+    json: Json = False
+    debug: Debug = False
+
+
+@dataclass(frozen=True)
+class PhotoInputs:
+    """What is given beside a photograph."""
+
+    boxes: Maybe[Path] = None
+    """Beside a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    detector: Maybe[Path] = None
+    """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/photo.md says which)."""
+    least_score: Maybe[float] = None
+    """With --detector: how sure it has to be of a box, 0 to 1; by default what is usual for it."""
+    depth: Maybe[Path] = None
+    """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy, .npz or .exr; a recording has its own."""
+    depth_model: Maybe[Path] = None
+    """Instead of --depth: folder with the weights of a network that guesses depths in metres."""
+    camera: Maybe[str] = None
+    """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
+    depth_unit_m: Maybe[float] = None
+    """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
+    frame: Maybe[int] = None
+    """Which picture of a recording, counted from 0; by default the one in the middle."""
+    length: Maybe[str] = None
+    """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are; scales depths, or without depth the floor."""
+    board: Maybe[str] = None
+    """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
+    camera_height_m: Maybe[float] = None
+    """Without depth: how high above the floor the camera was."""
+    find_more: Flag = False
+    """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""

@@ -1,0 +1,251 @@
+"""Picture clips of episodes: reading, joining videos without decoding, and colour histograms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.data.formats.statistics import IntensityHistogram
+from executor.data.views import opened_video, pixels_of, video_encoder
+from executor.sim.render.frames import VideoFailed
+from executor.system.extras import require
+
+_LOOKED_AT = 20  # Pictures of an episode in its histogram: LeRobot samples, too.
+
+
+class Clip(Protocol):
+    """Pictures of an episode of one view and kind."""
+
+    def pictures(self) -> Iterator[NDArray[Any]]:
+        """Yield (H, W, 3) uint8 RGB, or (H, W) uint16."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ReadClip:
+    """Pictures from an array.
+
+    Attributes:
+        place: Its name in messages.
+        read: Starts reading them.
+    """
+
+    place: str
+    read: Callable[[], Iterator[NDArray[Any]]]
+
+    def pictures(self) -> Iterator[NDArray[Any]]:
+        """Yield them.
+
+        Raises:
+            VideoFailed: They are unreadable.
+        """
+        try:
+            yield from self.read()
+        except (OSError, ValueError, KeyError, TypeError) as problem:
+            raise VideoFailed(f"the pictures {self.place} cannot be read: {problem}") from problem
+
+
+@dataclass(frozen=True, slots=True)
+class VideoClip:
+    """Pictures in a video file.
+
+    Attributes:
+        path: The file.
+        rate_hz: Pictures per second.
+        first: Number of the first picture in the file; it is a key frame.
+        count: Number of pictures.
+    """
+
+    path: Path
+    rate_hz: float
+    first: int
+    count: int
+
+    def pictures(self) -> Iterator[NDArray[Any]]:
+        """Yield them.
+
+        Raises:
+            VideoFailed: The file is unreadable or too short.
+        """
+        found = 0
+        with opened_video(self.path) as (source, stream):
+            self._seek(source, stream)
+            for frame in source.decode(stream):
+                if self._place(frame) < self.first:
+                    continue
+                yield frame.to_ndarray(format=pixels_of(self.path))
+                found += 1
+                if found == self.count:
+                    return
+        raise VideoFailed(f"{self.path} has {found} of {self.count} pictures from number {self.first} on")
+
+    def packets(self) -> Iterator[tuple[Any, Any]]:
+        """Yield the stream and each encoded picture, without decoding.
+
+        Raises:
+            VideoFailed: The file is unreadable or too short.
+        """
+        found = 0
+        with opened_video(self.path) as (source, stream):
+            self._seek(source, stream)
+            for packet in source.demux(stream):
+                if packet.size and self._place(packet) >= self.first and found < self.count:
+                    yield stream, packet
+                    found += 1
+        if found < self.count:
+            raise VideoFailed(f"{self.path} has {found} of {self.count} pictures from number {self.first} on")
+
+    def histogram(self) -> IntensityHistogram:
+        """Return the colour histogram of some of the pictures, evenly spread.
+
+        Raises:
+            VideoFailed: The file is unreadable.
+        """
+        histogram, due = IntensityHistogram(), self.first
+        with opened_video(self.path) as (source, stream):
+            self._seek(source, stream)
+            stream.codec_context.skip_frame = "NONKEY"
+            for frame in source.decode(stream):
+                at = self._place(frame)
+                if at >= self.first + self.count:
+                    break
+                if at >= due:
+                    histogram.add(frame.to_ndarray(format="rgb24"))
+                    due = at + sampling_stride(self.count)
+        return histogram
+
+    def _place(self, what: Any) -> int:
+        """Return the number of a frame or packet in the file."""
+        return round(float(what.pts * what.time_base) * self.rate_hz)
+
+    def _seek(self, source: Any, stream: Any) -> None:
+        """Seek the first picture, where it is not the file's first."""
+        stream.codec_context.thread_count = 1
+        if self.first:
+            source.seek(round(self.first / self.rate_hz / float(stream.time_base)), stream=stream, backward=True)
+
+
+def sampling_stride(count: int) -> int:
+    """Return the stride between the pictures that are counted in a histogram, of an episode of `count`."""
+    return max(count // _LOOKED_AT, 1)
+
+
+def depth_histogram(pictures: Iterable[NDArray[np.uint16]], count: int) -> IntensityHistogram:
+    """Return the histogram of some of an episode's one-channel pictures, evenly spread."""
+    histogram = IntensityHistogram(channels=1, levels=1 << 16, largest=1.0)
+    for picture in islice(pictures, 0, None, sampling_stride(count)):
+        histogram.add(picture[..., None])
+    return histogram
+
+
+def encode_clip(clip: Clip, path: Path, rate_hz: float, count: int) -> VideoClip:
+    """Return a clip's pictures in a video file: its own, or a newly encoded one.
+
+    Args:
+        clip: Pictures in colours.
+        path: File of a newly encoded video.
+        rate_hz: Pictures per second.
+        count: Number of pictures.
+
+    Raises:
+        VideoFailed: It cannot be read or encoded.
+        OSError: The file cannot be written.
+    """
+    if isinstance(clip, VideoClip):
+        return clip
+    pictures = clip.pictures()
+    first = next(pictures)
+    with video_encoder(path, (first.shape[1], first.shape[0]), Fraction(rate_hz).limit_denominator(1000)) as track:
+        track.add(first)
+        for picture in pictures:
+            track.add(picture)
+    return VideoClip(path, rate_hz, 0, count)
+
+
+class VideoWriter:
+    """Video file that clips are appended to, packet by packet.
+
+    Attributes:
+        pictures, bytes: Their number and size so far.
+
+    Args:
+        path: The file, in an existing folder.
+        rate_hz: Pictures per second.
+    """
+
+    def __init__(self, path: Path, rate_hz: float) -> None:
+        self.pictures = self.bytes = 0
+        self._path, self._rate_hz = path, rate_hz
+        self._av: Any = require("av", "data")
+        # Without "bitexact" a file contains its library.
+        self._out: Any = self._av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"})
+        self._stream: Any = None
+        self._heads = b""
+
+    def add(self, clip: VideoClip) -> tuple[float, float]:
+        """Append a clip, and return its begin and end in this file [s].
+
+        Raises:
+            VideoFailed: It is unreadable, or was encoded differently from those before it.
+            OSError: The file cannot be written.
+        """
+        begins = self.pictures
+        for source, packet in clip.packets():
+            heads = bytes(source.codec_context.extradata or b"")
+            if self._stream is None:
+                self._stream = self._out.add_stream_from_template(source)
+                self._stream.time_base = source.time_base
+                # The source file's bit rate is not the clip's.
+                self._stream.codec_context.bit_rate = 0
+                self._heads = heads
+            elif heads != self._heads:
+                raise VideoFailed(f"{clip.path} was encoded otherwise than the episodes before it; generate it anew")
+            each = 1.0 / self._rate_hz / float(packet.time_base)
+            packet.pts = packet.dts = round(self.pictures * each)
+            packet.duration = round((self.pictures + 1) * each) - packet.pts
+            packet.stream = self._stream
+            self.bytes += packet.size
+            self.pictures += 1
+            with _errors_name_file(self._path):
+                self._out.mux(packet)
+        return begins / self._rate_hz, self.pictures / self._rate_hz
+
+    def close(self) -> None:
+        """Finish the file; a second call does nothing."""
+        with _errors_name_file(self._path):
+            self._out.close()
+
+
+def count_pictures(video: Path) -> int:
+    """Return the number of pictures of a video.
+
+    Raises:
+        VideoFailed: It is unreadable.
+    """
+    with opened_video(video) as (source, stream):
+        return sum(1 for packet in source.demux(stream) if packet.size)
+
+
+@contextmanager
+def _errors_name_file(path: Path) -> Iterator[None]:
+    """Make errors of writing name the file.
+
+    Raises:
+        OSError: It cannot be written.
+        VideoFailed: It cannot be encoded.
+    """
+    av: Any = require("av", "data")
+    try:
+        yield
+    except av.FFmpegError as problem:
+        if isinstance(problem, OSError):
+            raise OSError(problem.errno, problem.strerror, str(path)) from problem
+        raise VideoFailed(f"the video {path} could not be written: {problem}") from problem

@@ -1,0 +1,315 @@
+"""Generate a data set: read its plan (families, or sentences in scenes), and make the missing units in processes.
+
+    seed: 0
+    episodes: 100
+    vary: [target, surfaces]
+    views: [head, wrist]
+    sources:
+      - families: [T1, T2]
+        episodes: 500
+      - query: put the apple into the bowl
+        scene: kitchen_t3
+
+Keys outside `sources` hold for all sources, unless a source sets them itself.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
+
+from bddl.files import read_bounded_text
+from executor.bench.campaign import result_of
+from executor.bench.units import HOUSEHOLD, Family, indices_of
+from executor.data.store import EpisodeStore
+from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, Variation, View, scene_key
+from executor.scenes.file import scene_for
+from executor.scenes.generators.by_name import varies_with_seed
+from executor.scenes.validation import require_valid
+from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
+from executor.system.extras import require
+from executor.system.workers import WorkerOutcome, WorkerPool
+from oag.model.codec import Document
+from oag.model.diagnostics import InputError
+from oag.model.forms import Form, first_mistake
+
+Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
+AXES: tuple[Axis, ...] = ("target", "surfaces", "lights", "cameras", "physics")
+Number = StrictFloat | StrictInt
+_WITH_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
+
+
+class PlanError(InputError, ValueError):
+    """A file is no plan of a data set."""
+
+    what = "plan"
+
+
+class _SourceOptions(Form):
+    """Options of all sources, or of one."""
+
+    seed: Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)] = 0
+    episodes: Annotated[StrictInt, Field(ge=1, le=MOST_EPISODES)] = 20
+    vary: tuple[Axis, ...] = ()
+    distractors: Annotated[StrictInt, Field(ge=0, le=8)] = 0
+    noise_m: Annotated[Number, Field(ge=0, le=0.05)] = 0
+    views: tuple[View, ...] = ()
+    size: tuple[Side, Side] = (128, 128)
+    rate_hz: Annotated[Number, Field(ge=1, le=250)] = 10
+    depth: StrictBool = True
+    segmentation: StrictBool = True
+    failures: StrictBool = False
+    evolve: StrictBool = False
+    flows: Literal["planned", "paper"] = "planned"
+    keep_sizes: StrictBool = False
+    full_size: StrictBool = False
+    stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
+
+
+class _SourceForm(_SourceOptions):
+    families: tuple[Family, ...] = ()
+    query: str = ""
+    scene: str = ""
+
+
+class _PlanForm(_SourceOptions):
+    sources: Annotated[tuple[dict[str, Any], ...], Field(min_length=1)]
+
+
+def read_plan(path: Path, defaults: Mapping[str, object] = MappingProxyType({})) -> tuple[DemoSeries, ...]:
+    """Read the series of a YAML plan; scene files are relative to it.
+
+    Args:
+        path: The file.
+        defaults: Defaults of all sources, where the file has none.
+
+    Raises:
+        PlanError: The file is unreadable, or no plan.
+        MissingExtra: PyYAML is not installed.
+        SceneError, SceneNotFound: A scene cannot be read.
+    """
+    yaml = require("yaml", "data")
+    try:
+        content = yaml.load(read_bounded_text(path), _loader(yaml.SafeLoader))
+    except OSError as problem:
+        raise PlanError(f"cannot be read: {problem.strerror or problem}", source=str(path)) from None
+    except RecursionError:
+        raise PlanError("is not YAML of a plan: it is nested too deeply", source=str(path)) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as problem:
+        mark = getattr(problem, "problem_mark", None)
+        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
+        raise PlanError(f"is not YAML: {getattr(problem, 'problem', problem)}{place}", source=str(path)) from None
+    return series_of({**defaults, **content} if isinstance(content, dict) else content, str(path), path.parent)
+
+
+@cache
+def _loader(safe: type) -> Any:
+    """Return a safe loader that reads 1e1 as YAML 1.2, TOML and command lines do; plain YAML takes it for text.
+
+    Args:
+        safe: The library's own safe loader.
+    """
+    loader: Any = type("Loader", (safe,), {})
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", _WITH_EXPONENT, [*"-+0123456789"])
+    return loader
+
+
+def series_of(wanted: object, source: str = "(options)", scene_folder: Path = Path()) -> tuple[DemoSeries, ...]:
+    """Return the series that a plan requests.
+
+    Args:
+        wanted: The plan as plain data.
+        source: Its name in messages.
+        scene_folder: Folder of its scene files.
+
+    Raises:
+        PlanError, SceneError, SceneNotFound: As for `read_plan`.
+    """
+    document = Document(wanted, source, PlanError)
+    plan = document.read(_PlanForm)
+    shared = plan.model_dump(exclude={"sources"}, exclude_unset=True)
+    found: list[DemoSeries] = []
+    for number, given in enumerate(plan.sources):
+        merged = Document({"sources": {number: {**shared, **given}}}, source, PlanError)
+        one = merged.read(_SourceForm, "sources", number)
+        if bool(one.families) is bool(one.query or one.scene) or bool(one.query) is not bool(one.scene):
+            raise document.fail(("sources", number), "expected families, or a query and a scene")
+        try:
+            found += _series_of_source(one, scene_folder)
+        except ValidationError as problem:
+            raise document.fail(("sources", number), first_mistake(problem)) from None
+        except ValueError as problem:
+            if isinstance(problem, InputError):
+                raise
+            raise document.fail(("sources", number), str(problem)) from None
+    return tuple(found)
+
+
+def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoSeries]:
+    axes = {axis: axis in wanted.vary for axis in AXES}
+    variation = Variation(**axes, distractors=wanted.distractors, noise_m=wanted.noise_m)
+    recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
+    for origin in _origins(wanted, scene_folder):
+        index = indices_of(origin.family)[0] if origin.family in HOUSEHOLD else None
+        flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
+        yield DemoSeries(DemoUnit(origin, wanted.seed, index, variation, recording, *flags), wanted.episodes)
+
+
+def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[Origin]:
+    if wanted.families:
+        yield from (Origin(family=family) for family in wanted.families)
+        return
+    file = scene_folder / wanted.scene
+    name = str(file) if wanted.scene.endswith(".json") else wanted.scene
+    if varies_with_seed(name):
+        # Scenes drawn by seeds follow from the seeds and the program.
+        yield Origin(query=wanted.query, scene=name)
+        return
+    scene = scene_for(wanted.query, name, full_size=wanted.full_size)
+    require_valid(scene)
+    yield Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))
+
+
+WORKER = "executor.data.worker"
+UNIT_LIMIT_S = 900.0
+"""Wall time after which a unit's process counts as hung."""
+_ROOM_LEFT_BYTES = 200_000_000  # Reserve of disk space: a full disk makes everything else on it fail, too.
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of a run; units in flight at a limit are lost.
+
+    Attributes:
+        wall_s: Wall time of this run [s]; None for no limit.
+        store_bytes: Bytes that the run may add to the disk; None for no limit.
+    """
+
+    wall_s: float | None = None
+    store_bytes: int | None = None
+
+
+@dataclass
+class Tally:
+    """Counts of the units so far.
+
+    Attributes:
+        endings: Units by ending: succeeded, failed, crashed...
+        kinds: Failures by kind.
+        added_bytes, cpu_s: Cost of this run's units.
+        began: Start of the run, by `time.perf_counter`.
+        stopped_by: Limit that ended the run; empty when none did.
+    """
+
+    endings: Counter[str] = field(default_factory=Counter)
+    kinds: Counter[str] = field(default_factory=Counter)
+    made: int = 0
+    kept: int = 0
+    added_bytes: int = 0
+    cpu_s: float = 0.0
+    began: float = field(default_factory=time.perf_counter)
+    stopped_by: str = ""
+
+    def count(self, result: Mapping[str, Any]) -> None:
+        """Count a unit of this run."""
+        self.note(result["ended"], result.get("kind"))
+        self.made += 1
+        self.kept += result["ended"] == "succeeded"
+        self.added_bytes += result.get("bytes", 0)
+        self.cpu_s += result.get("cpu_s", 0.0)
+
+    def note(self, ended: str, kind: str | None) -> None:
+        """Count a unit of any run."""
+        self.endings[ended] += 1
+        if ended != "succeeded" and kind:
+            self.kinds[kind] += 1
+
+    @property
+    def kept_an_hour(self) -> float:
+        """Successes per hour of wall time, of this run."""
+        return 3600.0 * self.kept / max(time.perf_counter() - self.began, 1e-9)
+
+
+EpisodeCallback = Callable[[DemoUnit, Mapping[str, Any]], None]
+
+
+def generate(
+    store: EpisodeStore,
+    units: Sequence[DemoUnit],
+    version: str,
+    workers: int,
+    on_progress: EpisodeCallback,
+    *,
+    tally: Tally,
+    limits: Limits = Limits(),
+    limit_s: float = UNIT_LIMIT_S,
+    worker: str = WORKER,
+    more: Callable[[DemoUnit], Mapping[str, Any]] = lambda unit: {},
+) -> None:
+    """Make units; each is completely in the store before it is reported.
+
+    Args:
+        store: Destination.
+        units: Missing units, in their order of start; no other run works on them (`claim_units`).
+        version: Hash of the program.
+        workers: Number of processes.
+        on_progress: Called with every unit and its result.
+        tally: Counts them.
+        limits: Limits of the run.
+        limit_s: Maximum wall time of a unit [s].
+        worker: Module of the worker process.
+        more: Further fields of the request of a unit.
+
+    Raises:
+        WorkersUnusable: No worker process can be started, or it runs another version of the program.
+        OSError: The disk is full; finished units are kept.
+        KeyboardInterrupt: Ctrl-C; finished units are kept.
+    """
+    # Each process's software renderer would use all cores.
+    pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
+    # These units are claimed by this run; partial results of other units are judged by age.
+    store.tidy({unit.folder(version) for unit in units}, 2.0 * limit_s)
+    shared = {"store": str(store.path), "version": version}
+    asked = [{"unit": unit.to_json(), **shared, **more(unit)} for unit in units]
+    with closing(pool.run(asked)) as outcomes:
+        for outcome in outcomes:
+            unit = DemoUnit.from_json(outcome.request["unit"])
+            result = _result_of_unit(store, unit, version, outcome)
+            tally.count(result)
+            on_progress(unit, {**result, "elapsed_s": outcome.wall_s})
+            tally.stopped_by = _exhausted_limit(store, tally, limits) if tally.made < len(units) else ""
+            if tally.stopped_by:
+                return
+
+
+def _result_of_unit(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
+    """Return a unit's result; for a process that died or hung, write a folder with that ending."""
+    if outcome.ending == "finished":
+        return outcome.answer
+    # The processor time is lost with the process.
+    result = {**result_of(outcome), "wall_s": outcome.wall_s}
+    store.tidy({unit.folder(version)})  # The process has ended.
+    with store.writing(unit, version) as folder:
+        store.write(unit, version, result, folder)
+    return {"ended": result["ended"], "kind": result["failure"]["kind"], "message": result["failure"]["message"]}
+
+
+def _exhausted_limit(store: EpisodeStore, tally: Tally, limits: Limits) -> str:
+    if limits.wall_s is not None and time.perf_counter() - tally.began >= limits.wall_s:
+        return "time"
+    if limits.store_bytes is not None and tally.added_bytes >= limits.store_bytes:
+        return "disk budget"
+    if shutil.disk_usage(store.path).free < _ROOM_LEFT_BYTES:
+        return "room on the disk"
+    return ""

@@ -1,0 +1,476 @@
+"""Make one unit: scene, task, distractors, the rollout, its metadata, and what self-evolution corrected.
+
+Corrections are recovery as data: what failed in a unit's self-evolution, why, the revision, and the failed motion. The
+correction's own motion is that of the next attempt from the same start. It is either a failed one that is kept, too, or
+the final one in the unit's samples. No motion leads *out of* a failure: an evolution goes back to the beginning of the
+subtask, or of an earlier one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, lru_cache
+from importlib import metadata
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bddl
+import llm
+from executor.assets import library
+from executor.assets.library import asset_for
+from executor.bench.paper import with_paper_flows
+from executor.bench.units import pair_of
+from executor.bench.work import describe_rollout
+from executor.data import samples
+from executor.data.store import SAMPLES
+from executor.data.units import (
+    UNVARIED,
+    DemoSeries,
+    DemoUnit,
+    apply_perturbations,
+    draw_perturbations,
+    draw_physics,
+    scene_key,
+)
+from executor.data.views import RenderedViews
+from executor.records import Rollout, StepRecord, SubtaskRecord, Trajectory, action_text
+from executor.rollouts.evolution_record import Evolution
+from executor.rollouts.evolve import evolve
+from executor.rollouts.recording import repeat_subtask
+from executor.rollouts.rollout import rollout
+from executor.rollouts.run_record import attempt_after, filled_task, pairs
+from executor.scenes.file import scene_for
+from executor.scenes.generators.by_name import scene_name_for_seed, varies_with_seed
+from executor.scenes.generators.long_horizon import PANTRY
+from executor.scenes.layout import Clearance, place
+from executor.scenes.pair import LayoutChanges, NotDrawn
+from executor.scenes.room import NoRoom, Perturbation, Room
+from executor.scenes.vary import vary
+from executor.sim.engine import STANDARD, Physics
+from executor.sim.robot.description import drives
+from executor.skills.trajectories import CommandNoise
+from executor.system.files import plain
+from executor.system.workers import HandoverRefused
+from llm.errors import RefusalCode
+from llm.offline.reader import paraphrases
+from oag import ObjectActionGraph, Scene, SceneObject, Task, compose
+from oag.model.scene_rules import FLOOR
+from oag.model.symbols import Kind
+from oag.sizes import Sizing, resized_targets
+
+PREFIX = "distractor_"
+"""Prefix of their ids."""
+
+_CLEAR = Clearance(other_m=0.06)  # The same gap as between loose items in household rooms.
+
+
+def with_distractors(scene: Scene, task: Task, most: int, rng: np.random.Generator) -> Scene:
+    """Add one to `most` distractors to a scene, fewer where there is no room; none resembles what is there.
+
+    They stand on furniture that the task does not use.
+
+    Args:
+        scene: Scene before sizes are adjusted and physics has settled it.
+        task: Its furniture is left alone.
+        most: Maximum number.
+        rng: Random generator.
+    """
+    room = Room(scene.name, "", rng, 0.0, 0.0)
+    room.objects.update({name: thing for name, thing in scene.objects.items() if thing.category != FLOOR})
+    for fact in scene.facts:
+        if isinstance(fact, bddl.Atom) and fact.predicate in ("ontop", "inside") and fact.args[1] in scene.objects:
+            room.relate(fact.predicate, *fact.args)
+    used = {name for part in task.subtasks for name in (part.target, part.support_init, part.support_goal)}
+    tops = [name for name, thing in room.objects.items() if name not in used and _has_top(thing)]
+    there = {_short_name(thing.category) for thing in scene.objects.values()}
+    models = [model for model in PANTRY if _short_name(library.entry(model).category) not in there]
+    count = int(rng.integers(1, most + 1))
+    added: dict[str, str] = {}
+    for model in rng.permutation(models)[:count]:
+        thing = room.draw(str(model), f"{PREFIX}{len(added)}")
+        for support in rng.permutation(tops):
+            try:
+                added[place(room, thing, str(support), clear=_CLEAR)] = str(support)
+                break
+            except NoRoom:
+                continue
+    rooms = {fact.args[1] for fact in scene.facts if isinstance(fact, bddl.Atom) and fact.predicate == "inroom"}
+    facts = [bddl.Atom("ontop", pair) for pair in added.items()]
+    facts += [bddl.Atom("inroom", (name, kind)) for name in added for kind in sorted(rooms)[:1]]
+    objects = {**scene.objects, **{name: room.objects[name] for name in added}}
+    return Scene(scene.name, scene.robot, objects, (*scene.facts, *facts), scene.closed, scene.variation)
+
+
+def distractors_in(scene: Scene) -> dict[str, Any]:
+    """Return the model of each added thing."""
+    return {name: thing.model for name, thing in scene.objects.items() if name.startswith(PREFIX)}
+
+
+def _has_top(thing: SceneObject) -> bool:
+    if thing.kind is Kind.ITEM:
+        return False
+    regions = asset_for(thing).regions
+    return bool(regions) and any(region.kind == "surface" and region.name == "top" for region in regions)
+
+
+def _short_name(category: str) -> str:
+    """Return the shortest name of a category: a half apple is an apple."""
+    return category.rsplit("_", 1)[-1]
+
+
+_LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
+
+
+_SENTENCE_REFUSALS: tuple[RefusalCode, ...] = ("empty", "too-long", "not-understood", "unknown-action")
+"""Refusals that do not depend on the room."""
+
+_SEEDS_COMPARED = 16
+
+
+class NotPlannable(ValueError):
+    """A sentence cannot be planned, whatever the seed."""
+
+
+class NotNeeded(RuntimeError):
+    """A unit has nothing to show, such as a correction where the policy succeeded by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """Task and scene of a unit.
+
+    Attributes:
+        query: The sentence.
+        graph: The composed task, in its concrete scene.
+        perturbations: Target's id -> its deviation from the unperturbed scene.
+    """
+
+    query: str
+    graph: ObjectActionGraph
+    perturbations: Mapping[str, Perturbation] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """An executed unit.
+
+    Attributes:
+        of: The prepared unit.
+        graph: The composed task that was run: after a takeover, the rest of it.
+        rollout: The rollout.
+        story: The revisions, where flows evolve.
+        takeover: Record of the policy that acted before, and of the planner's start; None from an episode's start.
+    """
+
+    of: Prepared
+    graph: ObjectActionGraph
+    rollout: Rollout
+    story: Evolution | None = None
+    takeover: Mapping[str, Any] | None = None
+
+
+def prepare_unit(unit: DemoUnit) -> Prepared:
+    """Prepare a unit's task and scene.
+
+    Raises:
+        NotDrawn: No room could be drawn for this seed.
+        HandoverRefused: The scene is not the unit's, as after a change of its file.
+        QueryError, SceneError: The sentence cannot be planned in the scene, or the scene is invalid.
+    """
+    distracted = _distractor_adder(unit) if unit.variation.distractors else None
+    if unit.origin.family is not None:
+        pair = pair_of(
+            unit.origin.family,
+            unit.seed,
+            unit.index,
+            keep_sizes=unit.keep_sizes,
+            full_size=unit.full_size,
+            changes=LayoutChanges(unit.draws if unit.variation.target else None, distracted),
+        )
+        task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
+        return Prepared(pair.query, compose(task, scene=pair.scene), pair.perturbations)
+    origin = unit.origin
+    nominal = _scene(
+        origin.query, scene_name_for_seed(origin.scene, unit.seed), origin.scene_key, full_size=unit.full_size
+    )
+    perturbations: dict[str, Perturbation] = {}
+    if unit.variation.target:
+        perturbations = draw_perturbations(nominal, llm.propose(unit.origin.query, nominal).task, unit.draws)
+        nominal = apply_perturbations(nominal, perturbations)
+    if distracted is not None:
+        nominal = distracted(nominal, llm.propose(unit.origin.query, nominal).task)
+    task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
+    scene = vary(nominal.with_scales(task.scales), unit.seed)
+    # Sizes are already in the scene; scales in the task would apply twice.
+    return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), perturbations)
+
+
+def check_plannable(first: DemoUnit) -> None:
+    """Refuse a sentence that no seed can make an episode of.
+
+    Where each seed draws its own room, a sentence that is understood is left to the seeds.
+
+    Args:
+        first: Unit of the first seed.
+
+    Raises:
+        NotPlannable: It is one.
+        SceneError: The scene is invalid.
+    """
+    if first.origin.family is not None:
+        return
+    left_to_seeds = varies_with_seed(first.origin.scene)
+    try:
+        # Perturbations and distractors depend on the seed, and are added to a scene that can be planned.
+        report = prepare_unit(replace(first, variation=UNVARIED)).graph.verify()
+    except NotDrawn:
+        return
+    except llm.QueryError as refusal:
+        if left_to_seeds and refusal.code not in _SENTENCE_REFUSALS:
+            return
+        raise NotPlannable(str(refusal)) from None
+    if not report and not left_to_seeds:
+        raise NotPlannable(f'"{first.origin.query}" in {first.origin.scene}: the plan is not proved\n{report}')
+
+
+def starts_alike(series: DemoSeries) -> bool:
+    """Decide whether a series' episodes differ only in the planner's choices; of many, some are compared.
+
+    Raises:
+        SceneError: The scene is invalid.
+    """
+    first, axes = series.first, series.first.variation
+    looks = (axes.surfaces or axes.lights or axes.cameras) and bool(first.recording.views)
+    if looks or axes.target or axes.distractors or axes.physics or axes.noise_m:
+        return False
+    if series.episodes < 2 or first.origin.family is not None or varies_with_seed(first.origin.scene):
+        return False
+    scenes = (prepare_unit(unit).graph.scene for unit in islice(series.units(), _SEEDS_COMPARED))
+    try:
+        nominal = next(scenes)
+        return all(scene == nominal for scene in scenes)
+    except llm.QueryError:
+        return False  # Drawn sizes decide whether the task can be planned.
+
+
+def _distractor_adder(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
+    """Return the function that adds a unit's distractors to a layout."""
+    return lambda scene, task: with_distractors(scene, task, unit.variation.distractors, unit.draws("distractors"))
+
+
+@lru_cache(maxsize=4)
+def _scene(query: str, name: str, key: str, *, full_size: bool) -> Scene:
+    scene = scene_for(query, name, full_size=full_size)
+    if key and (found := scene_key(scene)) != key:
+        raise HandoverRefused(
+            f"the scene {name} is not what it was when its episodes were asked for (key {found}, not {key}): its "
+            "file was changed meanwhile, or this machine has another one; start the same command again"
+        )
+    return scene
+
+
+def make_unit(unit: DemoUnit) -> Made:
+    """Execute a unit.
+
+    Raises:
+        PlanRefused: The plan is not proved, so nothing moved.
+        NotDrawn, QueryError, SceneError: As for `prepare_unit`.
+    """
+    todo = prepare_unit(unit)
+    graph = todo.graph
+    how: dict[str, Any] = {
+        "vary": False,
+        "record_hz": float(unit.recording.rate_hz),
+        "physics": physics_of(unit),
+        "noise": noise_of(unit),
+        "stances": unit.stances,
+    }
+    if unit.evolve:
+        story = evolve(graph, graph.scene, unit.seed, **how)
+        return Made(todo, graph, story.rollout, story)
+    return Made(todo, graph, rollout(graph, graph.scene, unit.seed, **how))
+
+
+def physics_of(unit: DemoUnit) -> Physics:
+    """Return the physics of a unit; a replay needs the same."""
+    return draw_physics(unit.draws("physics")) if unit.variation.physics else STANDARD
+
+
+def noise_of(unit: DemoUnit) -> CommandNoise:
+    """Return the command noise of a unit; a replay needs the same."""
+    return CommandNoise(float(unit.variation.noise_m), int(unit.draws("noise").integers(2**31)))
+
+
+def drawn_values(unit: DemoUnit, scene: Scene, perturbations: Mapping[str, Perturbation]) -> dict[str, Any]:
+    """Return the drawn values of a unit, axis by axis, of the axes that affect its motion."""
+    axes: dict[str, Any] = {}
+    if unit.variation.target:
+        axes["target"] = {name: asdict(perturbation) for name, perturbation in perturbations.items()}
+    if unit.variation.distractors:
+        axes["distractors"] = distractors_in(scene)
+    if unit.variation.physics:
+        axes["physics"] = asdict(physics_of(unit))
+    if unit.variation.noise_m:
+        axes["noise"] = asdict(noise_of(unit))
+    return axes
+
+
+def meta_of(made: Made) -> dict[str, Any]:
+    """Return the content of a unit's `unit.json` about a rollout; `docs/datasets.md` documents each key."""
+    done, scale = made.rollout, made.rollout.scene.robot.scale
+    task = filled_task(done)
+    report = compose(task, scene=made.graph.scene).verify()
+    return {
+        **describe_rollout(done),
+        "query": made.of.query,
+        "paraphrases": list(paraphrases(made.of.query)),
+        "task": task.to_json(),
+        "detours": [asdict(detour) for detour in done.detours],
+        "scene": done.scene.to_json(),
+        "verdict": report.verdict.name,
+        "certificate": None if report.certificate is None else report.certificate.task_hash,
+        "subtasks": [_subtask(done, record) for record in done.subtasks],
+        "scaled": [change.to_json() for change in resized_targets(made.graph.task, done.scene)],
+        "record_hz": done.record_hz,
+        "object_ids": list(done.trajectory.object_poses),
+        "joint_ids": list(done.trajectory.joint_positions),
+        "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
+        "versions": versions(),
+        **({} if made.takeover is None else {"takeover": made.takeover}),
+    }
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that affect episodes."""
+    found = {}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def _subtask(done: Rollout, record: SubtaskRecord) -> dict[str, Any]:
+    planned = done.task.subtasks[record.index]
+    return {
+        "name": record.name,
+        "detail": planned.detail,
+        "init": bddl.format(planned.init),
+        "goal": bddl.format(planned.goal),
+        "succeeded": record.succeeded,
+        "span": _span(done.trajectory.subtask == record.index),
+        "steps": [
+            describe_step(step, (done.trajectory.subtask == record.index) & (done.trajectory.step == step.step))
+            for step in record.steps
+        ],
+        "moved_m": dict(record.moved_m),
+    }
+
+
+def describe_step(step: StepRecord, rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """Describe a step as plain data, with the samples taken during it.
+
+    Args:
+        step: The step.
+        rows: (N,) whether each sample was taken during it.
+    """
+    return {
+        "primitive": step.primitive,
+        "text": action_text(step.primitive, step.action),
+        "action": step.action,
+        "span": _span(rows),
+        "start_s": step.start_s,
+        "end_s": step.end_s,
+        "failure": None if step.failure is None else step.failure.to_json(),
+    }
+
+
+def _span(chosen: Any) -> list[int] | None:
+    """Return the first sample and the one after the last; None without samples."""
+    rows = np.flatnonzero(chosen)
+    return [int(rows[0]), int(rows[-1]) + 1] if len(rows) else None
+
+
+MotionRenderer = Callable[[Trajectory, Path], RenderedViews]
+"""Renders a motion into a folder."""
+
+
+def write_corrections(
+    folder: Path, story: Evolution, physics: Physics, noise: CommandNoise, draw: MotionRenderer | None = None
+) -> list[dict[str, Any]]:
+    """Write the motion of every revised attempt, and return what failed in each and its revision.
+
+    Args:
+        folder: The unit's folder; the motions become `attempt-<subtask>-<number>.xz`, both counted from 1, and their
+            pictures go into folders of the same name.
+        story: The unit's evolution.
+        physics, noise: Those of the unit's execution.
+        draw: Renders their pictures; None for no pictures.
+
+    Returns:
+        One mapping per revision, of the form of `executor.rollouts.evolution_record.pairs`. It has the file's name as
+        `samples`, the steps that ran as `steps`, and the pictures' description as `pictures`. `corrected_by` is the
+        file with the motion of the revised flow, or null.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    records = {
+        (entry.history.subtask, number): record
+        for entry in story.stories
+        for number, record in enumerate(entry.records)
+    }
+    found = []
+    for pair in pairs(story):
+        context: Any = pair["context"]
+        place = context["subtask"], context["attempt"] - 1
+        record, name = records[place], _name(*place)
+        motion = repeat_subtask(
+            story.rollout.scene, record, story.rollout.record_hz, faults=story.faults, physics=physics, noise=noise
+        )
+        before: list[tuple[()]] = [()] * record.index
+        arrays = samples.motion_columns(motion, [*before, record.commands])
+        entry: dict[str, Any] = {**pair, "samples": f"{name}.xz", "corrected_by": corrected_by(story, *place)}
+        # A repetition does not record steps; each took its samples after its begin, up to its end.
+        times_s = motion.time_s
+        entry["steps"] = [
+            describe_step(step, (step.start_s < times_s) & (times_s <= step.end_s)) for step in record.steps
+        ]
+        if draw is not None:
+            (folder / name).mkdir()
+            rendered = draw(motion, folder / name)
+            entry["pictures"] = rendered.described
+            arrays |= rendered.poses
+        (folder / f"{name}.xz").write_bytes(samples.packed(arrays))
+        found.append(plain(entry))
+    return found
+
+
+def _name(subtask: int, number: int) -> str:
+    return f"attempt-{subtask + 1}-{number + 1}"
+
+
+def corrected_by(story: Evolution, subtask: int, number: int) -> str | None:
+    """Return the file with the motion of an attempt's revised flow; None where it was not kept.
+
+    The last attempt at a subtask is part of the episode; of those before it, the revised ones are kept.
+
+    Args:
+        story: The unit's evolution.
+        subtask, number: The attempt, both from 0.
+    """
+    after = attempt_after(story, subtask, number)
+    if after is None:
+        return None
+    attempts = next(attempts for attempts in story.stories if attempts.history.subtask == after[0])
+    if after[1] + 1 == len(attempts.records):
+        return SAMPLES
+    attempt, revision = attempts.history.iterations[after[1]]
+    return None if attempt.succeeded or revision is None else f"{_name(*after)}.xz"

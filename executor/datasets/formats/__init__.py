@@ -1,1 +1,0 @@
-"""Data sets in the formats that trainers load, folded from a store of episodes."""

@@ -1,1 +1,0 @@
-"""What is done with a store beside filling it: looking through it, merging it, describing it."""

@@ -1,0 +1,520 @@
+"""Gymnasium environment of an episode: its physics at the rate of actions, camera views, and the interface itself.
+
+Drive targets move evenly between two actions, and no faster than their limits. Cameras see a second world that takes on
+the state of the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Literal, SupportsFloat
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from executor.bench.units import Family
+from executor.data.state_readers import AGENT, ENVIRONMENT, LARGEST, POINTS, CloudReader, StateReader, named_objects
+from executor.data.units import UNVARIED, Variation
+from executor.envs.episodes import (
+    DrawnEpisode,
+    EpisodeSource,
+    Progress,
+    ProgressWatch,
+    family_source,
+    query_source,
+    task_source,
+)
+from executor.envs.hand_control import ARM_SPEEDS_RAD_S, Elbow, HandFollower
+from executor.geometry import Array
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.takeover import checkpoint_of
+from executor.scenes.pair import NotDrawn
+from executor.scenes.vary import LARGEST_SEED, check_seed
+from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
+from executor.sim.render.cameras import VIEWS, cameras_for
+from executor.sim.render.frames import Picture
+from executor.sim.render.pool import check_size
+from executor.sim.render.stage import SceneRenderer, Stage
+from executor.sim.robot.actions import HAND_NUMBERS, TARGETS, joint_limits
+from executor.sim.world import World
+from executor.skills.control import FINGER_SPEED_M_S
+from executor.skills.trajectories import SPEED_LIMITS
+from oag import Scene, Task
+from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+
+
+class Views:
+    """The three cameras, in one scene after the other.
+
+    Args:
+        size: Width and height of the pictures [pixels].
+
+    Raises:
+        RendererNotFound: This machine has no renderer.
+    """
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self._size = size
+        self._draughtsman = SceneRenderer()
+        self._open = ExitStack()
+        self._scene: Scene | None = None
+        self._stage: Stage | None = None
+
+    def show(self, scene: Scene, task: Task, state: bytes) -> dict[str, Picture]:
+        """Return view name -> (H, W, 3) uint8 RGB of a packed physical state of a scene.
+
+        Args:
+            scene: The concrete scene; a new one builds a new stage.
+            task: Its objects have to be visible in the global view.
+            state: A state from `World.pack`.
+        """
+        if self._stage is None or scene is not self._scene:
+            self._leave()
+            cameras = cameras_for(scene, VIEWS, aspect=self._size[0] / self._size[1], task=task)
+            sizes = dict.fromkeys(VIEWS, self._size)
+            self._stage = self._open.enter_context(self._draughtsman.stage(scene, cameras, sizes))
+            self._scene = scene
+        return self._stage.show(state)
+
+    def close(self) -> None:
+        """Release the renderer's objects; rendering is impossible afterwards."""
+        self._leave()
+        self._draughtsman.close()
+
+    def _leave(self) -> None:
+        self._stage = None
+        self._open.close()
+
+
+SLACK = 1.001  # Slack of speed limits: recorded targets are rounded.
+SPEEDS = np.array([*SPEED_LIMITS, FINGER_SPEED_M_S, FINGER_SPEED_M_S])
+"""Speed limits of targets, those of planned motions: m/s, rad/s; base, arm, fingers."""
+
+FOLLOWING_SPEEDS = np.concatenate([SPEEDS[:3], ARM_SPEEDS_RAD_S, SPEEDS[10:]])
+"""Speed limits where the arm follows hand actions."""
+
+_MOVERS = 10  # Base and arm; fingers press, without a velocity target.
+
+
+def steps_each(rate_hz: float, timestep_s: float = TIMESTEP_S) -> int:
+    """Return the number of physics steps of an action; recorded samples are equally spaced."""
+    return max(round(1.0 / (rate_hz * timestep_s)), 1)
+
+
+class Simulation:
+    """Physics of one episode.
+
+    Args:
+        scene: The concrete scene.
+        start: Start of the episode.
+        rate_hz: Actions per second of simulated time.
+        physics: Changed physics of an experiment or a varied demonstration.
+        speeds: (12,) speed limits of targets, m/s and rad/s.
+
+    Attributes:
+        world: The physics.
+        target: (12,) present joint targets of the drives.
+        period_s: Duration of an action [s].
+        before_step: Called before every physics step, such as a pusher.
+    """
+
+    def __init__(
+        self, scene: Scene, start: Checkpoint, rate_hz: float, physics: Physics = STANDARD, speeds: Array = SPEEDS
+    ) -> None:
+        self.world, control = start.restore(scene, lambda: None, physics=physics)
+        # The engine finds contacts by stepping, and a restored world has none.
+        control.settle(self.world.timestep_s)
+        self._each = steps_each(rate_hz, self.world.timestep_s)
+        self.period_s = self._each * self.world.timestep_s
+        self._joints = list(self.world.robot.active_joints)
+        self._low, self._high = joint_limits(scene.robot.scale).T
+        self._speeds = speeds
+        self.before_step: Callable[[World], None] = lambda world: None
+        self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
+
+    def advance(self, wanted: Array) -> None:
+        """Move the drive targets towards new ones until the next action is due.
+
+        Between two actions each target moves evenly. It moves no faster than its limit, and then ends short. Actions
+        are due at whole multiples of the period, as samples of demonstrations are taken.
+
+        Args:
+            wanted: (12,) joint targets.
+        """
+        world = self.world
+        count = self._each - world.steps % self._each
+        duration_s = count * world.timestep_s
+        start = self.target.copy()
+        # Targets of pressing fingers lie far beyond their positions; they return from the positions.
+        held_m = np.asarray(world.robot.get_qpos(), dtype=float)[_MOVERS:]
+        wanted = np.clip(np.asarray(wanted, dtype=float), self._low, self._high)
+        start[_MOVERS:] = np.clip(
+            held_m, np.minimum(start[_MOVERS:], wanted[_MOVERS:]), np.maximum(start[_MOVERS:], wanted[_MOVERS:])
+        )
+        most = SLACK * duration_s * self._speeds
+        change = np.clip(wanted - start, -most, most)
+        for joint, speed in zip(self._joints[:_MOVERS], (change[:_MOVERS] / duration_s).tolist(), strict=True):
+            joint.set_drive_velocity_target(speed)
+        # Constant targets are set once: setting costs a tenth of a physics step.
+        moving = [k for k in range(TARGETS) if change[k] or start[k] != self.target[k]]
+        tell = [self._joints[k].set_drive_target for k in moving]
+        for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * change)[:, moving].tolist():
+            for tell_joint, target in zip(tell, targets, strict=True):
+                tell_joint(target)
+            self.before_step(world)
+            world.step()
+        self.target = start + change
+
+
+Observation = dict[str, Any]
+ActionMode = Literal["joint_target", "paper"]
+ObservationMode = Literal["state", "point_cloud", "pixels"]
+
+_HAND_SPEED_M_S, _HAND_TURN_RAD_S = 1.2, 4.0  # Several joints at their speed limits together.
+_DRAWS = 5  # Own seeds that are tried where no room can be drawn for one.
+
+
+class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """Mobile robot in a room with a task; docs/environment.md has observations and actions.
+
+    Args:
+        family: "T1" to "T6": seeds draw the benchmark's scenes.
+        scene: Name or JSON file of a scene that seeds vary, or with `task` a concrete one.
+        query: The sentence, planned offline; with `task`, its text.
+        task: Task in a concrete scene, which no seed changes.
+        observation_mode: Observations besides the robot itself.
+        action_mode: Kind of actions, see `executor.sim.robot.actions`.
+        normalised: Whether actions lie between -1 and 1, for the minimum and maximum of each number.
+        rate_hz: Actions a second of simulated time.
+        size: Width and height of pictures.
+        render_mode: "rgb_array": `render` draws the global view.
+        physics: Physics of a varied demonstration.
+        variation: Variation of seeds besides layout and places, where they draw something.
+        full_size: Whether the robot is of full size; a concrete scene has its own.
+        start: Start of the episode of `task`, if it is not the scene's.
+
+    Attributes:
+        family: "T1" to "T6": seeds draw the benchmark's scenes.
+        task: Task in a concrete scene, which no seed changes.
+        task_description: The sentence of the present episode.
+
+    Raises:
+        ValueError: Arguments contradict each other.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012  (as Gymnasium has it)
+
+    def __init__(
+        self,
+        family: Family | None = None,
+        *,
+        scene: str | Path | Scene | None = None,
+        query: str = "",
+        task: Task | None = None,
+        observation_mode: ObservationMode = "state",
+        action_mode: ActionMode = "joint_target",
+        normalised: bool = False,
+        rate_hz: float = 10.0,
+        size: tuple[int, int] = (128, 128),
+        render_mode: str | None = None,
+        physics: Physics = STANDARD,
+        variation: Variation = UNVARIED,
+        full_size: bool = False,
+        start: Checkpoint | None = None,
+    ) -> None:
+        # Arguments for copies; no other locals exist here yet.
+        self._arguments = {name: value for name, value in locals().items() if name != "self"}
+        self.family = family
+        self._episode_source = _episode_source(family, scene, query, task, physics, variation, full_size, start)
+        self._scale = scene.robot.scale if isinstance(scene, Scene) else FULL_SCALE if full_size else PAPER_SCALE
+        _check_choice("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
+        _check_choice("action_mode", action_mode, ("joint_target", "paper"))
+        _check_choice("render_mode", render_mode, (None, "rgb_array"))
+        if not 1.0 <= rate_hz <= 1.0 / TIMESTEP_S:
+            raise ValueError(f"rate_hz {rate_hz}: expected 1 to {1.0 / TIMESTEP_S:.0f}")
+        self._size = check_size((int(size[0]), int(size[1])))
+        self._modes = (observation_mode, action_mode)
+        self._rate_hz, self._normalised, self.render_mode = rate_hz, normalised, render_mode
+        self._limits = action_limits(action_mode, rate_hz, self._scale)
+        low, high = (-np.ones(len(self._limits[0])), np.ones(len(self._limits[0]))) if normalised else self._limits
+        self.action_space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        self.observation_space = _observation_space(observation_mode, self._size)
+        # Video writers need an integer.
+        fps = round(1.0 / (steps_each(rate_hz) * TIMESTEP_S))
+        self.metadata = {**type(self).metadata, "render_fps": fps}
+        self.task = family or query or (task.name if task is not None else "")
+        self.task_description = query or self.task
+        self._episode: DrawnEpisode | None = None
+        self._simulation: Simulation | None = None
+        self._views: Views | None = None
+        self._seed_now = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state of a copy, by `copy` or `pickle`: arguments and random numbers, without the episode.
+
+        The simulator's objects cannot be copied. A copy is a fresh environment, and `reset` with a seed begins the same
+        episode in it. Without a seed it begins the one that `reset` of this environment would draw next.
+        """
+        return {"arguments": self._arguments, "spec": self.spec, "random": (self._np_random, self._np_random_seed)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state["arguments"])  # type: ignore[misc]
+        self.spec = state["spec"]
+        self._np_random, self._np_random_seed = state["random"]
+
+    @property
+    def _max_episode_steps(self) -> int | None:
+        """Number of actions of Gymnasium's time limit, if there is one."""
+        return None if self.spec is None else self.spec.max_episode_steps
+
+    @property
+    def target(self) -> Array:
+        """(12,) present joint targets of the drives."""
+        return self._running().target.copy()
+
+    @property
+    def episode(self) -> DrawnEpisode:
+        """The present episode."""
+        self._running()
+        assert self._episode is not None
+        return self._episode
+
+    @property
+    def world(self) -> World:
+        """The physics of the present episode, for inspection."""
+        return self._running().world
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: The benchmark's seed; without one, the next of this environment's own random numbers.
+            options: {"index": number}: the pair of a set of T5 or T6; by default the seed decides.
+
+        Returns:
+            The observation, and the info.
+
+        Raises:
+            ValueError: There is no such seed or index, or the scene's robot is of another size.
+            NotDrawn: No room could be drawn for this seed.
+        """
+        super().reset(seed=seed)
+        index = (options or {}).get("index")
+        episode = self._drawn(seed, None if index is None else int(index))
+        if episode.scene.robot.scale != self._scale:
+            raise ValueError(
+                f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
+            )
+        self._episode, self.task_description = episode, episode.query
+        return self._begin(episode, episode.start)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the present state, from which a planner can continue."""
+        return checkpoint_of(self.world, float(self.target[-1]))
+
+    def resume(self, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
+        """Continue the present episode from a state that someone else reached.
+
+        Returns:
+            The observation, and the info.
+        """
+        return self._begin(self.episode, start)
+
+    def disturb(self, before_step: Callable[[World], None]) -> None:
+        """Call a function before every physics step of the present episode, such as one that pushes things."""
+        self._running().before_step = before_step
+
+    def wait(self) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Hold all drives for the time of an action; return the same as `step`."""
+        return self._advance(self._running().target)
+
+    def _begin(self, episode: DrawnEpisode, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
+        self._leave()
+        follows = self._modes[1] == "paper"
+        speeds = FOLLOWING_SPEEDS if follows else SPEEDS
+        self._simulation = Simulation(episode.scene, start, self._rate_hz, episode.physics, speeds)
+        self._follower = self._following() if follows else None
+        world = self._simulation.world
+        self._reader = StateReader(world, episode.task)
+        self._watch = ProgressWatch(episode.graph, world)
+        if self._modes[0] == "point_cloud":
+            self._cloud = CloudReader(world, named_objects(episode.task, world.assets), self._seed_now)
+        progress = self._watch.look()
+        self._value = progress.value
+        return self._observe(), self._info(progress)
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Execute an action.
+
+        Args:
+            action: An action of `action_space`; values beyond it are clipped.
+
+        Returns:
+            The observation, the gained progress, whether the goal has held, False, and the info.
+
+        Raises:
+            ValueError: It has another shape, or a number that is not finite; the episode stays as it was.
+        """
+        simulation = self._running()
+        wanted = self._physical_action(action)
+        if self._follower is not None:
+            wanted = self._follower.joint_target(simulation.target, wanted)
+        return self._advance(wanted)
+
+    def _advance(self, wanted: Array) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        self._running().advance(wanted)
+        progress = self._watch.look()
+        reward, self._value = progress.value - self._value, progress.value
+        return self._observe(), reward, progress.success, False, self._info(progress)
+
+    def render(self) -> Picture | None:
+        """Return the (H, W, 3) global view, where the render mode is "rgb_array".
+
+        Raises:
+            RendererNotFound: This machine has no renderer.
+        """
+        return self._pictures()["global"] if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Release the simulator's objects; `reset` starts again."""
+        if self._views is not None:
+            self._views.close()
+            self._views = None
+        self._leave()
+
+    def _drawn(self, seed: int | None, index: int | None) -> DrawnEpisode:
+        if seed is not None:
+            self._seed_now = check_seed(seed)
+            return self._episode_source(self._seed_now, index)
+        for draw in range(_DRAWS):
+            self._seed_now = int(self.np_random.integers(LARGEST_SEED))
+            try:
+                return self._episode_source(self._seed_now, index)
+            except NotDrawn:
+                if draw + 1 == _DRAWS:
+                    raise
+        raise AssertionError("the last draw returns or raises")
+
+    def _physical_action(self, action: NDArray[np.float32]) -> Array:
+        """Return an action in m, rad and shares."""
+        low, high = self._limits
+        given = np.asarray(action, dtype=float)
+        if given.shape != low.shape:
+            raise ValueError(f"the action has the shape {given.shape}: expected {low.shape}")
+        if not np.isfinite(given).all():
+            wrong = ", ".join(f"number {k} is {given[k]}" for k in np.flatnonzero(~np.isfinite(given)))
+            raise ValueError(f"the action cannot be done: {wrong}; expected finite numbers")
+        return np.clip(low + (given + 1.0) / 2.0 * (high - low) if self._normalised else given, low, high)
+
+    def _observe(self) -> Observation:
+        found: Observation = {"agent_pos": self._reader.agent()}
+        if self._modes[0] == "state":
+            found["environment_state"] = self._reader.environment()
+        elif self._modes[0] == "point_cloud":
+            found["point_cloud"] = self._cloud.read()
+        else:
+            found["pixels"] = self._pictures()
+        return found
+
+    def _info(self, progress: Progress) -> dict[str, Any]:
+        return {
+            "is_success": progress.success,
+            "success": progress.success,
+            "progress": progress.value,
+            "stage": progress.stage,
+            "seed": self._seed_now,
+            "query": self.task_description,
+        }
+
+    def _pictures(self) -> dict[str, Picture]:
+        simulation, episode = self._running(), self._episode
+        assert episode is not None
+        if self._views is None:
+            self._views = Views(self._size)
+        return self._views.show(episode.scene, episode.task, simulation.world.pack())
+
+    def _running(self) -> Simulation:
+        if self._simulation is None:
+            raise gymnasium.error.ResetNeeded("call reset before anything else")
+        return self._simulation
+
+    def _following(self) -> HandFollower:
+        simulation = self._running()
+        return HandFollower(self._scale, simulation.target, simulation.period_s, Elbow(simulation.world))
+
+    def _leave(self) -> None:
+        if self._simulation is not None:
+            self._simulation.world.close()
+            self._simulation = None
+
+
+def action_limits(mode: ActionMode, rate_hz: float, scale: float) -> tuple[Array, Array]:
+    """Return the minimum and maximum of each number of an action, in m, rad and shares.
+
+    Args:
+        mode: Kind of actions.
+        rate_hz: Actions per second; differences shrink with it.
+        scale: The robot's scale; 1 is a full-size Panda.
+    """
+    limits = joint_limits(scale)
+    if mode == "joint_target":
+        return limits[:, 0], limits[:, 1]
+    # Driving along both room axes at once is faster along the base's own.
+    driving = SPEEDS[:3] * [np.sqrt(2.0), np.sqrt(2.0), 1.0]
+    most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
+    most[-3:] *= 1.001
+    low, high = -most, most
+    pressing_m, opening_m = limits[-1]
+    low[6], high[6] = pressing_m / opening_m, 1.0
+    assert len(low) == HAND_NUMBERS
+    return low, high
+
+
+def _observation_space(mode: ObservationMode, size: tuple[int, int]) -> spaces.Dict:
+    def numbers(*shape: int) -> spaces.Box:
+        return spaces.Box(-LARGEST, LARGEST, shape, np.float32)
+
+    parts: dict[str, spaces.Space[Any]] = {"agent_pos": numbers(AGENT)}
+    if mode == "state":
+        parts["environment_state"] = numbers(ENVIRONMENT)
+    elif mode == "point_cloud":
+        parts["point_cloud"] = numbers(POINTS, 4)
+    else:
+        picture = (size[1], size[0], 3)
+        parts["pixels"] = spaces.Dict({view: spaces.Box(0, 255, picture, np.uint8) for view in VIEWS})
+    return spaces.Dict(parts)
+
+
+def _episode_source(
+    family: Family | None,
+    scene: str | Path | Scene | None,
+    query: str,
+    task: Task | None,
+    physics: Physics,
+    variation: Variation,
+    full_size: bool,
+    start: Checkpoint | None,
+) -> EpisodeSource:
+    """Return the source of episodes.
+
+    Raises:
+        ValueError: There is none, or more than one.
+    """
+    if family is not None and scene is None and task is None and not query:
+        return family_source(family, variation, full_size=full_size)
+    if family is None and task is not None and isinstance(scene, Scene):
+        return task_source(task, scene, query, physics, start)
+    if family is None and task is None and query and isinstance(scene, str | Path):
+        return query_source(query, str(scene), variation, full_size=full_size)
+    raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")
+
+
+def _check_choice(name: str, value: object, values: tuple[object, ...]) -> None:
+    if value not in values:
+        raise ValueError(f"{name} {value!r}: expected one of {', '.join(repr(known) for known in values)}")

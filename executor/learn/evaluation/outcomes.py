@@ -1,0 +1,253 @@
+"""Outcome of an evaluated episode: success criteria, failure kinds, and the executor's monitors as observers.
+
+Opening succeeds when a door or drawer of the target is at least 0.45 of its range open for a second. Picking up
+succeeds when the item is between the fingers, at least 5 cm higher than at first, for a second. Anything else succeeds
+when the environment reports it: the goal judged as for demonstrations, at rest for a second. The paper gives no
+thresholds; these are ours. `success_once`: it succeeded at some time. `success_at_end`: also 3 s later, with the policy
+still acting.
+
+The monitors end a planned motion; here they only record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from bddl import Atom
+from executor.envs.episodes import DrawnEpisode, hand_distance_m
+from executor.geometry import inverse
+from executor.planning.articulation import handle_contacts
+from executor.planning.collision import NOTHING, Allowed, Carried, fingers_may_touch, held_may_touch
+from executor.records import Failure
+from executor.rollouts.goals import tilt_deg
+from executor.sim.detectors import GRIPPER, fingers_touching, read, touching_bodies
+from executor.sim.engine import ROBOT
+from executor.sim.robot.kinematics import Kinematics
+from executor.sim.world import World
+from executor.skills.control import DISPLACED_M, TIPPED_DEG, Bystanders, Monitor, stall
+from oag import Task
+from oag.model.symbols import Primitive
+from oag.primitives.table import OPEN_FRACTION
+
+LEAST_OPEN, LEAST_LIFT_M = 0.45, 0.05
+HOLDS_S, AFTER_S = 1.0, 3.0
+NEAR_M = 0.05
+"""Distance within which a hand has reached its target, a handle's bar or the thing."""
+
+TaskKind = Literal["open", "pick", "other"]
+FAILURES = (
+    "not-reached",
+    "not-grasped",
+    "not-far-enough",
+    "lost",
+    "displaced",
+    "tipped",
+    "incomplete",
+)
+"""The hand never came near; it came near and never held; it held and moved too little; it held and lost the thing; the
+item was pushed away; it fell over; a task of another kind was not finished."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeOutcome:
+    """Outcome of one episode.
+
+    Attributes:
+        seed: Its seed.
+        success_once, success_at_end: See the module's docstring.
+        failure: Kind of failure, one of `FAILURES`; empty for a success.
+        simulated_s: Simulated time up to the success or to the end [s].
+        measured: The underlying measurements.
+        monitors: Failure kinds of the executor's monitors -> time of the first [s].
+        drawn: Drawn numbers of the episode, by name.
+        pushes: Completed pushes.
+        helped: The planner's help where the policy got no further; the successes above are without it.
+        success_with_help: Whether it succeeded after all, with help or without; None where no help was available.
+    """
+
+    seed: int
+    success_once: bool
+    success_at_end: bool
+    failure: str
+    simulated_s: float
+    measured: Mapping[str, float]
+    monitors: Mapping[str, float] = field(default_factory=dict)
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    pushes: tuple[Mapping[str, Any], ...] = ()
+    helped: tuple[Mapping[str, Any], ...] = ()
+    success_with_help: bool | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+class OutcomeWatch:
+    """Tracks the outcome of one episode.
+
+    Args:
+        episode: The episode.
+        world: Its world.
+
+    Attributes:
+        succeeded_s: Time of the first success [s]; None so far.
+    """
+
+    def __init__(self, episode: DrawnEpisode, world: World) -> None:
+        self._world = world
+        self._target = episode.task.subtasks[-1].target
+        self._kind = task_kind(episode)
+        self._start = self._pose()
+        self._began_s = self._looked_s = world.time_s
+        self._held_s = 0.0
+        self._holds = False
+        self._nearest_m, self._most, self._gripped = hand_distance_m(world, self._target), 0.0, False
+        self.succeeded_s: float | None = None
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the episode began."""
+        return self._world.time_s - self._began_s
+
+    @property
+    def over(self) -> bool:
+        """Whether the outcome is final: it succeeded, and the time after that is over."""
+        return self.succeeded_s is not None and self.elapsed_s >= self.succeeded_s + AFTER_S - 1e-9
+
+    def follow(self, world: World) -> None:
+        """Switch to another world that has taken on the state of this one, as after a planner's help."""
+        self._world = world
+        self._looked_s = world.time_s
+
+    def look(self, info: Mapping[str, Any]) -> None:
+        """Observe the world; call it once per action.
+
+        Args:
+            info: The environment's info.
+        """
+        since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
+        self._nearest_m = min(self._nearest_m, hand_distance_m(self._world, self._target))
+        self._gripped = self._gripped or fingers_touching(self._world, self._target) == 2
+        if self._kind == "other":
+            self._most, self._holds = max(self._most, float(info["progress"])), bool(info["success"])
+        else:
+            amount, least = (self._open(), LEAST_OPEN) if self._kind == "open" else (self._lift_m(), LEAST_LIFT_M)
+            self._most = max(self._most, amount)
+            self._held_s = self._held_s + since_s if amount >= least and self._in_hand() else 0.0
+            self._holds = self._held_s >= HOLDS_S - 1e-9
+        if self._holds and self.succeeded_s is None:
+            self.succeeded_s = self.elapsed_s
+
+    def outcome(self, seed: int) -> EpisodeOutcome:
+        """Return the outcome."""
+        once = self.succeeded_s is not None
+        measured = {"nearest_m": round(float(self._nearest_m), 4), "most": round(self._most, 4)}
+        failure = "" if once else self._failure()
+        return EpisodeOutcome(
+            seed, once, once and self._holds, failure, round(self.succeeded_s or self.elapsed_s, 3), measured
+        )
+
+    def _failure(self) -> str:
+        if self._kind == "other":
+            return "incomplete"
+        if self._kind == "pick" and not self._in_hand() and tilt_deg(self._world, self._target) > TIPPED_DEG:
+            return "tipped"
+        if self._most > OPEN_FRACTION if self._kind == "open" else self._gripped:
+            held = self._gripped and fingers_touching(self._world, self._target) == 2
+            return "not-far-enough" if held else "lost"
+        if self._nearest_m > NEAR_M:
+            return "not-reached"
+        if self._kind == "pick" and np.linalg.norm(self._pose()[:3, 3] - self._start[:3, 3]) > DISPLACED_M:
+            return "displaced"
+        return "not-grasped"
+
+    def _pose(self) -> np.ndarray:
+        return self._world.T_world_link(self._target)
+
+    def _lift_m(self) -> float:
+        return float(self._pose()[2, 3] - self._start[2, 3])
+
+    def _in_hand(self) -> bool:
+        """Decide whether an item is between the fingers; an opened door stays open by itself."""
+        return self._kind == "open" or bool(read(Atom("inside", (self._target, GRIPPER)), self._world).value)
+
+    def _open(self) -> float:
+        joints = self._world.assets[self._target].joints
+        return max(joint.fraction(self._world.joint_position(self._target, joint.name)) for joint in joints)
+
+
+def task_kind(episode: DrawnEpisode) -> TaskKind:
+    """Return the kind of an episode's task, from the flow of its only subtask."""
+    subtasks = episode.task.subtasks
+    flow = {action.primitive for action in subtasks[-1].flow or ()}
+    if len(subtasks) > 1 or Primitive.ARTICULATE_CLOSE in flow:
+        return "other"
+    if Primitive.ARTICULATE_OPEN in flow:
+        return "open"
+    return "pick" if Primitive.GRASP in flow and Primitive.UNGRASP not in flow else "other"
+
+
+STALLED_LOOKS = 5
+"""Consecutive observations, half a second at 10 Hz: a robot in fast motion lags behind for less."""
+
+
+class MonitorWatch:
+    """Runs the executor's monitors on one episode.
+
+    Args:
+        world: Its world.
+        task: Its subtasks' objects may be touched.
+
+    Attributes:
+        first_failures_s: Kind of a failure (`executor.records.rollout.FailureKind`) -> simulated time of the first,
+            since the world was built [s].
+    """
+
+    def __init__(self, world: World, task: Task) -> None:
+        self._world = world
+        self._targets = tuple(dict.fromkeys(part.target for part in task.subtasks))
+        kinematics = Kinematics(world.robot)
+        self._monitor = Monitor(world, kinematics, allowed=_allowed_contacts(world, self._targets))
+        # Tasks of several subtasks move several things on purpose.
+        self._bystanders = Bystanders(world, self._targets[0]) if len(self._targets) == 1 else None
+        self._kinematics = kinematics
+        self._behind = 0
+        self.first_failures_s: dict[str, float] = {}
+
+    def look(self, target: np.ndarray) -> None:
+        """Observe the world; call it once per action.
+
+        Args:
+            target: (12,) present joint targets of the drives.
+        """
+        world, q = self._world, np.asarray(self._world.robot.get_qpos(), dtype=float)
+        self._note(self._monitor.check())
+        self._note(self._bystanders.check() if self._bystanders is not None else None)
+        behind = stall(q, target[:10])
+        self._behind = 0 if behind is None else self._behind + 1
+        if self._behind >= STALLED_LOOKS:
+            self._note(behind)
+        item = self._targets[-1]
+        if self._monitor.carried is None and item in world.dynamic_ids and fingers_touching(world, item) == 2:
+            T_eef_item = inverse(self._kinematics.forward(q)) @ world.T_world_link(item)
+            supports = [body for body in touching_bodies(world, item) if body != ROBOT]
+            allowed = self._monitor.allowed | held_may_touch(supports)
+            self._monitor = replace(self._monitor, carried=Carried(item, T_eef_item), allowed=allowed)
+
+    def _note(self, failure: Failure | None) -> None:
+        if failure is not None:
+            self.first_failures_s.setdefault(failure.kind.value, round(self._world.time_s, 2))
+
+
+def _allowed_contacts(world: World, targets: tuple[str, ...]) -> Allowed:
+    """Return the contacts that handling some things allows."""
+    allowed = NOTHING
+    for name in targets:
+        allowed |= fingers_may_touch(name, hand=True) if name in world.dynamic_ids else NOTHING
+        for handle in world.assets[name].handles:
+            allowed |= handle_contacts(name, handle)
+    return allowed

@@ -1,0 +1,435 @@
+"""Scores of an evaluation: exact intervals, paired tests, success by drawn quantities, and the HTML page.
+
+Success is split by each drawn number: in thirds of the episodes, or by its few values. The page needs no network.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from statistics import stdev
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest, mannwhitneyu
+
+from executor.bench.tables import Rate
+from executor.data.work import drawn_values
+from executor.envs.episodes import DrawnEpisode
+from executor.geometry import wrap_angle
+from executor.learn.evaluation.outcomes import EpisodeOutcome
+from executor.reports.html import badge, card, document, soft, style, table, text
+
+PARTS = 3
+"""Thirds: of fifty episodes about seventeen each, with correspondingly wide intervals."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisScore:
+    """Success by one drawn number.
+
+    Attributes:
+        axis: Its name, with its unit.
+        parts: Minimum, maximum and success rate of each third of the episodes by that number, or of each of its values
+            where there are three at most.
+        p: Probability of ranks as different between successes and failures without an effect (Mann and Whitney's test);
+            of many axes some are unlikely by chance. None where all outcomes are equal.
+    """
+
+    axis: str
+    parts: tuple[tuple[float, float, Rate], ...]
+    p: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        parts = [{"from": low, "to": high, **rate.to_json()} for low, high, rate in self.parts]
+        return {"axis": self.axis, "parts": parts, "p": self.p}
+
+
+def drawn_numbers(episode: DrawnEpisode) -> dict[str, float]:
+    """Return name -> drawn number of an episode: of its variation, its first target, and the count of things.
+
+    Of the target: distance, bearing and heading from the robot, its size, the numbers of its model, and 1 where its
+    door turns about the right edge.
+    """
+    found: dict[str, float] = {"things": float(len(episode.scene.objects))}
+    target, robot = episode.scene[episode.task.subtasks[0].target], episode.scene.robot
+    ahead = np.array(target.position[:2]) - robot.position[:2]
+    bearing_rad = wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - robot.yaw_rad)
+    found["target_distance_m"] = round(float(np.hypot(*ahead)), 4)
+    found["target_bearing_deg"] = round(float(np.degrees(bearing_rad)), 2)
+    w, x, y, z = target.orientation
+    yaw_rad = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    found["target_turned_deg"] = round(float(np.degrees(wrap_angle(yaw_rad - robot.yaw_rad))), 2)
+    for side, size_m in zip(("depth", "width", "height"), target.extent_m, strict=True):
+        found[f"target_{side}_m"] = round(size_m, 4)
+    for name, value in target.parameters.items():
+        if isinstance(value, int | float):
+            found[f"target {name}"] = float(value)
+    if "hinge" in target.parameters:
+        found["target hinge_right"] = float(target.parameters["hinge"] == "right")
+    if episode.unit is None:
+        return found
+    for axis, drawn in drawn_values(episode.unit, episode.scene, episode.perturbations).items():
+        if axis == "distractors":
+            found["distractors"] = float(len(drawn))
+            continue
+        for name, value in drawn.items():
+            several = value if isinstance(value, Mapping) else {"": value}
+            for part, number in several.items():
+                if isinstance(number, int | float):
+                    found[" ".join(word for word in (axis, name, part) if word)] = float(number)
+    return found
+
+
+def by_axis(outcomes: Sequence[EpisodeOutcome]) -> tuple[AxisScore, ...]:
+    """Return success by each drawn number that all episodes have and that differs between them."""
+    if not outcomes:
+        return ()
+    shared = [axis for axis in outcomes[0].drawn if all(axis in outcome.drawn for outcome in outcomes)]
+    good = np.array([outcome.success_once for outcome in outcomes])
+    found = []
+    for axis in shared:
+        values = np.array([outcome.drawn[axis] for outcome in outcomes])
+        if len(np.unique(values)) < 2:
+            continue
+        few = np.unique(values)
+        alike = [np.flatnonzero(values == value) for value in few]
+        thirds = np.array_split(np.argsort(values, kind="stable"), PARTS)
+        parts = tuple(
+            (float(values[part].min()), float(values[part].max()), Rate(int(good[part].sum()), len(part)))
+            for part in (alike if len(few) <= PARTS else thirds)
+            if len(part)
+        )
+        p = float(mannwhitneyu(values[good], values[~good]).pvalue) if good.any() and not good.all() else None
+        found.append(AxisScore(axis, parts, None if p is None else round(p, 4)))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyScore:
+    """Score of a policy.
+
+    Attributes:
+        once, at_end: Rates of success at some time, and still 3 s later.
+        failures: Kind of failure -> its number, the most frequent first.
+        monitors: Failure kind of the executor's monitors -> number of failed episodes with it.
+        mean_s: Mean simulated time of its successes [s]; None without one.
+        helped: Number of episodes with the planner's help, and with_help the success rate with help or without; None
+            where no help was available.
+    """
+
+    once: Rate
+    at_end: Rate
+    failures: Mapping[str, int]
+    monitors: Mapping[str, int]
+    mean_s: float | None
+    helped: int
+    with_help: Rate | None
+
+    @classmethod
+    def of(cls, outcomes: Sequence[EpisodeOutcome]) -> PolicyScore:
+        """Return the score of episodes."""
+        times_s = [outcome.simulated_s for outcome in outcomes if outcome.success_once]
+        failed = [outcome for outcome in outcomes if not outcome.success_once]
+        helped = [outcome.success_with_help for outcome in outcomes if outcome.success_with_help is not None]
+        return cls(
+            once=Rate(sum(outcome.success_once for outcome in outcomes), len(outcomes)),
+            at_end=Rate(sum(outcome.success_at_end for outcome in outcomes), len(outcomes)),
+            failures=dict(Counter(outcome.failure for outcome in failed).most_common()),
+            monitors=dict(Counter(kind for outcome in failed for kind in outcome.monitors).most_common()),
+            mean_s=round(sum(times_s) / len(times_s), 2) if times_s else None,
+            helped=sum(bool(outcome.helped) for outcome in outcomes),
+            with_help=Rate(sum(helped), len(helped)) if helped else None,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the score as plain data."""
+        rates: dict[str, Any] = {"success_once": self.once.to_json(), "success_at_end": self.at_end.to_json()}
+        if self.with_help is not None:
+            rates |= {"success_with_help": self.with_help.to_json(), "helped": self.helped}
+        return {**rates, "failures": self.failures, "monitors": self.monitors, "mean_s": self.mean_s}
+
+
+@dataclass(frozen=True, slots=True)
+class PairedTest:
+    """Comparison of two policies in the same episodes.
+
+    Attributes:
+        first, second: Their names.
+        only_first, only_second: Number of episodes in which only that one succeeded, at some time.
+        p: Probability of a difference as large as this without an effect (McNemar's test, exact).
+    """
+
+    first: str
+    second: str
+    only_first: int
+    only_second: int
+    p: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the comparison as plain data."""
+        return asdict(self)
+
+
+def paired_tests(found: Mapping[str, Sequence[EpisodeOutcome]]) -> tuple[PairedTest, ...]:
+    """Compare each two policies.
+
+    Args:
+        found: Policy -> its episodes, of the same seeds in the same order.
+    """
+    tests = []
+    for first, second in combinations(found, 2):
+        pairs = [(a.success_once, b.success_once) for a, b in zip(found[first], found[second], strict=True)]
+        one, other = pairs.count((True, False)), pairs.count((False, True))
+        p = float(binomtest(one, one + other).pvalue) if one + other else 1.0
+        tests.append(PairedTest(first, second, one, other, round(p, 4)))
+    return tuple(tests)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingScore:
+    """Policies that differ only in the seed of their training, as one row.
+
+    Attributes:
+        names: Their names.
+        seeds: Seeds of their training, in the order of the names.
+        shares: Success rate, at some time, of each.
+        once: All their episodes together; they share rooms, so that no more of them count as independent than there are
+            rooms.
+        spread: Standard deviation of the rates; None for a single one.
+    """
+
+    names: tuple[str, ...]
+    seeds: tuple[int, ...]
+    shares: tuple[float, ...]
+    once: Rate
+    spread: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the row as plain data."""
+        data = {"policies": self.names, "seeds": self.seeds, "shares": self.shares, "spread": self.spread}
+        return {**data, "success_once": self.once.to_json()}
+
+
+def by_training(
+    trained: Mapping[str, tuple[str, int]], found: Mapping[str, Sequence[EpisodeOutcome]]
+) -> tuple[TrainingScore, ...]:
+    """Group policies that differ only in the seed of training, in the order of their first ones.
+
+    Args:
+        trained: Policy -> its key without the seed, and the seed.
+        found: Policy -> its episodes.
+    """
+    rows: dict[str, list[str]] = {}
+    for name in found:
+        rows.setdefault(trained[name][0], []).append(name)
+    scores = []
+    for names in rows.values():
+        good = [sum(outcome.success_once for outcome in found[name]) for name in names]
+        counts = [len(found[name]) for name in names]
+        shares = tuple(round(one / max(of, 1), 4) for one, of in zip(good, counts, strict=True))
+        seeds = tuple(trained[name][1] for name in names)
+        clusters = counts[0] if len(names) > 1 else None
+        spread = round(stdev(shares), 4) if len(shares) > 1 else None
+        scores.append(TrainingScore(tuple(names), seeds, shares, Rate(sum(good), sum(counts), clusters), spread))
+    return tuple(scores)
+
+
+_WIDTH, _HEIGHT, _LEFT, _BOTTOM = 640, 220, 52, 26
+_COLOURS = ("var(--accent)", "var(--good)", "var(--bad)", "var(--warn)", "var(--soft)")
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A line of a diagram.
+
+    Attributes:
+        name: Its name.
+        points: Step of training and value, by rising steps.
+        bands: Minimum and maximum of an interval at each of the steps; empty for none.
+    """
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    bands: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationReport:
+    """Content of an evaluation's page.
+
+    Attributes:
+        what: Description of the episodes.
+        scores: Policy -> its score.
+        trainings: Policies that differ only in their seed, as rows.
+        tests: Comparisons of each two.
+        axes: Policy -> success by drawn numbers.
+        losses, successes: Curves over the steps of training.
+        failed: Policy, seed and kind of each failure.
+    """
+
+    what: str
+    scores: Mapping[str, PolicyScore]
+    trainings: Sequence[TrainingScore]
+    tests: Sequence[PairedTest]
+    axes: Mapping[str, Sequence[AxisScore]]
+    losses: Sequence[Curve]
+    successes: Sequence[Curve]
+    failed: Sequence[tuple[str, int, str]]
+
+
+def evaluation_page(report: EvaluationReport) -> str:
+    """Return the whole page as text."""
+    body = [
+        f"<header><h1>Policies</h1><p class='lead'>{text(report.what)}</p></header>",
+        f"<h2>Success</h2>{card(_scores(report.scores), soft('Intervals are exact, 95 %.'), kind='scroll')}",
+        f"<h2>By training</h2>{card(_trainings(report.trainings), kind='scroll')}",
+    ]
+    if report.tests:
+        body.append(f"<h2>In pairs</h2>{card(_pairs(report.tests), kind='scroll')}")
+    if report.losses:
+        body.append(f"<h2>Loss by step of training</h2>{card(diagram(report.losses))}")
+    if report.successes:
+        body.append(f"<h2>Success by step of training</h2>{card(diagram(report.successes, top=1.0))}")
+    for name, scores in report.axes.items():
+        body.append(f"<h2>By what varied: {text(name)}</h2>{card(_axes(scores), kind='scroll')}")
+    rows = [(text(name), text(seed), badge(kind, "bad")) for name, seed, kind in report.failed]
+    failures = table(rows, ("policy", "seed", "failure")) if rows else "<p>Nothing failed.</p>"
+    body.append(f"<h2>What failed</h2>{card(failures, kind='scroll')}")
+    return document("Policies", body, style("page", "bench"))
+
+
+def diagram(curves: Sequence[Curve], top: float | None = None) -> str:
+    """Return curves over the steps of training as an SVG drawing.
+
+    Args:
+        curves: The lines; at least one has a point.
+        top: The value at the upper edge; by default the maximum.
+    """
+    steps = [step for curve in curves for step, _ in curve.points]
+    values = [value for curve in curves for _, value in curve.points]
+    last, most = max(steps, default=1.0) or 1.0, top or max(values, default=1.0) or 1.0
+
+    def at(step: float, value: float) -> str:
+        x = _LEFT + step / last * (_WIDTH - _LEFT - 8)
+        return f"{x:.1f},{8 + (1.0 - min(value / most, 1.0)) * (_HEIGHT - _BOTTOM - 8):.1f}"
+
+    drawn, names = [], []
+    for curve, colour in zip(curves, _COLOURS * len(curves), strict=False):
+        if curve.bands:
+            there = [at(step, high) for (step, _), (_, high) in zip(curve.points, curve.bands, strict=True)]
+            back = [at(step, low) for (step, _), (low, _) in zip(curve.points, curve.bands, strict=True)]
+            drawn.append(f"<polygon points='{' '.join(there + back[::-1])}' style='fill:{colour};opacity:.15'/>")
+        line = " ".join(at(step, value) for step, value in curve.points)
+        drawn.append(f"<polyline points='{line}' style='fill:none;stroke:{colour};stroke-width:1.6'/>")
+        drawn += [_dot(at(*point), colour) for point in curve.points] if len(curve.points) < 40 else []
+        names.append(f"<span style='color:{colour}'>{text(curve.name)}</span>")
+    marks = "".join(
+        f"<text x='{_LEFT - 6}' y='{12 + (1.0 - share) * (_HEIGHT - _BOTTOM - 8):.0f}' text-anchor='end'>"
+        f"{share * most:.3g}</text>"
+        for share in (0.0, 0.5, 1.0)
+    )
+    marks += f"<text x='{_WIDTH - 8}' y='{_HEIGHT - 6}' text-anchor='end'>{last:.0f} steps</text>"
+    size = f"viewBox='0 0 {_WIDTH} {_HEIGHT}' style='width:100%;font-size:11px;fill:var(--soft)'"
+    return f"<svg role='img' {size}>{''.join(drawn)}{marks}</svg><p class='row'>{' '.join(names)}</p>"
+
+
+def loss_curve(name: str, lines: Iterable[str]) -> Curve | None:
+    """Return the curve of a training's log; None where it has no numbers.
+
+    Args:
+        name: The policy's.
+        lines: Of `training.jsonl`.
+    """
+    points = []
+    for line in lines:
+        try:
+            entry: Any = json.loads(line)
+            points.append((float(entry["step"]), float(entry["loss"])))
+        except (ValueError, KeyError, TypeError, RecursionError):
+            continue
+    return Curve(name, tuple(sorted(points))) if points else None
+
+
+def success_curve(name: str, scores: Mapping[int, Rate]) -> Curve:
+    """Return the curve of success over the steps of training.
+
+    Args:
+        name: The policy's name.
+        scores: Step -> success rate at some time.
+    """
+    steps = sorted(scores)
+    bands = tuple(scores[step].interval_percent or (0.0, 100.0) for step in steps)
+    points = tuple((float(step), scores[step].successes / max(scores[step].trials, 1)) for step in steps)
+    return Curve(name, points, tuple((low / 100.0, high / 100.0) for low, high in bands))
+
+
+def rate_words(rate: Rate) -> str:
+    """Return a rate with its interval in words."""
+    low, high = rate.interval_percent or (0.0, 100.0)
+    return f"{rate.successes} of {rate.trials} ({low:.1f} to {high:.1f} %)"
+
+
+def _dot(place: str, colour: str) -> str:
+    x, y = place.split(",")
+    return f"<circle cx='{x}' cy='{y}' r='2.5' style='fill:{colour}'/>"
+
+
+def _scores(scores: Mapping[str, PolicyScore]) -> str:
+    head = ("policy", "once", "at the end", "with help", "failures", "seen by monitors in failures")
+    rows = [
+        (
+            text(name),
+            text(rate_words(score.once)),
+            text(rate_words(score.at_end)),
+            text(rate_words(score.with_help)) if score.with_help is not None else "",
+            text(_counts(score.failures)),
+            text(_counts(score.monitors)),
+        )
+        for name, score in scores.items()
+    ]
+    return table(rows, head)
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in counts.items())
+
+
+def _trainings(rows: Sequence[TrainingScore]) -> str:
+    head = ("policies", "seeds", "each", "all together", "spread between seeds")
+    cells = [
+        (
+            text(", ".join(row.names)),
+            text(", ".join(map(str, row.seeds))),
+            text(", ".join(f"{100 * share:.0f} %" for share in row.shares)),
+            text(rate_words(row.once)),
+            "" if row.spread is None else text(f"{100 * row.spread:.1f} %"),
+        )
+        for row in rows
+    ]
+    return table(cells, head)
+
+
+def _pairs(tests: Sequence[PairedTest]) -> str:
+    cells = [
+        (text(one.first), text(one.second), text(one.only_first), text(one.only_second), text(f"{one.p:.3g}"))
+        for one in tests
+    ]
+    return table(cells, ("first", "second", "only the first did", "only the second did", "p (McNemar, exact)"))
+
+
+def _axes(scores: Sequence[AxisScore]) -> str:
+    cells = [
+        (
+            text(score.axis),
+            *(text(f"{low:.3g} to {high:.3g}: {rate_words(rate)}") for low, high, rate in score.parts),
+            *[""] * (3 - len(score.parts)),
+            "" if score.p is None else text(f"{score.p:.3g}"),
+        )
+        for score in scores
+    ]
+    return table(cells, ("axis", "low", "middle", "high", "p (ranks)"))

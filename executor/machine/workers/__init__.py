@@ -1,1 +1,0 @@
-"""Processes that work for this one, and may crash one by one."""

@@ -1,1 +1,0 @@
-"""Opening and closing: which door, by which motion, from which stance."""

@@ -1,1 +1,0 @@
-"""Where and how the hand can take a thing."""

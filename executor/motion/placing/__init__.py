@@ -1,1 +1,0 @@
-"""Where a held thing can be put down."""

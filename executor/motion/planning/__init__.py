@@ -1,1 +1,0 @@
-"""Free ways: the collision oracle, paths, and the planner of base and arm."""

@@ -1,0 +1,25 @@
+"""Errors of reconstructions from photographs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class PhotoRefused(ValueError):
+    """A photograph or one of its auxiliary inputs cannot be used.
+
+    Attributes:
+        kind: The faulty input, for programs: "picture", "depth", "camera", "scale", "boxes", "label", "floor",
+            "weights" or "nothing".
+    """
+
+    def __init__(self, kind: str, source: str | Path, problem: str, hint: str = "") -> None:
+        self.kind = kind
+        super().__init__(f"{source}: {problem}" + (f"; {hint}" if hint else ""))
+
+
+class RoomRefused(ValueError):
+    """A reconstruction is physically impossible, or leaves no room for the robot."""
+
+    def __init__(self, source: str | Path, reason: str, folder: Path) -> None:
+        super().__init__(f"{source}: what was reconstructed is no scene to work in: {reason}; {folder} has its report")

@@ -1,0 +1,416 @@
+"""Files of a reconstruction.
+
+scene.json          the scene with the provenance of its values; absent if physics refuses it
+scene_refused.json  a scene that physics refuses, for inspection
+scene_0_info.json   the scene in the format of Digital Cousins; scene_0_graph.json has what stands on what in it
+scene_1.json        the room with the second best models, scene_2.json with the third, each with _info and _graph as
+                    well; absent if nothing else fits or physics refuses it, and photo.json says which
+photo.json          every intermediate number: camera, floor, walls, fits and their alternatives
+overlay.png         the photograph with the outlines of the fits
+report.html         a page with all of it
+conversation.json   the exchange with a model that was asked for boxes; exchanges.jsonl is the recording that replays it
+
+In Digital Cousins' files objects are posed relative to the camera. Quaternions are x y z w there, and an object's front
+is at its own +x; the library's models have it at -x. Other readers of that format so read our scenes, and are a check
+of them.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import bddl
+from executor.assets.footprint import yaw_of
+from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
+from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
+from executor.photo.fitting.likelihood import Fit
+from executor.photo.geometry.observation import FloorPlane, Noise, Observation, is_hidden
+from executor.photo.inputs.annotations import FLOOR
+from executor.photo.inputs.depth import Depth
+from executor.photo.pipeline import PhotoInput, PhotoResult
+from executor.photo.room.reconstruct import FittedThing
+from executor.photo.scene import COUNT, MadeScene, RoomVariation, provenance
+from executor.reports.html import badge, bullets, card, document, facts, jpeg, soft, strip, style, table, text
+from executor.reports.run_folder import FolderUnusable, ResultsExist
+from executor.system.files import read_json, write_json, write_text
+from oag import Scene, SceneObject
+
+_NEITHER = ("wall", "floor")
+
+
+def cousins_files(number: int) -> tuple[str, str]:
+    """Return the names of both files of a variation; 0 is the reconstruction itself."""
+    return f"scene_{number}_info.json", f"scene_{number}_graph.json"
+
+
+def cousins_json(scene: Scene, observation: Observation) -> tuple[dict[str, object], dict[str, object]]:
+    """Return the contents of both files for a scene in the level frame; walls and floor are left out."""
+    T_world_camera = transform(observation.R_camera_level.T, observation.eye_m)
+    w, x, y, z = (float(part) for part in quaternion_wxyz(T_world_camera))
+    things = {key: obj for key, obj in scene.objects.items() if obj.category not in _NEITHER}
+    objects = {
+        key: {
+            "category": obj.category,
+            "model": obj.model,
+            "bbox_extent": list(obj.extent_m),
+            "tf_from_cam": (inverse(T_world_camera) @ _cousins_pose(obj)).tolist(),
+            "mount": {"floor": True, "wall": False},
+        }
+        for key, obj in things.items()
+    }
+    beneath = _beneath(scene)
+    graph: dict[str, object] = {key: {"objBeneath": beneath.get(key, "floor")} for key in things}
+    return {"cam_pose": [observation.eye_m.tolist(), [x, y, z, w]], "objects": objects}, graph
+
+
+def _cousins_pose(obj: SceneObject) -> Array:
+    """Return the (4, 4) pose of an upright object with its front at +x."""
+    return transform(rotation_z(yaw_of(obj) + math.pi), np.asarray(obj.position))
+
+
+def _beneath(scene: Scene) -> dict[str, str]:
+    literals = (literal for fact in scene.facts for literal in bddl.literals(fact) or ())
+    return {
+        literal.atom.args[0]: literal.atom.args[1]
+        for literal in literals
+        if literal.value and literal.atom.predicate in ("ontop", "inside")
+    }
+
+
+_GOLDEN = 0.61803  # Hues that follow each other by this share of the circle are never alike.
+_DIMMED = 0.75
+_AROUND = 0.15  # Of a box's sides, shown around it.
+_LEAST_SIDE_PX = 24
+
+
+def colour(number: int) -> NDArray[np.uint8]:
+    """Return the (3,) colour of an object by its number."""
+    return np.array([255 * part for part in colorsys.hsv_to_rgb(number * _GOLDEN % 1.0, 0.85, 1.0)], dtype=np.uint8)
+
+
+def visible_owners(observation: Observation, guesses: Mapping[str, PoseHypothesis]) -> NDArray[np.int32]:
+    """Return (H, W) the object visible in each pixel, by its position in the mapping; -1 for none."""
+    depth = np.full(observation.z_m.shape, np.inf)
+    owner = np.full(observation.z_m.shape, -1, dtype=np.int32)
+    rays = observation.rays.reshape(-1, 3)
+    for number, guess in enumerate(guesses.values()):
+        body = raycaster_of(guess)
+        if body is None:
+            continue
+        own = body.depth(guess, observation.eye_m, rays).reshape(depth.shape)
+        nearer = own < depth
+        depth, owner = np.where(nearer, own, depth), np.where(nearer, number, owner)
+    # Parts hidden by something unknown get no outline.
+    return np.where(is_hidden(observation, depth), -1, owner).astype(np.int32)
+
+
+def draw_outlines(observation: Observation, owner: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return the photograph (H, W, 3) with the outline of every fitted object."""
+    picture = (observation.rgb * _DIMMED).astype(np.uint8)
+    border = np.zeros(owner.shape, dtype=bool)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            border |= np.roll(owner, step, axis=axis) != owner
+    for number in np.unique(owner[owner >= 0]):
+        picture[border & (owner == number)] = colour(int(number))
+    return picture
+
+
+def cut(picture: NDArray[np.uint8], box_px: tuple[float, float, float, float]) -> NDArray[np.uint8]:
+    """Crop a picture to a box and its surroundings."""
+    height, width = picture.shape[:2]
+    x0, y0, x1, y1 = box_px
+    over_x = max(_AROUND * (x1 - x0), (_LEAST_SIDE_PX - (x1 - x0)) / 2, 0.0)
+    over_y = max(_AROUND * (y1 - y0), (_LEAST_SIDE_PX - (y1 - y0)) / 2, 0.0)
+    left, right = max(0, int(x0 - over_x)), min(width, int(x1 + over_x) + 1)
+    top, bottom = max(0, int(y0 - over_y)), min(height, int(y1 + over_y) + 1)
+    return picture[top:bottom, left:right]
+
+
+_SURE = 0.7  # A right fit to a box that is 3 % off has about 0.8.
+
+
+def photo_page(result: PhotoResult) -> str:
+    """Return the report of a reconstruction as a self-contained page."""
+    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
+    picture = draw_outlines(result.observation, visible_owners(result.observation, guesses))
+    things = [_thing(thing, result, cut(picture, thing.detection.box_px)) for thing in result.found.things]
+    left_out = [
+        *(f"{one.detection.label or 'thing'}: {one.reason}" for one in result.found.unfitted),
+        *(f"{one.label}: {one.reason}" for one in result.given.left_out),
+    ]
+    body = [
+        f"<h1>{text(result.given.name)}</h1>",
+        card(
+            _verdict(result),
+            strip("photograph and fits", [(jpeg(picture), "the photograph with outlines of the fits")]),
+        ),
+        card("<h2>What was given and measured</h2>", _given(result)),
+        card("<h2>In doubt</h2>", bullets(result.given.doubts)) if result.given.doubts else "",
+        card("<h2>Left out</h2>", bullets(left_out)) if left_out else "",
+        card("<h2>Moved so that it can be</h2>", bullets(result.made.notes)) if result.made.notes else "",
+        "<h2>Things</h2>",
+        *things,
+        card("<h2>Variations</h2>", bullets([_variation(one) for one in result.varied])) if result.varied else "",
+    ]
+    return document(f"{result.given.name}: from a photograph", body, style("page"))
+
+
+def _verdict(result: PhotoResult) -> str:
+    if result.made.refused:
+        return badge("not a scene to work in", "bad") + soft(text(result.made.refused))
+    count = len(result.found.things)
+    return badge("settled in physics", "good") + soft(f"{count} things; scene.json has the scene.")
+
+
+def _variation(one: RoomVariation) -> str:
+    models = ", ".join(f"{key} as {model}" for key, model in one.models.items())
+    ending = f"physics refuses it: {one.made.refused}" if one.made.refused else f"scene_{one.number}.json"
+    return f"{models}: {ending}"
+
+
+def _given(result: PhotoResult) -> str:
+    given, floor, noise = result.given, result.floor, result.observation.noise
+    sources = sorted({one.source for one in given.detections})
+    return facts(
+        (
+            ("picture", text(f"{given.picture.source.name}, {given.picture.size_px[0]} x {given.picture.size_px[1]}")),
+            ("depth", "none" if given.depth is None else text(given.depth.source)),
+            ("camera", text(given.camera.source)),
+            ("boxes and names", text(", ".join(sources))),
+            ("camera above the floor", f"{floor.height_m:.3f} m, looking {floor.tilt_deg:.1f} degrees down"),
+            ("level and scale by", text(floor.source)),
+            *_measured(given.depth, floor, noise),
+            ("walls", str(len(result.found.walls))),
+            ("took", text(", ".join(f"{step} {seconds:.1f} s" for step, seconds in result.took_s.items()))),
+        )
+    )
+
+
+def _compared(fit: Fit) -> str:
+    """Return which evidence a fit was compared with, and how exact it is."""
+    if fit.spread_m is None:
+        return f"what stands out in its box, {1000 * fit.residual_m:.1f} mm off"
+    return f"its box; its place is known within {100 * fit.spread_m:.0f} cm"
+
+
+def _measured(depth: Depth | None, floor: FloorPlane, noise: Noise) -> tuple[tuple[str, str], ...]:
+    if depth is None:
+        return (("scale known within", f"{100 * floor.spread_share:.1f} %"),)
+    return (
+        ("floor seen", f"{floor.visible_m2:.1f} m&sup2;, {1000 * floor.residual_m:.1f} mm off a plane"),
+        ("noise of depth", f"{1000 * float(noise.sigma_m(np.array(2.0))):.1f} mm at 2 m"),
+    )
+
+
+def _thing(thing: FittedThing, result: PhotoResult, picture: np.ndarray) -> str:
+    fit, guess = thing.fit, thing.fit.guess
+    tone = "good" if fit.confidence >= _SURE else "warn"
+    length, width, height = guess.size_m
+    settled_m = result.made.settled_m.get(thing.id)
+    rows = [
+        ("taken for", text(f"{guess.entry.model} ({guess.entry.category})")),
+        ("named by", text(f"{thing.detection.source}: {thing.detection.label or 'no name'}")),
+        (
+            "at",
+            f"{guess.x_m:.3f} {guess.y_m:.3f} m, {guess.bottom_m:.3f} m high, {math.degrees(guess.yaw_rad):.0f}&deg;",
+        ),
+        ("size", f"{length:.3f} x {width:.3f} x {height:.3f} m"),
+        ("options", text(", ".join(f"{key} {value}" for key, value in guess.parameters) or "none")),
+        ("colour", "none seen" if fit.colour is None else f"rgb({', '.join(map(str, fit.colour))})"),
+        ("explains", f"{100 * fit.explained:.0f} % of {_compared(fit)}"),
+        ("in its box", f"what is visible of it has an IoU of {fit.in_box:.2f} with the box"),
+        ("sure of the model alone", f"{100 * fit.likelier:.0f} %, against the next one"),
+    ]
+    if settled_m is not None:
+        rows.append(("settling moved it by", f"{1000 * settled_m:.1f} mm"))
+    others = [
+        (
+            text(one.guess.entry.model),
+            f"{one.cost - fit.cost:.1f}",
+            " x ".join(f"{side:.2f}" for side in one.guess.size_m),
+        )
+        for one in fit.alternatives
+    ]
+    below = table(others, ("instead", "less likely by (log)", "size [m]")) if others else ""
+    return card(
+        f"<h3>{text(thing.id)} {badge(f'{100 * fit.confidence:.0f} % sure', tone)}</h3>",
+        strip("", [(jpeg(np.ascontiguousarray(picture)), thing.id)]),
+        facts(rows),
+        below,
+    )
+
+
+SCHEMA = "scene2demo-photo/1"
+_VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
+_COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
+EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
+FILES = (
+    "scene.json",
+    "scene_refused.json",
+    *_VARIED,
+    *_COUSINS,
+    "photo.json",
+    "overlay.png",
+    "report.html",
+    EXCHANGES,
+    CONVERSATION,
+)
+
+
+def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
+    """Return the folder, created if absent; earlier results in it are removed only with `force`.
+
+    Args:
+        path: The folder.
+        force: Whether earlier results may be removed.
+        keep: A file that is not removed: the recording that is replayed or resumed.
+
+    Raises:
+        ResultsExist: It has results, and `force` is not given.
+        FolderUnusable: It cannot be created.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FolderUnusable(path, error.strerror or str(error)) from error
+    found = [name for name in FILES if (path / name).exists()]
+    if found and not force:
+        raise ResultsExist(path, found)
+    for name in found:
+        if keep is None or (path / name).resolve() != keep.resolve():
+            (path / name).unlink()
+    return path
+
+
+@contextmanager
+def remove_empty_folder(folder: Path) -> Iterator[None]:
+    """Remove the empty folder of a photograph that is refused before anything was written."""
+    try:
+        yield
+    except PhotoRefused:
+        if not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
+def reusable_scene(folder: Path, given: PhotoInput) -> Path | None:
+    """Return the scene of a folder if it was made of the same input and physics did not refuse it."""
+    try:
+        made_of = read_json(folder / "photo.json")
+    except (OSError, ValueError):
+        return None
+    scene = folder / "scene.json"
+    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256
+    return scene if same and scene.is_file() else None
+
+
+def write_result(folder: Path, result: PhotoResult) -> None:
+    """Write all files of a reconstruction."""
+    if result.made.scene is not None:
+        name = "scene_refused.json" if result.made.refused else "scene.json"
+        written = {
+            **result.made.scene.to_json(),
+            "provenance": provenance(result.found, result.made, result.floor.source),
+        }
+        write_json(folder / name, written)
+        _write_cousins(folder, result, 0, result.made)
+    for one in result.varied:
+        if one.made.scene is not None and not one.made.refused:
+            write_json(folder / f"scene_{one.number}.json", one.made.scene.to_json())
+            _write_cousins(folder, result, one.number, one.made)
+    write_json(folder / "photo.json", result_json(result))
+    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
+    Image.fromarray(draw_outlines(result.observation, visible_owners(result.observation, guesses))).save(
+        folder / "overlay.png"
+    )
+    write_text(folder / "report.html", photo_page(result))
+
+
+def _write_cousins(folder: Path, result: PhotoResult, number: int, made: MadeScene) -> None:
+    if made.scene is not None:
+        for file, content in zip(cousins_files(number), cousins_json(made.scene, result.observation), strict=True):
+            write_json(folder / file, content)
+
+
+def result_json(result: PhotoResult) -> dict[str, object]:
+    """Return every number of a reconstruction as plain data."""
+    return {
+        "schema": SCHEMA,
+        "given_sha256": result.given.sha256,
+        "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
+        "depth": None
+        if result.given.depth is None
+        else {"source": result.given.depth.source, "noise": result.observation.noise.to_json()},
+        "camera": result.given.camera.to_json(),
+        "floor": result.floor.to_json(),
+        "walls": [wall.to_json() for wall in result.found.walls],
+        "things": {thing.id: _thing_json(thing, result) for thing in result.found.things},
+        "left_out": [
+            *(
+                {"label": one.detection.label, "box_px": list(one.detection.box_px), "reason": one.reason}
+                for one in result.found.unfitted
+            ),
+            *({"label": one.label, "box_px": list(one.box_px), "reason": one.reason} for one in result.given.left_out),
+        ],
+        "refused": result.made.refused,
+        "variations": [
+            {"scene": f"scene_{one.number}.json", "models": dict(one.models), "refused": one.made.refused}
+            for one in result.varied
+        ],
+        "doubts": list(result.given.doubts),
+        "notes": list(result.made.notes),
+        "took_s": dict(result.took_s),
+    }
+
+
+def _given_support(thing: FittedThing, result: PhotoResult) -> str | None:
+    """Return the id of the support that the detection names."""
+    on = thing.detection.on
+    if on is None or on == FLOOR:
+        return None if on is None else "floor"
+    beneath = result.given.detections[on]
+    return next((other.id for other in result.found.things if other.detection is beneath), None)
+
+
+def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
+    fit, guess = thing.fit, thing.fit.guess
+    return {
+        "box_px": list(thing.detection.box_px),
+        "label": thing.detection.label,
+        "label_source": thing.detection.source,
+        "label_provenance": thing.detection.provenance,
+        "score": thing.detection.score,
+        "told": {
+            "doors": thing.detection.doors,
+            "drawers": thing.detection.drawers,
+            "on": _given_support(thing, result),
+        },
+        "model": guess.entry.model,
+        "position_m": list(guess.as_object().position),
+        "yaw_rad": guess.yaw_rad,
+        "size_m": list(guess.size_m),
+        "parameters": dict(guess.parameters),
+        "confidence": fit.confidence,
+        "likelier": fit.likelier,
+        "in_box": fit.in_box,
+        "placed": fit.placed,
+        "explained": fit.explained,
+        "residual_m": fit.residual_m if result.observation.has_depth else None,
+        "spread_m": fit.spread_m,
+        "pixels": fit.pixels,
+        "colour_srgb": fit.colour,
+        "settled_m": result.made.settled_m.get(thing.id),
+        "alternatives": [
+            {"model": one.guess.entry.model, "cost_more": one.cost - fit.cost} for one in fit.alternatives
+        ],
+    }

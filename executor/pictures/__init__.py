@@ -1,1 +1,0 @@
-"""Cameras, drawing, and films."""

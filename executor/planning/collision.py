@@ -1,0 +1,301 @@
+"""Exact collision queries for any robot configuration, from a second physics scene with the same bodies.
+
+The oracle's world has no gravity and a time step of a microsecond. Setting a configuration and stepping once yields the
+physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried stays
+dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is held still.
+Intended contacts of a motion are pairs of a mover and what it may touch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.planning.paths import spread_out
+from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
+from executor.sim.robot.description import BASE_LINK, MAST_LINK
+from executor.sim.robot.kinematics import Kinematics
+from executor.sim.world import World
+
+BASE = frozenset({BASE_LINK, MAST_LINK})
+"""The links that drive and do nothing else."""
+
+BASE_CLEARANCE_M = 0.01
+"""The base must never touch anything: it keeps this distance unless a caller gives it up."""
+
+ARM_CLEARANCE_M = 0.005
+"""Nor must the arm before the hand; the robot follows its path to 2 mm."""
+
+SELF_CLEARANCE_M = 0.004  # Of the robot to itself.
+LINK_CLEARANCE_M = 0.0005
+"""A door or drawer keeps to its joint exactly. It is built to pass its neighbours by 3 mm, of which the corner of a
+thick door takes more than 2 as it turns."""
+
+MAX_QUERY_M = 2 * ORACLE_CONTACT_OFFSET_M
+"""The oracle reports nothing farther apart than this."""
+
+_DISTURBED_M = 0.001  # A body that stepping moved farther is put back.
+_NEARER_M = 0.0005  # Contacts at the start may come no nearer than by this.
+JointTarget = tuple[str, str]
+"""An articulated object's id and one of its joints."""
+
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
+GRIPPER = ("panda_hand", *FINGERS)
+HELD = "held object"
+
+Allowed = frozenset[tuple[str, str]]
+"""Pairs of a mover and an object's id, or "id/link" for one link of it, that may touch."""
+
+NOTHING: Allowed = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """Two things that are nearer than the margin.
+
+    Attributes:
+        mover: A robot link, "held object", or the moving link of an articulated object as "id/link".
+        other: The obstacle as "id/link"; "robot/link" where the robot hits itself.
+        separation_m: Gap between them; negative when they overlap.
+    """
+
+    mover: str
+    other: str
+    separation_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """An object in the gripper: its id and its pose in the hand's frame, (4, 4)."""
+
+    object_id: str
+    T_eef_object: Array
+
+
+class CollisionOracle:
+    """Collision queries for robot configurations, with what the robot carries.
+
+    Args:
+        world: A world built with `oracle=True`; the oracle owns its poses.
+
+    Attributes:
+        carried: What is in the gripper.
+        base_clearance_m, arm_clearance_m: What base and arm keep from everything, whatever margin is asked for.
+        opening_m: Default position of the fingers in queries.
+        queries: How many queries were answered.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.kinematics = Kinematics(world.robot)
+        self.carried: Carried | None = None
+        self.base_clearance_m = BASE_CLEARANCE_M
+        self.arm_clearance_m = ARM_CLEARANCE_M
+        self.opening_m = self.kinematics.finger_upper_m
+        self.queries = 0
+        self._resting: dict[str, Array] = {}
+        self._joints: dict[JointTarget, float] = {}
+        self._shown: dict[str, list[float]] = {}
+        self._stale: dict[str, None] = {}
+        self._loose: str | None = None
+        self._near_at_start: dict[tuple[str, str], float] = {}
+        for object_id in world.dynamic_ids:
+            world.hold(object_id, still=True)
+
+    def synchronize(self, world: World) -> None:
+        """Copy where every object and joint of a world is."""
+        self._resting = {i: world.T_world_link(i) for i in world.dynamic_ids}
+        self._joints = {
+            (i, joint.name): world.joint_position(i, joint.name)
+            for i in world.articulated_ids
+            for joint in world.assets[i].joints
+        }
+        self._shown = {}
+        self._stale = dict.fromkeys(self._resting)
+
+    def joint_position(self, joint: JointTarget) -> float:
+        """Return the position of an object's joint in the oracle's world."""
+        return self._joints[joint]
+
+    def set_joint(self, joint: JointTarget, position: float) -> None:
+        """Set an object's joint in the oracle's world, to plan for later."""
+        self._joints[joint] = position
+
+    @contextmanager
+    def without_clearance(self) -> Iterator[None]:
+        """Reduce the clearance of base and arm to the hand's for the duration of the block."""
+        usual = self.base_clearance_m, self.arm_clearance_m
+        self.base_clearance_m = self.arm_clearance_m = 0.0
+        try:
+            yield
+        finally:
+            self.base_clearance_m, self.arm_clearance_m = usual
+
+    @contextmanager
+    def leaving(
+        self,
+        q: Array,
+        *,
+        opening_m: float | None = None,
+        margin_m: float = 0.0,
+        allowed: Allowed = NOTHING,
+        joints: Mapping[JointTarget, float] | None = None,
+    ) -> Iterator[None]:
+        """Permit a motion that starts nearer to things than the margin to leave them, but to come no nearer."""
+        before = self._near_at_start
+        self._near_at_start = {}
+        found = self.hits(q, opening_m=opening_m, margin_m=margin_m, allowed=allowed, joints=joints)
+        self._near_at_start = {(hit.mover, hit.other): hit.separation_m - _NEARER_M for hit in found}
+        try:
+            yield
+        finally:
+            self._near_at_start = before
+
+    def hits(
+        self,
+        q: Array,
+        *,
+        opening_m: float | None = None,
+        margin_m: float = 0.0,
+        allowed: Allowed = NOTHING,
+        joints: Mapping[JointTarget, float] | None = None,
+    ) -> list[Hit]:
+        """Return everything that the robot, what it holds, or a moved joint's link is nearer to than the margin.
+
+        The robot's own pedestal and upper arm count as obstacles of its forearm, its hand and what it holds.
+
+        Args:
+            q: (10,) base and arm positions.
+            opening_m: Position of each finger; by default `self.opening_m`.
+            margin_m: Wanted clearance, up to `MAX_QUERY_M`; 0 asks for contact only (base and arm keep their clearance
+                all the same).
+            allowed: Intended contacts.
+            joints: Positions of objects' joints that differ from the synchronised ones (a door in motion).
+        """
+        self.queries += 1
+        opening = self.opening_m if opening_m is None else opening_m
+        self._place(q, opening, joints or {})
+        moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
+        carried = self.carried.object_id if self.carried is not None else None
+        watched = {ROBOT, *(owner for owner, _ in moving)} | ({carried} if carried is not None else set())
+        widest_m = max(margin_m, self.base_clearance_m, self.arm_clearance_m, SELF_CLEARANCE_M)
+        found: dict[tuple[str, str], float] = {}
+        for a, b, gap_m in self.world.near(watched, widest_m):
+            if gap_m < _DISTURBED_M:
+                self._shown.pop(a.owner, None)
+                self._shown.pop(b.owner, None)
+            for near, far in ((a, b), (b, a)):
+                mover = self._mover(near, far, carried, moving)
+                if mover is None or is_allowed(allowed, mover, far.owner, far.link):
+                    continue
+                key = (mover, f"{far.owner}/{far.link}")
+                if gap_m < min(self._wanted_m(mover, far, margin_m), self._near_at_start.get(key, np.inf)):
+                    found[key] = min(gap_m, found.get(key, np.inf))
+                    break
+        return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
+
+    def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
+        """Return whether one configuration is free."""
+        return not self.hits(q, margin_m=margin_m, allowed=allowed)
+
+    def gap_m(self, q: Array, within_m: float, *, opening_m: float | None = None, allowed: Allowed = NOTHING) -> float:
+        """Return the smallest distance of everything that moves to everything else, at most the given one."""
+        found = self.hits(q, opening_m=opening_m, margin_m=within_m, allowed=allowed)
+        return min((hit.separation_m for hit in found), default=within_m)
+
+    def is_path_free(self, path: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
+        """Return whether all configurations (N, 10) are free; distant ones come first, which finds walls sooner."""
+        return all(self.is_free(path[k], margin_m=margin_m, allowed=allowed) for k in spread_out(len(path)))
+
+    def first_hit(
+        self,
+        path: Iterable[Array],
+        *,
+        opening_m: float | None = None,
+        margin_m: float = 0.0,
+        allowed: Allowed = NOTHING,
+        joints: Iterable[Mapping[JointTarget, float]] | None = None,
+    ) -> Hit | None:
+        """Return the first hit along a path of configurations (10,), or None when all are free."""
+        moved = iter(joints) if joints is not None else None
+        for q in path:
+            hits = self.hits(
+                q,
+                opening_m=opening_m,
+                margin_m=margin_m,
+                allowed=allowed,
+                joints=next(moved) if moved is not None else None,
+            )
+            if hits:
+                return min(hits, key=lambda hit: hit.separation_m)
+        return None
+
+    def _place(self, q: Array, opening_m: float, joints: Mapping[JointTarget, float]) -> None:
+        robot = self.world.robot
+        robot.set_qpos(np.concatenate([q[:10], [opening_m, opening_m]]).astype(np.float32))
+        robot.set_qvel(np.zeros(12, dtype=np.float32))
+        for object_id in self.world.articulated_ids:
+            names = ((object_id, joint.name) for joint in self.world.assets[object_id].joints)
+            wanted = [joints.get(name, self._joints.get(name, 0.0)) for name in names]
+            if self._shown.get(object_id) != wanted:
+                self.world.set_joint_positions(object_id, wanted)
+                self._shown[object_id] = wanted
+        carried = self.carried.object_id if self.carried is not None else None
+        if carried != self._loose:
+            if self._loose is not None:
+                self.world.hold(self._loose, still=True)
+                self._stale[self._loose] = None
+            if carried is not None:
+                self.world.hold(carried, still=False)
+            self._loose = carried
+        for object_id in self._stale:
+            self.world.set_object_pose(object_id, self._resting[object_id])
+        self._stale.clear()
+        if self.carried is not None:
+            self.world.set_object_pose(self.carried.object_id, self.kinematics.forward(q) @ self.carried.T_eef_object)
+        self.world.step()
+
+    def _mover(self, near: BodyRef, far: BodyRef, carried: str | None, moving: set[tuple[str, str]]) -> str | None:
+        """Return a body's name as a mover, or None where its nearness to the other does not count."""
+        if near.owner == ROBOT:
+            if far.owner == GROUND or (far.owner == carried and near.link in GRIPPER):
+                return None
+            return None if near.link in FINGERS and far.link in FINGERS and far.owner == ROBOT else near.link
+        if near.owner == carried:
+            return None if far.owner == ROBOT else HELD
+        moves = (near.owner, near.link) in moving and far.owner not in (ROBOT, near.owner)
+        return f"{near.owner}/{near.link}" if moves else None
+
+    def _wanted_m(self, mover: str, far: BodyRef, margin_m: float) -> float:
+        if far.owner == ROBOT:
+            return SELF_CLEARANCE_M
+        if mover in BASE:
+            return max(margin_m, self.base_clearance_m)
+        if "/" in mover:
+            return min(margin_m, LINK_CLEARANCE_M)
+        return max(margin_m, self.arm_clearance_m) if mover.startswith("panda_link") else margin_m
+
+
+def fingers_may_touch(other: str, *, hand: bool = False) -> Allowed:
+    """Return the pairs that let the fingers (and the hand's body, if asked) touch an object or one link of it.
+
+    Args:
+        other: An object id, or "id/link" for one link of it.
+        hand: Whether the hand's body may touch it as well.
+    """
+    movers = (*FINGERS, "panda_hand") if hand else FINGERS
+    return frozenset((mover, other) for mover in movers)
+
+
+def held_may_touch(others: Iterable[str]) -> Allowed:
+    """Return the pairs that let the held object touch others, such as the support it is lifted from."""
+    return frozenset((HELD, other) for other in others)
+
+
+def is_allowed(allowed: Allowed, mover: str, owner: str, link: str) -> bool:
+    """Return whether a mover may touch an object's link: allowed by the object's id or by "id/link"."""
+    return (mover, owner) in allowed or (mover, f"{owner}/{link}") in allowed

@@ -1,0 +1,286 @@
+"""Stances for picking an item up, chosen together with the moves right after; and explanations where there is none."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bddl import Atom
+from executor.assets.model import Asset
+from executor.geometry import Array, inverse
+from executor.planning.collision import Carried, fingers_may_touch, held_may_touch
+from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_goals
+from executor.planning.paths import base_move, polyline, segment
+from executor.planning.planner import Planner, run_moves
+from executor.planning.stances import (
+    CLOSE_REACHES_M,
+    REACHES_M,
+    HandGoal,
+    Stance,
+    Validate,
+    base_candidates,
+    nearest_miss,
+    search_stances,
+)
+from executor.records import Failure, FailureKind
+from executor.sim.detectors import box_around, read, touching_bodies
+from executor.sim.world import World
+from oag import Action
+from oag.measurements import TooWide, Unplanned
+from oag.sizes import Gripper
+
+TURNS_RAD = (0.0, 0.3, -0.3)
+WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
+"""How far the base faces away from where the hand comes from; far only where nothing else is free."""
+
+OUT_M = 0.01
+"""How far above the rim of a bowl or box the middle of a thing is that was lifted out of it."""
+
+LIFT_CLEARANCE_M = 0.001  # Little: the item stands on its support as it is lifted.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
+LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
+"""How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
+
+LOW_LIFTS_M = (*LIFTS_M, 0.02, 0.01)
+"""The same where the hand backs out with the thing: off what it stood on is enough."""
+
+HIGH_LIFTS_M = (0.15, 0.13, 0.105)
+"""The same where a plan ends with the thing in the hand: as high as counts as picked up, and the arm's error more."""
+
+LOOKED_AT = 60  # Enough to find the obstacle.
+NAMED = 3
+STANDOFF_M = 0.6  # The last part of a path, which the arm reaches over.
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """The moves of a picking subtask after the grasp.
+
+    Attributes:
+        moves: The moves with all numbers filled in.
+        at_rim: Whether the grasp is at the thing's wall, not around all of it.
+    """
+
+    moves: tuple[Action, ...]
+    at_rim: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """An item to pick, with the moves after the grasp: the common input of all its strategies.
+
+    Attributes:
+        planner: Synchronised with the world.
+        world: Where things are.
+        item: The item's id.
+        moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
+        here: (3,) where the base stands.
+        lifts_m: Candidates of an unfilled lift, the preferred one first; out of a bowl it is as high as needed.
+    """
+
+    planner: Planner
+    world: World
+    item: str
+    moves: tuple[Action, ...]
+    here: Array
+    lifts_m: tuple[float, ...] = LIFTS_M
+
+    def stances(self, allows_placement: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the hand can close around all of the item, and the moves after can be made.
+
+        Args:
+            allows_placement: Whether a hand at a pose (4, 4) can also place the item later; other stances come last.
+        """
+        goals, lift = item_goals(self._asset, self._T_item), self._lifting()
+
+        def lift_where(wanted: bool) -> Validate[Lift]:
+            forward = self.planner.kinematics.forward
+            return lambda q: lift(q) if allows_placement is None or allows_placement(forward(q)) is wanted else None
+
+        for validate in (lift,) if allows_placement is None else (lift_where(True), lift_where(False)):
+            yield from self._search(goals, validate)
+
+    def rim_stances(self) -> Iterator[Stance[Lift]]:
+        """Yield stances from which the item can be taken by its wall, if it has one."""
+        if self._asset.rim is not None:
+            yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
+
+    def last_stances(self) -> Iterator[Stance[Lift]]:
+        """Yield stances of last resort: near the item's top, or from close by."""
+        lift = self._lifting()
+        yield from self._search(top_goals(self._asset, self._T_item), lift)
+        yield from self._search(item_goals(self._asset, self._T_item), lift, CLOSE_REACHES_M)
+
+    @property
+    def _asset(self) -> Asset:
+        return self.world.assets[self.item]
+
+    @property
+    def _T_item(self) -> Array:
+        return self.world.T_world_link(self.item)
+
+    def _search(
+        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] = REACHES_M
+    ) -> Iterator[Stance[Lift]]:
+        fingers = fingers_may_touch(self.item)
+        for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
+            yield from search_stances(
+                self.planner,
+                goals,
+                self.here,
+                validate=validate,
+                allowed=fingers,
+                turns_rad=turns_rad,
+                reaches_m=reaches_m,
+            )
+
+    def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:
+        """Return a validation of the lift: whether the moves can lift the item, held around it or at its wall."""
+        asset, T_item, oracle = self._asset, self._T_item, self.planner.oracle
+        width_m = asset.graspable_width_m or min(asset.extent_m[:2])
+        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
+        resting = held_may_touch(touching_bodies(self.world, self.item))
+        lifts_m = lifts_out_m(self.lifts_m, self.world, self.item)
+        options = [
+            tuple(
+                replace(a, parameter=v) if a.parameter is None else a for a, v in zip(self.moves, values, strict=True)
+            )
+            for values in itertools.product(*(lifts_m if a.parameter is None else (None,) for a in self.moves))
+        ]
+
+        def lift(q: Array) -> tuple[Lift, float] | None:
+            oracle.carried = Carried(self.item, inverse(self.planner.kinematics.forward(q)) @ T_item)
+            try:
+                return first_lift(q)
+            finally:
+                oracle.carried = None
+
+        def first_lift(q: Array) -> tuple[Lift, float] | None:
+            along: tuple[Lift, float] | None = None
+            for rank, filled in enumerate(options):
+                path = run_moves(self.planner, q, list(filled))
+                if path is None:
+                    continue
+                way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
+                if oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
+                    continue
+                end = way[-1] if len(way) else q
+                clear = not oracle.hits(end, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M)
+                if (clear or along is None) and not presses(q, way):
+                    found = Lift(filled, at_rim), 0.02 * rank
+                    if clear:
+                        return found
+                    along = found  # It stands against something, and may be lifted along that.
+            return along
+
+        def presses(q: Array, way: Array) -> bool:
+            """Return whether the item gets into what it touches, such as the board above it."""
+            with oracle.leaving(q, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
+                return oracle.first_hit(way, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is not None
+
+        return lift
+
+
+def lifts_out_m(lifts_m: tuple[float, ...], world: World, item: str) -> tuple[float, ...]:
+    """Return those of some lifts that take an item out of a vessel that is open at the top, else one that does.
+
+    Args:
+        lifts_m: The preferred one first.
+        world: Where things are.
+        item: The item's id; what is in no bowl or box is out already.
+    """
+    centre_m = float(box_around(world, item)[0][2])
+    least_m = 0.0
+    for vessel in world.dynamic_ids:
+        found = read(Atom("inside", (item, vessel)), world) if vessel != item else None
+        if found is not None and found.value:
+            region = next(one for one in world.assets[vessel].regions if one.name == found.measurements.region)
+            top_m = world.T_world_link(vessel, region.link) @ (*region.center_m, 1.0)
+            least_m = max(least_m, float(top_m[2]) + region.half_extents_m[2] - centre_m + OUT_M)
+    enough = tuple(lift_m for lift_m in lifts_m if lift_m >= least_m)
+    return enough or (math.ceil(100.0 * least_m) / 100.0,)
+
+
+def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], here: Array) -> Failure:
+    """Return a failure: how far the hand stays off and at which joint limits, or the obstacle.
+
+    Args:
+        planner: Synchronised with the world.
+        item: What was to be taken.
+        goals: The hand poses that would hold it.
+        here: (3,) where the base stands.
+    """
+    if not goals:
+        message = f"no side of {item} that the fingers can close around leaves the palm room"
+        return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=item),))
+    oracle, kinematics = planner.oracle, planner.kinematics
+    blockers: Counter[str] = Counter()
+    candidates = base_candidates(goals, here, TURNS_RAD)[:LOOKED_AT]
+    reached = False
+    for candidate in candidates:
+        solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8, enough=1)
+        reached = reached or bool(solutions)
+        for solution in solutions:
+            q = np.concatenate([candidate.base, solution.arm])
+            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(item))
+            blockers.update(f"{hit.mover} and {hit.other}" for hit in hits)
+    found = Unplanned(target=item)
+    if not reached:
+        miss = nearest_miss(kinematics, candidates)
+        return Failure(FailureKind.UNREACHABLE, miss.describe(item), (miss.added_to(found),))
+    found = replace(found, in_the_way=tuple(name for name, _ in blockers.most_common(NAMED)))
+    if not blockers:
+        message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
+        return Failure(FailureKind.UNREACHABLE, message, (found,))
+    return Failure(FailureKind.NO_PATH, f"no way to take {item}: {blockers.most_common(1)[0][0]} meet", (found,))
+
+
+def explain_rim_failure(planner: Planner, world: World, item: str, here: Array) -> Failure:
+    """Return a failure: an item's wall is too low over its support, or another reason that keeps the hand from it.
+
+    Args:
+        planner: Synchronised with the world.
+        world: Where things are.
+        item: What was to be taken; it has a rim and is too wide for the gripper.
+        here: (3,) where the base stands.
+    """
+    asset = world.assets[item]
+    goals = rim_goals(asset, world.T_world_link(item))
+    width_m, opening_m = min(asset.extent_m[:2]), Gripper.of(world.scene.robot).opening_m
+    wide = f"{item} is {width_m * 1000:.0f} mm wide, the gripper opens to {opening_m * 1000:.0f} mm"
+    measured = TooWide(round(width_m, 4), opening_m)
+    if not goals:
+        return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", (measured,))
+    room_m, needed_m = room_below_m(asset, opening_m)
+    if room_m >= needed_m:
+        return explain_pick_failure(planner, item, goals, here)
+    message = (
+        f"{wide}, and its rim is {room_m * 1000:.0f} mm above what it stands on: "
+        f"a finger below it needs {needed_m * 1000:.0f} mm"
+    )
+    measured = replace(measured, rim_height_m=round(room_m, 4), rim_height_needed_m=round(needed_m, 4))
+    return Failure(FailureKind.TOO_WIDE, message, (measured,))
+
+
+def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:
+    """Return the obstacles on the straight path of the base towards a point; empty where it is free.
+
+    The arm keeps its posture.
+
+    Args:
+        planner: Synchronised with the world.
+        q: (10,) where the robot is.
+        towards_m: (2,) the point; the last `STANDOFF_M` before it are left out.
+    """
+    offset = np.asarray(towards_m) - q[:2]
+    length_m = float(np.hypot(*offset))
+    way = base_move(q, max(length_m - STANDOFF_M, 0.0), float(np.arctan2(offset[1], offset[0])))
+    for row in segment(way[0], way[1]):
+        if hits := planner.oracle.hits(row):
+            return tuple(f"{hit.mover} and {hit.other}" for hit in hits[:NAMED])
+    return ()

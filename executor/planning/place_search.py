@@ -1,0 +1,477 @@
+"""Search for a placement: spot, hand pose, base, entry and the numbers of the moves in between, chosen together.
+
+Planning runs backwards. From a configuration that holds the thing over its spot, the flow's moves are undone to find
+where NAVIGATE_TO_SUPPORT has to end. Then the moves are run forwards, exactly as the primitives will run them, and
+checked. Numbers that the flow gives are kept; unfilled ones are chosen from short lists. A search that fails explains
+itself by the obstacles it met at the configurations over the spots.
+
+`PlacementLookahead` decides before a grasp whether the hand, at the grasp's pitch, can also place the item where a
+later subtask wants it. Most things are put down upright, so the hand keeps the pitch of the grasp. High tops are out of
+reach of steep hands, and compartments of tilted ones.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from executor.assets.asset_geometry import rolls_freely
+from executor.assets.model import Region
+from executor.geometry import Array, inverse, pitch_of
+from executor.planning.collision import GRIPPER, HELD, Carried, Hit
+from executor.planning.paths import FINE_ARM_STEP_RAD, base_move, polyline, segment
+from executor.planning.placements import GAPS_M, placement_goals
+from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
+from executor.planning.stances import (
+    ENOUGH_SCORE_RAD,
+    REACHES_M,
+    ROOMY_M,
+    ArmSolver,
+    BaseCandidate,
+    BlockedGoals,
+    FreeFloor,
+    HandGoal,
+    base_candidates,
+    best_first,
+    nearest_miss,
+    tightness_cost,
+)
+from executor.records import Failure, FailureKind
+from executor.sim.robot.kinematics import ARM
+from executor.sim.world import World
+from oag import Action, Primitive
+from oag.measurements import Unplanned
+
+LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
+    Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
+    Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
+}
+OTHER_LENGTHS_M = (0.10, 0.05)  # Short: the base has brought the hand near.
+OVER_RIM_M = 0.03
+"""How far above the rim of a drawer a thing is brought in: arms are off their paths by millimetres, and things lean."""
+
+TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)  # How far the base may face away from its place, straight ahead first.
+RELEASE_TOLERANCE_M = 0.004  # Between the wanted release and where the moves, run forwards, end.
+CLEARANCE_M = 0.003  # More than the robot is off its path.
+OPENED_CLEARANCE_M = 0.002  # Of the fingers as they open.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
+OPTION_COST = 0.03  # For each filling of open numbers after the preferred one.
+RESTARTS = 16  # Of the inverse kinematics.
+BATCH = 80  # Examined before a plan that is not comfortable is taken.
+MOST_CANDIDATES = 400
+"""How many configurations over a spot are examined before given numbers count as infeasible."""
+
+MORE_CANDIDATES = 800
+"""How many more where numbers are open, from the sides first on which the arm had room."""
+
+ENOUGH_MET = 12
+"""After so many postures whose arm hit something, and none that did not, a side counts as taken."""
+
+EXPLAINED = 100
+"""How many configurations are examined to explain a failure, and of how many bases that have room."""
+
+MISSES, NAMED = 40, 3
+UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
+
+
+@dataclass(frozen=True, slots=True)
+class PlacePlan:
+    """A plan for the placement of a held thing.
+
+    Attributes:
+        entry: (10,) where NAVIGATE_TO_SUPPORT ends.
+        path: (N, 10) waypoints of the moves, entry first, release last.
+        moves: The moves with all numbers filled in.
+        region: Name of the region.
+        margin_rad: Smallest joint margin along the moves.
+        clearance_m: Smallest clearance on the way in, at most `ROOMY_M`.
+        score: Joint margin less costs.
+    """
+
+    entry: Array
+    path: Array
+    moves: tuple[Action, ...]
+    region: str
+    margin_rad: float
+    clearance_m: float
+    score: float
+
+    @property
+    def base(self) -> Array:
+        """Where the base stands when NAVIGATE_TO_SUPPORT ends, (3,)."""
+        return self.entry[:3]
+
+
+class Sides:
+    """Experience with each heading: a bowl near one edge of a table is reached over that edge alone."""
+
+    def __init__(self) -> None:
+        self._met: Counter[tuple[str, float]] = Counter()
+        self._free: set[tuple[str, float]] = set()
+
+    def learn(self, goal: HandGoal, hits: list[Hit]) -> None:
+        """Record the hits of a posture at a hand pose; hits of the hand alone do not count against its side."""
+        if not hits:
+            self._free.add(_side(goal))
+        elif any(hit.mover not in GRIPPER and hit.mover != HELD for hit in hits):
+            self._met[_side(goal)] += 1
+
+    def is_taken(self, goal: HandGoal) -> bool:
+        """Return whether the arm has hit something in all of many postures from this side."""
+        side = _side(goal)
+        return side not in self._free and self._met[side] >= ENOUGH_MET
+
+    def roomy_first(self, candidates: Iterable[BaseCandidate]) -> Iterator[BaseCandidate]:
+        """Yield candidates in their order, but last those whose side counts as taken when their turn comes."""
+        waiting: list[BaseCandidate] = []
+        for candidate in candidates:
+            if self.is_taken(candidate.goal):
+                waiting.append(candidate)
+            else:
+                yield candidate
+        yield from waiting
+
+
+def _side(goal: HandGoal) -> tuple[str, float]:
+    return goal.region, float(np.round(np.mod(goal.heading_rad, 2 * np.pi), 2))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceSearch:
+    """The search for a placement of what is in the gripper.
+
+    Attributes:
+        planner: Its oracle must be synchronised and know what is carried.
+        world: Where things are.
+        support: Id of what the thing is put on or in.
+        regions: The support's regions to try.
+        q: (10,) where the robot is, holding the thing.
+    """
+
+    planner: Planner
+    world: World
+    support: str
+    regions: list[Region]
+    q: Array
+
+    @property
+    def carried(self) -> Carried:
+        """What is in the gripper.
+
+        Raises:
+            ValueError: Nothing is.
+        """
+        if self.planner.oracle.carried is None:
+            raise ValueError("planning a placement needs something in the gripper")
+        return self.planner.oracle.carried
+
+    def plans(self, moves: tuple[Action, ...]) -> Iterator[PlacePlan]:
+        """Yield plans that put the thing into or onto the regions, good ones first.
+
+        Args:
+            moves: The flow's moves between navigation and release, filled or not.
+
+        Raises:
+            ValueError: Nothing is carried.
+        """
+        goals, options = self._goals(), fill_options(moves, lowerings_m(self.regions))
+        solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
+        blocked, sides = BlockedGoals(), Sides()
+        room: dict[int, bool] = {}
+
+        def has_room(goal: HandGoal) -> bool:
+            if id(goal) not in room:
+                room[id(goal)] = self._hand_has_room(goal, solver, blocked)
+            return room[id(goal)]
+
+        def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
+            roomy = (candidate for candidate in candidates if has_room(candidate.goal))
+            for candidate, releases in _releases(roomy, solver, floor, blocked):
+                yield self._first_plan(candidate, releases, options, blocked, sides)
+
+        candidates = iter(base_candidates(goals, self.q, TURNS_RAD))
+        first = itertools.islice(examine(candidates), MOST_CANDIDATES)
+        # Numbers that are given and lead nowhere are for the flow's author to correct.
+        more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
+        more = itertools.islice(examine(sides.roomy_first(candidates)), more_count)
+        for plan in itertools.chain(best_first(first, BATCH), best_first(more, BATCH)):
+            fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
+            if self.planner.oracle.is_path_free(fine, margin_m=CLEARANCE_M):
+                yield plan
+
+    def explain_failure(self, moves: tuple[Action, ...]) -> Failure:
+        """Return a failure: no free spot, how far the hand stays off all of them, or the obstacle.
+
+        Args:
+            moves: As for `plans`, which found none that could be driven to.
+
+        Raises:
+            ValueError: Nothing is carried.
+        """
+        goals, item = self._goals(), self.carried.object_id
+        what = f"no place for {item} at {self.support} was found"
+        found = Unplanned(target=item, support=self.support)
+        if not goals:
+            return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
+        candidates = base_candidates(goals, self.q, TURNS_RAD)
+        solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
+        standing = [c for c in itertools.islice(candidates, 20 * EXPLAINED) if floor.at(c.base)]
+        if not standing:
+            return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", (found,))
+        releases = itertools.islice(_releases(standing, solver, floor, BlockedGoals()), EXPLAINED)
+        options = fill_options(moves, lowerings_m(self.regions))
+        met = [self._met(release, options[0]) for _, (release, *_) in releases]
+        if not met:
+            miss = nearest_miss(self.planner.kinematics, standing[:MISSES])
+            return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.describe('it')}", (miss.added_to(found),))
+        common = Counter(met).most_common(NAMED)
+        found = replace(found, looked_at=len(met), in_the_way=dict(common))
+        first, count = common[0]
+        return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", (found,))
+
+    def _goals(self) -> list[HandGoal]:
+        pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
+        seed = self.planner.seed
+        return placement_goals(self.world, self.carried, self.support, self.regions, self.q, pitch_rad, seed=seed)
+
+    def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: BlockedGoals) -> bool:
+        """Return whether hand and thing have room over a spot, before any floor is examined; True where undecided.
+
+        What they meet they meet wherever the base stands. So the base may stand within furniture here.
+        """
+        base = goal.base_before(REACHES_M[0], 0.0)
+        for solution in solver.solve(goal.T_world_eef, base, either_side=False)[:1]:
+            blocked.learn(goal, self._hits(np.concatenate([base, solution.arm])))
+        return goal not in blocked
+
+    def _hits(self, release: Array) -> list[Hit]:
+        """Return the hits at a configuration over a spot, or as the fingers open there."""
+        oracle, opened_m = self.planner.oracle, self.planner.kinematics.finger_upper_m
+        hits = oracle.hits(release, margin_m=CLEARANCE_M)
+        return hits or oracle.hits(release, opening_m=opened_m, margin_m=OPENED_CLEARANCE_M)
+
+    def _first_plan(
+        self,
+        candidate: BaseCandidate,
+        releases: list[Array],
+        options: list[tuple[Action, ...]],
+        blocked: BlockedGoals,
+        sides: Sides,
+    ) -> PlacePlan | None:
+        """Return the plan of the first free and reachable configuration over the spot, or None."""
+        for release in releases:
+            hits = self._hits(release)
+            sides.learn(candidate.goal, hits)
+            if hits:
+                blocked.learn(candidate.goal, hits)
+            elif plan := self._approach(release, options, candidate):
+                return plan
+        return None
+
+    def _approach(
+        self, release: Array, options: list[tuple[Action, ...]], candidate: BaseCandidate
+    ) -> PlacePlan | None:
+        """Return the plan that ends in a release configuration, or None where no filling of the moves is free."""
+        oracle, kinematics = self.planner.oracle, self.planner.kinematics
+        wanted = kinematics.forward(release)[:3, 3]
+        for rank, filled in enumerate(options):
+            entry = undo_moves(self.planner, release, list(filled))
+            if entry is None or not oracle.is_free(entry, margin_m=BASE_MARGINS_M[-2]):
+                continue
+            path = run_moves(self.planner, entry, list(filled))
+            if path is None or np.linalg.norm(kinematics.forward(path[-1])[:3, 3] - wanted) > RELEASE_TOLERANCE_M:
+                continue
+            if len(path) > 1 and not oracle.is_path_free(polyline(path), margin_m=CLEARANCE_M):
+                continue
+            margin = kinematics.margin(path[:, ARM])
+            clearance_m = oracle.gap_m(_before_lowering(path), ROOMY_M)
+            score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank - tightness_cost(clearance_m)
+            return PlacePlan(entry, path, filled, candidate.goal.region, margin, clearance_m, score)
+        return None
+
+    def _met(self, release: Array, filled: tuple[Action, ...]) -> str:
+        """Return in words why a configuration over a spot cannot be used, with the moves' numbers filled."""
+        if hits := self._hits(release):
+            return f"{_words(hits)} meet over the spot"
+        entry = undo_moves(self.planner, release, list(filled))
+        path = None if entry is None else run_moves(self.planner, entry, list(filled))
+        if path is None:
+            return "the arm does not reach the moves to the spot"
+        way = polyline(path) if len(path) > 1 else path
+        if hit := self.planner.oracle.first_hit(way, margin_m=CLEARANCE_M):
+            return f"{_words([hit])} meet on the way in"
+        return "the way there is not free"
+
+
+def lowerings_m(regions: Iterable[Region]) -> tuple[float, ...]:
+    """Return the candidate lengths of LIFT_EEF_DOWN over some regions, the preferred one first.
+
+    Into what is deep and open at the top, such as a drawer, the hand may come down by all of the depth: it gets in over
+    the front, which is as high.
+    """
+    usual = LENGTHS_M[Primitive.LIFT_EEF_DOWN]
+    depths_m = {2 * r.half_extents_m[2] for r in regions if r.kind == "interior" and r.opening[2] > UPWARD}
+    return usual + tuple(round(depth_m + OVER_RIM_M, 2) for depth_m in sorted(depths_m) if depth_m > max(usual))
+
+
+def fill_options(moves: tuple[Action, ...], downs_m: tuple[float, ...]) -> list[tuple[Action, ...]]:
+    """Return the fillings of the open numbers of moves, the preferred one first; given numbers are kept.
+
+    Args:
+        moves: The flow's moves.
+        downs_m: Candidates of an open LIFT_EEF_DOWN, the preferred one first.
+    """
+    lengths_m = {**LENGTHS_M, Primitive.LIFT_EEF_DOWN: downs_m}
+    values = [lengths_m.get(a.primitive, OTHER_LENGTHS_M) if a.parameter is None else (a.parameter,) for a in moves]
+    return [
+        tuple(replace(a, parameter=v) for a, v in zip(moves, chosen, strict=True))
+        for chosen in itertools.product(*values)
+    ]
+
+
+def _releases(
+    candidates: Iterable[BaseCandidate], solver: ArmSolver, floor: FreeFloor, blocked: BlockedGoals
+) -> Iterator[tuple[BaseCandidate, list[Array]]]:
+    """Yield the candidates with room for the base, each with one or two configurations (10,) over its spot."""
+    for candidate in candidates:
+        if candidate.goal not in blocked and floor.at(candidate.base):
+            solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)[:2]
+            if solutions:
+                yield candidate, [np.concatenate([candidate.base, solution.arm]) for solution in solutions]
+
+
+def _before_lowering(path: Array) -> Array:
+    """Return the first configuration (10,) with the base where the release is: what comes after is the arm's."""
+    moved = np.abs(path[:, :3] - path[-1, :3]).max(axis=1) > 1e-6
+    arrived = int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0
+    return np.asarray(path[min(arrived, len(path) - 1)])
+
+
+def _words(hits: list[Hit]) -> str:
+    hit = min(hits, key=lambda hit: hit.separation_m)
+    return f"{hit.mover} and {hit.other}"
+
+
+LOOKAHEAD_RESTARTS = 8  # Of the inverse kinematics: half of a plan's, since this is only a forecast.
+LOOKED_AT = 40
+"""How many configurations over its places are examined before one of many grasps counts as infeasible.
+
+Enough where some grasp allows many placements. Where none has any among so few, as many are examined as in the search
+for a place: into a deep drawer next to a table a steep hand gets from one side alone.
+"""
+
+OVER_M, THROUGH_M = 0.08, 0.03
+"""How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
+SLIDE_M = 0.25  # How far before its place the hand slides in from.
+
+
+class PlacementLookahead:
+    """Decides which pitches of a grasp allow a later placement; no paths are planned.
+
+    Args:
+        planner: Synchronised with the world.
+        world: Where things are.
+        item: What is about to be taken.
+        goals: The hand poses that would hold it.
+        support: Id of what it will be put on or in.
+        regions: The support's regions in question.
+        here: (3,) where the base stands.
+        slid: (4, 4) by what the regions will have moved until then, in the world: with a drawer that is to be opened.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        world: World,
+        item: str,
+        goals: list[HandGoal],
+        support: str,
+        regions: list[Region],
+        here: Array,
+        slid: Array | None = None,
+    ) -> None:
+        self._slid = np.eye(4) if slid is None else slid
+        self._planner, self._world, self._item = planner, world, item
+        self._support, self._regions, self._here = support, regions, here
+        self._solver, self._floor = (
+            ArmSolver(planner, restarts=LOOKAHEAD_RESTARTS),
+            FreeFloor(planner, BASE_MARGINS_M[-1]),
+        )
+        self._examples: dict[float, HandGoal] = {}
+        for goal in goals:
+            self._examples.setdefault(_key(goal.T_world_eef), goal)
+        self._known: dict[tuple[float, int], bool] = {}
+
+    def allows_placement(self, T_world_eef: Array) -> bool:
+        """Return whether a hand at this pose can place the item; true for all where no pitch can."""
+        if rolls_freely(self._world.assets[self._item]):
+            return True
+        key = _key(T_world_eef)
+        for budget in (LOOKED_AT, MOST_CANDIDATES):
+            if self._allows_placement(key, budget):
+                return True
+            if any(self._allows_placement(other, budget) for other in self._examples):
+                return False
+        return True
+
+    def allows_any_placement(self) -> bool:
+        """Return whether a hand at any of the pitches can place the item."""
+        # What rolls is put down at other pitches than it was taken at.
+        enough = 1 if rolls_freely(self._world.assets[self._item]) else None
+        return any(self._allows_placement(key, MOST_CANDIDATES) for key in itertools.islice(self._examples, enough))
+
+    def _allows_placement(self, key: float, budget: int) -> bool:
+        if (key, budget) not in self._known:
+            example = self._examples.get(key)
+            self._known[key, budget] = example is None or self._can_be_put(example, budget)
+        return self._known[key, budget]
+
+    def _can_be_put(self, goal: HandGoal, budget: int) -> bool:
+        world, oracle = self._world, self._planner.oracle
+        carried = Carried(self._item, inverse(goal.T_world_eef) @ world.T_world_link(self._item))
+        upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
+        wanted = placement_goals(
+            world,
+            carried,
+            self._support,
+            self._regions,
+            self._here,
+            pitch_of(goal.T_world_eef),
+            seed=self._planner.seed,
+            release_gaps_m=lambda region: (GAPS_M[-1 if upward[region.name] else 0],),
+            slid=self._slid,
+        )
+        oracle.carried = carried
+        try:
+            candidates = base_candidates(wanted, self._here, TURNS_RAD)
+            openings = (self._has_way_in(c, OVER_M if upward[c.goal.region] else THROUGH_M) for c in candidates)
+            return any(itertools.islice((way for way in openings if way is not None), budget))
+        finally:
+            oracle.carried = None
+
+    def _has_way_in(self, candidate: BaseCandidate, rise_m: float) -> bool | None:
+        """Return whether a release posture and a slide in above it are free; None where it has no posture."""
+        above = candidate.goal.T_world_eef.copy()
+        above[2, 3] += rise_m
+        base = candidate.base
+        entries = self._solver.solve(above, base, either_side=False)[:2]
+        if not (entries and self._floor.at(base)):
+            return None
+        oracle = self._planner.oracle
+        released = (
+            oracle.is_free(np.concatenate([base, solution.arm]), margin_m=CLEARANCE_M)
+            for solution in self._solver.solve(candidate.goal.T_world_eef, base, either_side=False)[:2]
+        )
+        return any(released) and any(self._slides_in(np.concatenate([base, s.arm])) for s in entries)
+
+    def _slides_in(self, q: Array) -> bool:
+        out = base_move(q, SLIDE_M, float(q[2]) + np.pi)
+        return self._planner.oracle.is_path_free(segment(out[1], q), margin_m=CLEARANCE_M)
+
+
+def _key(T_world_eef: Array) -> float:
+    return float(np.round(pitch_of(T_world_eef), 2))

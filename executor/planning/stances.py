@@ -1,0 +1,423 @@
+"""Stances: base pose, arm posture and approach for a hand pose; candidates in order of preference; near misses."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from executor.geometry import Array, inverse, rotation_z, wrap_angle
+from executor.planning.collision import BASE, GRIPPER, HELD, NOTHING, Allowed, Hit
+from executor.planning.planner import Planner
+from executor.sim.robot.description import ARM_HOME, JOINT_NAMES
+from executor.sim.robot.kinematics import ARM, ArmSolution, Kinematics
+from oag.measurements import Unplanned
+
+REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)  # From the base's axis to the hand, the most comfortable first.
+CLOSE_REACHES_M = (0.30, 0.25)
+"""With the elbow high: from between a chair and the table, where there is no room farther off."""
+
+ENOUGH_MARGIN_RAD = np.deg2rad(40.0)  # With it the search ends.
+ENOUGH_CLEARANCE_M = 0.008  # And with it: four times what the robot is off its path.
+ROOMY_M = 0.02  # More room than this is worth nothing.
+TIGHTNESS_COST = 0.3  # In rad of joint margin, at no clearance at all.
+DRIVE_COST_RAD_PER_M = 0.15  # A metre less of driving makes up for 9 degrees of joint margin.
+TURN_COST = 0.05  # For each radian that the base faces away.
+SHOULDER = frozenset(("panda_link1", "panda_link2"))
+LEANING_FORWARD = np.array([*ARM_HOME[:1], 0.5, *ARM_HOME[2:]])
+HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+TURN_M_PER_RAD = 0.1
+"""How many metres off the place a radian off the direction is worth: about the length of the hand."""
+
+AT_LIMIT_RAD = 0.02  # So near to it a joint counts as held by its limit.
+INSET_RAD = 1e-3  # Within the limits, so that rounding does not leave them.
+SLOPE_RAD = 1e-3
+DRAWN, DESCENTS = 1000, 4
+"""How many postures are sampled, and from how many of them a descent begins."""
+
+
+class Scored(Protocol):
+    """Something with a joint margin in rad, a clearance and a score; larger is better for all."""
+
+    @property
+    def margin_rad(self) -> float:
+        """Smallest distance to a joint limit."""
+
+    @property
+    def clearance_m(self) -> float:
+        """Distance of the robot to everything that it must not touch."""
+
+    @property
+    def score(self) -> float:
+        """Joint margin less costs."""
+
+
+Choice = TypeVar("Choice", bound=Scored)
+
+
+@dataclass(frozen=True, slots=True)
+class HandGoal:
+    """A wanted hand pose.
+
+    Attributes:
+        T_world_eef: (4, 4) the pose.
+        heading_rad: The heading from which the robot faces it.
+        cost: In rad of joint margin.
+        region: Name of the region that a held thing would be put into, for placements.
+    """
+
+    T_world_eef: Array
+    heading_rad: float
+    cost: float = 0.0
+    region: str = ""
+
+    def base_before(self, reach_m: float, turn_rad: float) -> Array:
+        """Return the base pose (3,) at a distance before the hand, turned from the goal's heading."""
+        yaw = self.heading_rad + turn_rad
+        x, y = self.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
+        return np.array([x, y, yaw])
+
+
+@dataclass(frozen=True, slots=True)
+class BaseCandidate:
+    """A candidate base pose for a hand goal, with its cost."""
+
+    goal: HandGoal
+    base: Array
+    cost: float
+
+
+def base_candidates(
+    goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...], reaches_m: tuple[float, ...] = REACHES_M
+) -> list[BaseCandidate]:
+    """Return base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
+
+    Args:
+        goals: Wanted hand poses.
+        here: (3,) where the base stands now.
+        turns_rad: How far the base may face away from the goal's heading.
+        reaches_m: How far before the hand the base may be, the preferred distance first.
+    """
+    found = []
+    for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(reaches_m), turns_rad):
+        base = goal.base_before(reach_m, turn_rad)
+        drive = float(np.hypot(*(base[:2] - here[:2]))) + 0.2 * abs(wrap_angle(float(base[2]) - float(here[2])))
+        cost = DRIVE_COST_RAD_PER_M * drive + TURN_COST * abs(turn_rad) + goal.cost + 0.02 * rank
+        found.append(BaseCandidate(goal, base, cost))
+    return sorted(found, key=lambda p: p.cost)
+
+
+class BlockedGoals:
+    """Hand goals that are infeasible for every base pose: there the hand, or what it holds, touches something."""
+
+    def __init__(self) -> None:
+        self._goals: set[int] = set()
+
+    def __contains__(self, goal: HandGoal) -> bool:
+        return id(goal) in self._goals
+
+    def learn(self, goal: HandGoal, hits: list[Hit]) -> None:
+        """Record a goal where one of the hits is the gripper's or the held object's."""
+        if any(hit.mover in GRIPPER or hit.mover == HELD for hit in hits):
+            self._goals.add(id(goal))
+
+
+def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
+    """Return whether base and shoulder have room at a pose (3,), whatever the rest of the arm does.
+
+    Under a low table there is room for the base alone: what the shoulder meets leaning back, and meets leaning forward
+    as well, it meets in all postures.
+    """
+    near = planner.oracle.hits(np.concatenate([base, ARM_HOME]), margin_m=margin_m)
+    movers = {hit.mover for hit in near}
+    if BASE & movers:
+        return False
+    if not movers & SHOULDER:
+        return True
+    forward = planner.oracle.hits(np.concatenate([base, LEANING_FORWARD]), margin_m=margin_m)
+    return not {hit.mover for hit in forward} & SHOULDER
+
+
+class FreeFloor:
+    """Cached test of the base's room: many hand goals lead to the same base pose."""
+
+    def __init__(self, planner: Planner, margin_m: float) -> None:
+        self._planner, self._margin_m = planner, margin_m
+        self._known: dict[tuple[float, ...], bool] = {}
+
+    def at(self, base: Array) -> bool:
+        """Return whether the base has room at a pose (3,)."""
+        key = tuple(np.round(base, 5))
+        if key not in self._known:
+            self._known[key] = is_base_free(self._planner, base, self._margin_m)
+        return self._known[key]
+
+
+class ArmSolver:
+    """Cached inverse kinematics: postures depend on the hand's pose in the base frame alone."""
+
+    def __init__(self, planner: Planner, restarts: int = 24) -> None:
+        self._planner = planner
+        self._restarts = restarts
+        self._known: dict[tuple[float, ...], list[ArmSolution]] = {}
+
+    def solve(self, T_world_eef: Array, base: Array, *, either_side: bool) -> list[ArmSolution]:
+        """Return arm postures for a hand pose, best margin first; `either_side` admits the half-turned hand too."""
+        kinematics = self._planner.kinematics
+        T_base_eef = inverse(kinematics.base_transform(base)) @ T_world_eef
+        found: list[ArmSolution] = []
+        for T in (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,):
+            key = tuple(np.round(T[:3], 4).ravel())
+            if key not in self._known:
+                self._known[key] = kinematics.solve(T, np.zeros(3), restarts=self._restarts)
+            found += self._known[key]
+        return sorted(found, key=lambda s: -s.margin_rad)
+
+
+def is_comfortable(choice: Scored) -> bool:
+    """Return whether a choice is good enough to stop searching for a better one."""
+    return choice.margin_rad >= ENOUGH_MARGIN_RAD and choice.clearance_m >= ENOUGH_CLEARANCE_M
+
+
+def tightness_cost(clearance_m: float) -> float:
+    """Return the cost of a clearance in [rad] of joint margin; nothing from `ROOMY_M` on."""
+    return TIGHTNESS_COST * max(0.0, 1.0 - clearance_m / ROOMY_M)
+
+
+def best_first(examined: Iterable[Choice | None], batch: int) -> Iterator[Choice]:
+    """Yield choices, good ones first, while candidates are still being examined.
+
+    The best one so far is yielded as soon as its margin and clearance are comfortable. Else it is yielded when a batch
+    of candidates has been examined since the last one. Asking for the next one means that the last one could not be
+    used.
+
+    Args:
+        examined: The result for every candidate: a choice, or None.
+        batch: How many candidates to examine before settling for less.
+    """
+    waiting: list[tuple[float, int, Choice]] = []
+    order = itertools.count()
+    examined_count = 0
+    for choice in examined:
+        examined_count += 1
+        if choice is not None:
+            heapq.heappush(waiting, (-choice.score, next(order), choice))
+        comfortable = bool(waiting) and is_comfortable(waiting[0][2])
+        if waiting and (comfortable or examined_count >= batch):
+            yield heapq.heappop(waiting)[2]
+            examined_count = 0
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+@dataclass(frozen=True, slots=True)
+class NearMiss:
+    """The posture that comes nearest to a hand pose.
+
+    Attributes:
+        arm: (7,) the posture in rad.
+        residual_m: How far the hand is off the place.
+        residual_rad: How far it is off the direction.
+        at_limit: Joints that are at a limit.
+    """
+
+    arm: Array
+    residual_m: float
+    residual_rad: float
+    at_limit: tuple[str, ...]
+
+    @property
+    def off_m(self) -> float:
+        """Both residuals in one number [m]; smaller is nearer."""
+        return float(np.hypot(self.residual_m, TURN_M_PER_RAD * self.residual_rad))
+
+    def describe(self, what: str) -> str:
+        """Return the miss as a sentence about the thing that the hand was to get to."""
+        held = f", held by {' and '.join(self.at_limit)}" if self.at_limit else ""
+        turned = f" and {np.rad2deg(self.residual_rad):.0f} deg"
+        return f"the hand stays {self.residual_m * 100:.1f} cm{turned} off {what} from every stance{held}"
+
+    def added_to(self, found: Unplanned) -> Unplanned:
+        """Return a measurement with the miss added as numbers."""
+        residual_m, residual_deg = round(self.residual_m, 4), round(float(np.rad2deg(self.residual_rad)), 1)
+        return replace(found, residual_m=residual_m, residual_deg=residual_deg, joints_at_limit=self.at_limit)
+
+
+def nearest_miss(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) -> NearMiss:
+    """Return the posture that comes nearest to its hand pose over some candidates.
+
+    It is searched for among sampled postures, always the same ones, and then by descent from the best of them. Descent
+    alone does not find out of a folded arm.
+
+    Args:
+        kinematics: The robot's.
+        candidates: At least one.
+    """
+    wanted = [inverse(kinematics.base_transform(c.base)) @ c.goal.T_world_eef for c in candidates]
+    lower, upper = kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD
+    arms = np.random.default_rng(0).uniform(lower, upper, (DRAWN, 7))
+    hands = np.stack([kinematics.forward(np.concatenate([np.zeros(3), arm])) for arm in arms])
+    starts = []
+    for number, T in enumerate(wanted):
+        off_m = np.linalg.norm(_off(hands, T), axis=1)
+        starts += [(float(off_m[k]), number, int(k)) for k in np.argsort(off_m, kind="stable")[:DESCENTS]]
+    misses = [_descent(kinematics, wanted[number], arms[k]) for _, number, k in sorted(starts)[:DESCENTS]]
+    return min(misses, key=lambda miss: miss.off_m)
+
+
+def _descent(kinematics: Kinematics, T_base_eef: Array, start: Array) -> NearMiss:
+    """Return the local minimum of the pose error, descending from a posture."""
+
+    def off(arm: Array) -> Array:
+        return _off(kinematics.forward(np.concatenate([np.zeros(3), arm]))[None], T_base_eef)[0]
+
+    bounds = (kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD)
+    # Poses have single precision, so that slopes need longer steps than usual.
+    found = least_squares(off, start, bounds=bounds, diff_step=SLOPE_RAD, xtol=1e-5, ftol=1e-6)
+    arm, error = np.asarray(found.x), np.asarray(found.fun)
+    held = np.flatnonzero(np.minimum(arm - kinematics.arm_lower, kinematics.arm_upper - arm) < AT_LIMIT_RAD)
+    return NearMiss(
+        arm,
+        float(np.linalg.norm(error[:3])),
+        float(np.linalg.norm(error[3:])) / TURN_M_PER_RAD,
+        tuple(JOINT_NAMES[ARM][index] for index in held),
+    )
+
+
+def _off(hands: Array, T_wanted: Array) -> Array:
+    """Return (N, 6) pose errors of hand poses (N, 4, 4) against one pose, the turn counted as a length."""
+    turns = Rotation.from_matrix(hands[:, :3, :3].transpose(0, 2, 1) @ T_wanted[:3, :3]).as_rotvec()
+    return np.concatenate([hands[:, :3, 3] - T_wanted[:3, 3], TURN_M_PER_RAD * turns], axis=1)
+
+
+PARKED_CLEARANCE_M = 0.02  # Of the base where it stands to work.
+PRE_GRASP_CLEARANCE_M = 0.002  # What the robot is off its path.
+GRASP_CLEARANCE_M = 0.0015  # Less, where the fingers are around a thing.
+APPROACH_M = 0.10
+"""Length of the straight approach: the fingers come from clear of the thing."""
+
+ENOUGH_SCORE_RAD = 0.9
+"""Joint margin beyond this does not make a stance better."""
+
+Followup = TypeVar("Followup")
+Validate = Callable[[Array], tuple[Followup, float] | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Stance(Generic[Followup]):
+    """A base pose with an arm posture that reaches a hand goal.
+
+    Attributes:
+        q: (10,) base and arm at the goal.
+        approach: (N, 10) straight approach, from the pre-grasp configuration to q.
+        margin_rad: Smallest distance to a joint limit along the approach.
+        clearance_m: Distance of the robot at the goal to everything that it must not touch, at most `ROOMY_M`.
+        followup: The validation's plan for the motion that comes after.
+        score: Joint margin less costs; larger is better.
+    """
+
+    q: Array
+    approach: Array
+    margin_rad: float
+    clearance_m: float
+    followup: Followup
+    score: float
+
+    @property
+    def base(self) -> Array:
+        """Where the base stands, (3,)."""
+        return self.q[:3]
+
+    def turned(self, angle_rad: float) -> Stance[Followup]:
+        """Return the same stance with the base's yaw shifted by whole turns."""
+        q, approach = self.q.copy(), self.approach.copy()
+        q[2] += angle_rad
+        approach[:, 2] += angle_rad
+        return replace(self, q=q, approach=approach)
+
+    def shifted(self, by_m: Array) -> Stance[Followup]:
+        """Return the same stance with the base, and so the hand, moved by (2,) in the world."""
+        q, approach = self.q.copy(), self.approach.copy()
+        q[:2] += by_m
+        approach[:, :2] += by_m
+        return replace(self, q=q, approach=approach)
+
+
+def search_stances(
+    planner: Planner,
+    goals: list[HandGoal],
+    here: Array,
+    *,
+    validate: Validate[Followup],
+    allowed: Allowed = NOTHING,
+    turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
+    reaches_m: tuple[float, ...] = REACHES_M,
+    batch: int = 60,
+) -> Iterator[Stance[Followup]]:
+    """Yield stances, good ones first; asking for the next one means that the last one could not be used.
+
+    Args:
+        planner: Oracle and kinematics.
+        goals: Wanted hand poses.
+        here: (3,) where the base stands now.
+        validate: Examines the configuration at the goal (10,). It returns the motion that comes after with an extra
+            cost, or None where that is impossible.
+        allowed: Intended contacts during the approach's end.
+        turns_rad: How far the base may face away from the goal's heading.
+        reaches_m: How far before the hand the base may be.
+        batch: How many free base poses to examine before settling for less.
+    """
+    solver = ArmSolver(planner)
+    blocked, floor = BlockedGoals(), FreeFloor(planner, PARKED_CLEARANCE_M)
+
+    def examine() -> Iterator[Stance[Followup] | None]:
+        for candidate in base_candidates(goals, here, turns_rad, reaches_m):
+            if candidate.goal not in blocked and floor.at(candidate.base):
+                yield _stance(planner, solver, candidate, validate, allowed, blocked)
+
+    return best_first(examine(), batch)
+
+
+def _stance(
+    planner: Planner,
+    solver: ArmSolver,
+    candidate: BaseCandidate,
+    validate: Validate[Followup],
+    allowed: Allowed,
+    blocked: BlockedGoals,
+) -> Stance[Followup] | None:
+    """Return the first stance at a base pose whose approach is free and whose follow-up is possible, or None."""
+    oracle, kinematics = planner.oracle, planner.kinematics
+    opening_m = kinematics.finger_upper_m
+    for solution in solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=True)[:3]:
+        q = np.concatenate([candidate.base, solution.arm])
+        if hits := oracle.hits(q, opening_m=opening_m, margin_m=GRASP_CLEARANCE_M, allowed=allowed):
+            blocked.learn(candidate.goal, hits)
+            continue
+        T_back = kinematics.forward(q)
+        T_back[:3, 3] -= APPROACH_M * T_back[:3, 2]
+        line = planner.line(q, T_back).path
+        if line is None:
+            continue
+        # Only at its end may the open fingers be that close to what they take: on the way they would push it aside.
+        if hit := oracle.first_hit(line, opening_m=opening_m):
+            blocked.learn(candidate.goal, [hit])
+            continue
+        if hits := oracle.hits(line[-1], opening_m=opening_m, margin_m=PRE_GRASP_CLEARANCE_M):
+            blocked.learn(candidate.goal, hits)
+            continue
+        checked = validate(q)
+        if checked is None:
+            continue
+        followup, extra = checked
+        margin = kinematics.margin(line[:, ARM])
+        clearance_m = oracle.gap_m(q, ROOMY_M, opening_m=opening_m, allowed=allowed)
+        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - extra - tightness_cost(clearance_m)
+        return Stance(q, line[::-1].copy(), margin, clearance_m, followup, score)
+    return None

@@ -1,1 +1,0 @@
-"""The robot: its description, how it is loaded, and its kinematics."""

@@ -1,0 +1,515 @@
+"""Execute a task's plan by physics: subtask by subtask, each from an exact checkpoint.
+
+A subtask that finds no place for a held item is preceded by a regrasp. The hand keeps its pitch from taking to putting.
+What stands among others may allow steep hands only, and a low compartment level ones only; on a free top both work.
+Two more subtasks set the item down and take it again; the graph verifies the plan again before it runs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import bddl
+from bddl import Formula
+from executor.assets.library import asset_for
+from executor.planning.collision import CollisionOracle
+from executor.planning.planner import Planner
+from executor.records import (
+    Detour,
+    Event,
+    Failure,
+    Listener,
+    PlanRefused,
+    Rollout,
+    RolloutInterrupted,
+    StepRecord,
+    SubtaskRecord,
+    ignore,
+    require_flows,
+)
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.goals import StepWatch, as_failure, judge, judge_at_rest
+from executor.rollouts.recording import TrajectoryRecorder, summarize_peaks
+from executor.scenes.vary import check_seed
+from executor.scenes.vary import vary as vary_scene
+from executor.sim.belief import believed_scene
+from executor.sim.detectors import summarize_overlaps
+from executor.sim.engine import STANDARD, Physics
+from executor.sim.faults import Fault
+from executor.sim.world import World
+from executor.skills.control import Bystanders, Controller, settle_to_rest
+from executor.skills.library import LIBRARY, Runner
+from executor.skills.session import Hand, Session
+from executor.skills.trajectories import NO_NOISE, CommandNoise
+from oag import (
+    Action,
+    ActionFlow,
+    ObjectActionGraph,
+    Primitive,
+    Scene,
+    SceneObject,
+    SimpleTask,
+    Task,
+    TaskError,
+    compose,
+    flow_from_json,
+)
+from oag.flows import PLACE, taking
+from oag.measurements import GoalReading, SupportDrive, first_of
+from oag.model.codec import shown
+from oag.model.symbols import GRIPPER
+from oag.task import required_scene
+
+MORE = 2
+"""How many subtasks are inserted: the thing is set down, and taken again."""
+
+MOST_SUPPORTS = 2
+"""On how many supports a thing is set down, one after the other, before the plan is left as it was."""
+
+
+def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None) -> bool:
+    """Return whether a held item could not be put anywhere in its place, whatever the open numbers.
+
+    Args:
+        record: The subtask's record.
+        subtask: The subtask.
+        held: Id of the item in the gripper at the start.
+    """
+    chosen_here = any(action.unfilled for action in subtask.flow or ())
+    if record.succeeded or held != subtask.target or subtask.support_goal is None or not chosen_here:
+        return False
+    drives = (first_of(step.measurements, SupportDrive) for step in record.steps)
+    return any(drive is not None and drive.nominal for drive in drives)
+
+
+def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]:
+    """Yield tasks in which an item is set down and taken again before it is put where a subtask wants it.
+
+    Args:
+        task: The task as it is.
+        index: Index of the subtask that found no place.
+        scene: The concrete scene.
+
+    Returns:
+        Ids of supports, first the one that it stood on, then the nearest ones to that, each with its task.
+    """
+    place = task.subtasks[index]
+    taken = [s for s in task.subtasks[:index] if s.target == place.target and s.support_init in scene.objects]
+    if not taken:
+        return
+    first = str(taken[-1].support_init)
+    here = np.array(scene[first].position)
+    far_m = {
+        name: float(np.linalg.norm(np.array(thing.position) - here))
+        for name, thing in scene.objects.items()
+        if name != place.support_goal and thing.role == "A" and _has_a_top(scene, name)
+    }
+    for support in sorted(far_m, key=lambda name: (far_m[name], name))[:MOST_SUPPORTS]:
+        more = (_set_down(place.target, support), _taken_again(place.target, scene[support]))
+        yield support, replace(task, subtasks=(*task.subtasks[:index], *more, *task.subtasks[index:]))
+
+
+def _has_a_top(scene: Scene, name: str) -> bool:
+    return any(region.kind == "surface" for region in asset_for(scene[name]).regions)
+
+
+def _set_down(item: str, support: str) -> SimpleTask:
+    held, on = bddl.Atom("inside", (item, GRIPPER)), bddl.Atom("ontop", (item, support))
+    detail = f"Set {item} down on {support}, where it can be taken otherwise."
+    return SimpleTask(f"set_{item}_down", detail, item, None, support, held, on, _flow(PLACE))
+
+
+def _taken_again(item: str, support: SceneObject) -> SimpleTask:
+    on = bddl.Atom("ontop", (item, support.id))
+    detail = f"Take {item} again, as it can be put where it goes."
+    flow = _flow(taking("ontop", support.category))
+    return SimpleTask(f"take_{item}_again", detail, item, support.id, None, on, bddl.Not(on), flow)
+
+
+def _flow(primitives: tuple[Primitive, ...]) -> ActionFlow:
+    return tuple(Action(primitive) for primitive in primitives)
+
+
+BOUNDARY_SETTLE_S = 0.5  # Released items come to rest.
+GOAL_HOLDS_S = 1.0  # A goal has to hold for this long.
+RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
+
+
+class Run:
+    """One episode in progress: its subtasks can be run one by one, and again, from their checkpoints.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The concrete scene.
+        seed: Seeds all planning.
+        listen: Called when subtasks and steps begin and end.
+        record_hz: Samples a second [Hz].
+        faults: Deliberate faults, in experiments.
+        physics: Settings that an experiment changes.
+        noise: Noise in the drive commands.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
+
+    Attributes:
+        task: The task as it is run; `change` replaces it.
+        goals: The subtasks' regressed goals.
+        subtasks: Records of the finished subtasks.
+        detours: Insertions into the plan so far.
+        after: The checkpoint after the last finished subtask.
+        library: The function of each primitive.
+
+    Raises:
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+    """
+
+    library: Mapping[Primitive, Runner] = LIBRARY
+
+    def __init__(
+        self,
+        graph: ObjectActionGraph,
+        scene: Scene,
+        seed: int,
+        listen: Listener,
+        record_hz: float,
+        faults: tuple[Fault, ...] = (),
+        physics: Physics = STANDARD,
+        noise: CommandNoise = NO_NOISE,
+        stances: int = 1,
+    ) -> None:
+        self.faults, self.physics, self.noise, self.stances = faults, physics, noise, stances
+        self.scene, self.seed, self.listen = scene, seed, listen
+        self._graph: ObjectActionGraph
+        self.task: Task
+        self.goals: tuple[Formula, ...]
+        self.change(graph)
+        self.began = time.perf_counter()
+        self.oracle_world = World(believed_scene(scene, faults), oracle=True)
+        self.planner = Planner(CollisionOracle(self.oracle_world))
+        self.record_hz = record_hz
+        self.recorder = TrajectoryRecorder(self.planner.kinematics, record_hz)
+        self.subtasks: list[SubtaskRecord] = []
+        self.detours: tuple[Detour, ...] = ()
+        self.goal_readings: tuple[GoalReading, ...] = ()
+        self.planning_s = 0.0
+        self.simulated_s = 0.0
+        self.after: Checkpoint
+        self.setup_s = time.perf_counter() - self.began
+
+    def change(self, graph: ObjectActionGraph) -> None:
+        """Go on with another task, such as one with a revised flow.
+
+        Raises:
+            PlanRefused: `verify` does not prove the plan; nothing is changed.
+            MissingFlow: A subtask has no flow.
+        """
+        require_flows(graph.task)
+        report = graph.verify()
+        if not report:
+            raise PlanRefused(report)
+        self._graph, self.task, self.goals = graph, graph.task, report.regressed_goals
+
+    def from_start(self) -> Rollout:
+        """Return the rollout of all subtasks."""
+        return self.from_checkpoint(self.begin(), 0)
+
+    def begin(self) -> Checkpoint:
+        """Return the checkpoint of the first subtask."""
+        return Checkpoint.at_start(self.scene, self.faults, self.physics)
+
+    def from_checkpoint(
+        self, checkpoint: Checkpoint, first: int, *, first_step: int = 0, last: int | None = None
+    ) -> Rollout:
+        """Return the rollout from a subtask's checkpoint on.
+
+        Args:
+            checkpoint: Where the first subtask begins.
+            first: Its index.
+            first_step: Index of the step in its flow that it begins with.
+            last: Index of the subtask before which it ends; by default it goes to the end.
+        """
+        self.recorder.state_hash = checkpoint.state_hash
+        # Counted from the plan's end, since subtasks may be inserted on the way.
+        not_run = 0 if last is None else len(self.task.subtasks) - last
+        try:
+            index = first
+            while index < len(self.task.subtasks) - not_run:
+                samples = self.recorder.samples
+                record, after = self.subtask(index, checkpoint, first_step=first_step if index == first else 0)
+                if found_no_place(record, self.task.subtasks[index], checkpoint.held):
+                    done = self._regrasped(index, checkpoint, samples)
+                    *before, (record, after) = done or [(record, after)]
+                    self.subtasks += [earlier for earlier, _ in before]
+                self.subtasks.append(record)
+                index, checkpoint = len(self.subtasks), after
+                self.after = after
+                if not record.succeeded:
+                    break
+        except KeyboardInterrupt as interrupt:
+            raise RolloutInterrupted(self.finish()) from interrupt
+        finally:
+            self.close()
+        return self.finish()
+
+    def _regrasped(self, index: int, start: Checkpoint, samples: int) -> list[tuple[SubtaskRecord, Checkpoint]] | None:
+        """Set the held item down and take it again first; return what was done, or None with all as it was."""
+        as_it_was, detours, simulated_s = self._graph, self.detours, self.simulated_s
+        item, failed = self.task.subtasks[index].target, self.recorder.recorded()
+        for support, task in regrasps(self.task, index, self.scene):
+            try:
+                self.change(compose(task, scene=as_it_was.scene))
+            except PlanRefused:
+                continue
+            self.recorder.rewind(samples, start.state_hash)
+            reason = f"no place can be got to with this grasp: {item} is taken again from {support}"
+            self.detours = (*detours, Detour(index, MORE, reason))
+            self.tell_revision(index + MORE, start, reason)
+            done: list[tuple[SubtaskRecord, Checkpoint]] = []
+            for added in range(MORE + 1):
+                done.append(self.subtask(index + added, done[-1][1] if done else start))
+                if not done[-1][0].succeeded:
+                    break
+            else:
+                return done
+        if self._graph is not as_it_was:
+            self.change(as_it_was)
+            self.detours, self.simulated_s = detours, simulated_s
+            self.recorder.restore(failed)
+            self.tell_revision(
+                index, start, f"{item} was taken again in vain: the plan and its failure stay as they were"
+            )
+        return None
+
+    def tell_revision(self, index: int, start: Checkpoint, reason: str) -> None:
+        """Notify the listener that the plan was revised, and that the run goes back to a subtask's start.
+
+        Args:
+            index: Index of the subtask that was revised, or before which others were inserted.
+            start: The checkpoint from which the run goes on.
+            reason: Why, as a clause.
+        """
+        back_to_s = start.steps * self.physics.timestep_s
+        count, name = len(self.task.subtasks), self.task.subtasks[index].name
+        self.listen(Event("revision", index, count, -1, name, back_to_s, reason))
+
+    def close(self) -> None:
+        """Release the simulator's objects; subtasks cannot be run afterwards."""
+        self.oracle_world.close()
+
+    def subtask(
+        self, index: int, start: Checkpoint, watch: StepWatch | None = None, *, first_step: int = 0
+    ) -> tuple[SubtaskRecord, Checkpoint]:
+        """Run one subtask from a checkpoint, and return its record and the checkpoint after it.
+
+        The same checkpoint and the same flow give the same states, bit by bit, however often. Steps before
+        `first_step` are skipped: the checkpoint is what they would have led to.
+        """
+        last = index + 1 == len(self.task.subtasks)
+        subtask = self.task.subtasks[index]
+        noise = self.noise.of_subtask(index, self.physics.timestep_s)
+        world, control = start.restore(self.scene, self.recorder.after_step, self.faults, self.physics, noise)
+        self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
+        # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
+        control.settle(world.timestep_s)
+        session = self.session(index, start, world, control)
+        self.planner.start_subtask(session.believed, self.seed, index)
+        self._tell("subtask-start", index, -1, subtask.name, world)
+        steps: list[StepRecord] = []
+        bystanders = Bystanders(world, subtask.target)
+        try:
+            for number in range(first_step, len(session.flow)):
+                session, record = self._step(replace(session, step=number), index, bystanders, watch)
+                steps.append(record)
+                if steps[-1].failure is not None:
+                    break
+            self.recorder.step = -1
+            settle_to_rest(control, GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
+            readings = (judge_at_rest if last else judge)(self.goals[index], world)
+            failure = steps[-1].failure if steps else None
+            if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
+                steps[-1] = replace(steps[-1], failure=failure)
+            if last and failure is None:
+                self.goal_readings = judge_at_rest(self.task.goal, world)
+            moved_m = bystanders.moved_m()
+            after = Checkpoint.of(world, control, session.hand, self.recorder.state_hash)
+            self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
+        finally:
+            self.simulated_s = world.time_s
+            self.recorder.world = None
+            world.close()
+        done_now = flow_from_json([step.action for step in steps])
+        filled = (*session.flow[:first_step], *done_now, *session.flow[first_step + len(steps) :])
+        done = SubtaskRecord(
+            index=index,
+            name=subtask.name,
+            flow=filled,
+            steps=tuple(steps),
+            readings=readings,
+            state_hash=self.recorder.state_hash,
+            checkpoint=start.to_bytes(),
+            moved_m=moved_m,
+            commands=tuple(control.command_log),
+        )
+        return done, after
+
+    def session(self, index: int, start: Checkpoint, world: World, control: Controller) -> Session:
+        """Return the execution state of a subtask at its start, in a world restored from its checkpoint."""
+        subtask = self.task.subtasks[index]
+        return Session(
+            world,
+            control,
+            self.planner,
+            subtask,
+            flow=subtask.flow or (),
+            later=self.task.subtasks[index + 1 :],
+            faults=self.faults,
+            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
+            handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
+            stances=self.stances,
+        )
+
+    def _step(
+        self, session: Session, index: int, bystanders: Bystanders, watch: StepWatch | None
+    ) -> tuple[Session, StepRecord]:
+        number = self.recorder.step = session.step
+        action = session.flow[number]
+        name = action.primitive.name
+        self._tell("step-start", index, number, name, session.world)
+        if watch is not None:
+            watch.before(session)
+        wall, simulated = time.perf_counter(), session.world.time_s
+        moved_before = session.control.moving_wall_s
+        session.control.start_primitive()
+        outcome = self.library[action.primitive](session, action)
+        planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
+        self.planning_s += planning_s
+        failure = outcome.failure or bystanders.check()
+        message = failure.message if failure else ""
+        self._tell("step-end", index, number, name, session.world, message)
+        record = StepRecord(
+            subtask=index,
+            step=number,
+            primitive=name,
+            action=outcome.action.to_json(),
+            start_s=simulated,
+            end_s=session.world.time_s,
+            planning_wall_s=planning_s,
+            measurements=outcome.measurements,
+            failure=failure,
+        )
+        if watch is not None:
+            watch.after(outcome.session)
+        return outcome.session, record
+
+    def _tell(self, kind: str, subtask: int, step: int, name: str, world: World, message: str = "") -> None:
+        count = len(self.task.subtasks)
+        self.listen(Event(kind, subtask, count, step, name, world.time_s, message))  # type: ignore[arg-type]
+
+    def finish(self) -> Rollout:
+        """Return the rollout of what was done so far."""
+        total_s = time.perf_counter() - self.began
+        return Rollout(
+            task=self.task,
+            scene=self.scene,
+            seed=self.seed,
+            record_hz=self.record_hz,
+            subtasks=tuple(self.subtasks),
+            goal_readings=self.goal_readings,
+            trajectory=self.recorder.trajectory(),
+            state_hash=self.recorder.state_hash,
+            simulated_s=self.simulated_s,
+            planning_wall_s=self.planning_s + self.setup_s,
+            simulation_wall_s=total_s - self.planning_s - self.setup_s,
+            penetration=summarize_overlaps(self.recorder.overlaps),
+            peaks=summarize_peaks(self.recorder.peaks),
+            detours=self.detours,
+        )
+
+
+def require_graph(graph: object) -> ObjectActionGraph:
+    """Return `graph` if it is an object-action graph.
+
+    Raises:
+        TaskError: It is none, but a task, for example.
+    """
+    if isinstance(graph, ObjectActionGraph):
+        return graph
+    hint = "oag.compose(task, scene) makes one of a task"
+    raise TaskError(f"expected an object-action graph, got {shown(graph)}", source="(argument)", hint=hint)
+
+
+def rollout(
+    graph: ObjectActionGraph,
+    scene: Scene | None = None,
+    seed: int = 0,
+    *,
+    listen: Listener = ignore,
+    record_hz: float = RECORD_HZ,
+    vary: bool = True,
+    physics: Physics = STANDARD,
+    noise: CommandNoise = NO_NOISE,
+    stances: int = 1,
+) -> Rollout:
+    """Execute a task's flows by physics and return the record.
+
+    Equal scene, flow and seed give equal states, bit by bit, in any process.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The nominal scene; the graph's own by default.
+        seed: Seeds the scene's variation and all planning.
+        listen: Called when subtasks and steps begin and end.
+        record_hz: Samples a second [Hz].
+        vary: Whether the scene is varied by the seed.
+        physics: Settings that an experiment changes.
+        noise: Noise in the drive commands.
+        stances: How many are planned wherever one is chosen (`Session.stances`).
+
+    Raises:
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+        RolloutInterrupted: Ctrl-C; carries the finished part.
+    """
+    graph, seed = require_graph(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
+    concrete = nominal.with_scales(graph.task.scales)
+    if vary:
+        concrete = vary_scene(concrete, seed)
+    return Run(graph, concrete, seed, listen, record_hz, (), physics, noise, stances).from_start()
+
+
+def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
+    """Return the rollout that goes on from an earlier one's checkpoint; its last hash is equal to the earlier one's.
+
+    The subtasks before are taken over unchanged; the trajectory has the resumed part alone.
+
+    Args:
+        graph: The task that was executed.
+        earlier: The earlier rollout, made with the default settings of `rollout`.
+        subtask: Index of the subtask to start with.
+        listen: As for `rollout`.
+
+    Raises:
+        TaskError: `graph` is no graph.
+        IndexError: The earlier rollout did not get to that subtask.
+        CheckpointError: Its checkpoint cannot be read.
+    """
+    graph = require_graph(graph)
+    if not 0 <= subtask < len(earlier.subtasks):
+        raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
+    checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
+    run = Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
+    run.subtasks = list(earlier.subtasks[:subtask])
+    if [one.name for one in graph.task.subtasks] == [one.name for one in earlier.task.subtasks]:
+        run.detours = earlier.detours
+    return run.from_checkpoint(checkpoint, subtask)
+
+
+def failure_of(rollout: Rollout) -> Failure | None:
+    """Return what ended a rollout: a step's failure, or what the task goal still lacks."""
+    return rollout.failure or as_failure(rollout.goal_readings, rollout.task.name)

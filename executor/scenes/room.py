@@ -1,0 +1,267 @@
+"""A room under construction: placed objects, support relations, and the resulting scene.
+
+Kitchen units of one height and depth (`Units`) and the paper's perturbation of targets (`Perturbation`) belong to it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Self
+
+import networkx as nx
+import numpy as np
+
+import bddl
+from executor.assets import library
+from executor.assets.footprint import Footprint, gaps_m, open_fraction
+from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
+from oag import RobotPose, Scene, SceneObject
+from oag.model.symbols import Kind
+from oag.primitives.table import OPEN_FRACTION
+
+CABINETS = ("cabinet_one_door", "cabinet_two_doors", "cabinet_drawers", "cabinet_drawers_doors")
+UNITS = (*CABINETS, "counter_plain")
+COOKERS = ("oven_bottom_hinge", "dishwasher_bottom_hinge")
+COOKER_LEAST_M = 0.80
+"""Least height of the library's ovens and dishwashers."""
+
+CLOSED = frozenset({"ontop", "inside", "open"})
+_TOUCH_M = 1e-4  # Rounding: things may touch.
+# Short names of categories; the default is the last word of the category.
+_CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
+
+
+class NoRoom(ValueError):
+    """A thing does not fit in its intended place.
+
+    Attributes:
+        object_id: The thing.
+    """
+
+    def __init__(self, object_id: str, problem: str) -> None:
+        super().__init__(f"{object_id}: {problem}")
+        self.object_id = object_id
+
+
+class Room:
+    """A rectangle of floor around the origin, and the objects placed in it.
+
+    Args:
+        name: Name of the scene.
+        kind: Kind of the room, such as "kitchen", for the `inroom` facts of everything in it.
+        rng: Source of all random draws.
+        depth_m: Length along x.
+        width_m: Length along y.
+        draw_perturbation: Draws the perturbation of a target; None for no perturbation.
+
+    Attributes:
+        objects: id -> object, in the order of placement.
+        perturbations: Target's id -> its perturbation.
+        robot: Start pose of the robot.
+        solid_walls: Walls to build: those with furniture against them, even if it was removed again.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        rng: np.random.Generator,
+        depth_m: float,
+        width_m: float,
+        draw_perturbation: Callable[[SceneObject], Perturbation] | None = None,
+    ) -> None:
+        self.name, self.kind, self.rng = name, kind, rng
+        self.depth_m, self.width_m = depth_m, width_m
+        self.objects: dict[str, SceneObject] = {}
+        self.robot = RobotPose()
+        self.perturbations: dict[str, Perturbation] = {}
+        self.solid_walls: set[str] = set()
+        self._draw_perturbation = draw_perturbation
+        self._relations: list[bddl.Atom] = []
+        self._issued: set[str] = set()
+
+    def draw(
+        self,
+        model: str,
+        object_id: str | None = None,
+        *,
+        extent_m: Mapping[str, float] | None = None,
+        parameters: Mapping[str, object] | None = None,
+        target: bool = False,
+    ) -> SceneObject:
+        """Draw a variation of a model of the library, not yet placed.
+
+        Args:
+            model: Name in the library.
+            object_id: Its id; by default its short name, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
+            extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
+            parameters: Parameters with these values, instead of drawn ones.
+            target: Whether a task is about it. Its size is then perturbed if requested, and placement turns it by
+                `turn_rad`.
+
+        Raises:
+            ModelNotFound: The library has no such model.
+        """
+        given = extent_m or {}
+        drawn = library.sample(model, int(self.rng.integers(2**31)))
+        x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
+        drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
+        if object_id is None:
+            stem = _CALLED.get(drawn.category, drawn.category.rsplit("_", 1)[-1])
+            taken = {*self._issued, *self.objects}
+            object_id = next(name for number in count() if (name := f"{stem}_{number}") not in taken)
+        self._issued.add(object_id)
+        drawn = replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
+        if self._draw_perturbation is None or not target:
+            return drawn
+        self.perturbations[object_id] = self._draw_perturbation(drawn)
+        return self.perturbations[object_id].sized(drawn)
+
+    def turn_rad(self, object_id: str) -> float:
+        """Return the yaw perturbation of an object: 0 but for perturbed targets."""
+        return self.perturbations[object_id].turned_rad if object_id in self.perturbations else 0.0
+
+    def put(self, obj: SceneObject, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
+        """Add an object upright at a place.
+
+        Args:
+            obj: The object, not yet placed.
+            x_m, y_m: Centre of its box.
+            z_m: Height of its bottom.
+            yaw_rad: Heading of its own x axis.
+
+        Raises:
+            NoRoom: Its box overlaps another object's, or its id is taken.
+        """
+        if obj.id in self.objects:
+            raise NoRoom(obj.id, "the room has a thing of this id already")
+        half_turn = yaw_rad / 2
+        placed = replace(
+            obj,
+            position=(float(x_m), float(y_m), float(z_m + obj.extent_m[2] / 2)),
+            orientation=(math.cos(half_turn), 0.0, 0.0, math.sin(half_turn)),
+        )
+        blocker = self.blocker(obj.id, Footprint.of(placed), -_TOUCH_M)
+        if blocker is not None:
+            raise NoRoom(obj.id, f"overlaps {blocker}")
+        self.objects[obj.id] = placed
+
+    def blocker(self, object_id: str, mine: Footprint, clear_m: float) -> str | None:
+        """Return the id of another object nearer to a box than a clearance, or None.
+
+        Direct and indirect supports of an object never block it; see `relate`.
+        """
+        own = {object_id, *self.holders(object_id)}
+        others = {name: Footprint.of(other) for name, other in self.objects.items() if name not in own}
+        return next((name for name, gap_m in gaps_m(mine, others) if gap_m < clear_m), None)
+
+    def has_inside(self, footprint: Footprint, tolerance_m: float = 0.0) -> bool:
+        """Return whether a box stays within all sides of the room."""
+        half = np.array([self.depth_m, self.width_m]) / 2 + tolerance_m
+        return bool((np.abs(footprint.corners_m) <= half).all())
+
+    def relate(self, relation: str, object_id: str, support: str) -> None:
+        """Record that a thing is `ontop` of another or `inside` it."""
+        self._relations.append(bddl.Atom(relation, (object_id, support)))
+
+    def forget(self, object_id: str) -> None:
+        """Drop the relations of a thing that found no place; its id may be reused."""
+        self._issued.discard(object_id)
+        self._relations = [atom for atom in self._relations if object_id not in atom.args]
+
+    def holders(self, object_id: str) -> frozenset[str]:
+        """Return the ids of an object's direct and indirect supports."""
+        below = nx.DiGraph(atom.args for atom in self._relations)
+        below.add_node(object_id)
+        return frozenset(nx.descendants(below, object_id))
+
+    def scene(self) -> Scene:
+        """Return the scene, with facts on support relations, door states, and the room of everything."""
+        facts: list[bddl.Formula] = [*self._relations]
+        for obj in self.objects.values():
+            if obj.kind.name == "ARTICULATED":
+                state = bddl.Atom("open", (obj.id,))
+                facts.append(state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state))
+        facts += [bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects]
+        return Scene(self.name, self.robot, dict(self.objects), tuple(facts), CLOSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Kitchen units under one worktop: cabinets, counters and appliances of one height and depth.
+
+    Attributes:
+        height_m: Height of their tops above the floor.
+        depth_m: Length from their backs to the front of their handles.
+    """
+
+    height_m: float
+    depth_m: float
+
+    @classmethod
+    def drawn(cls, room: Room, height_m: tuple[float, float] = (0.72, 0.86)) -> Units:
+        """Return the units of a kitchen, their height drawn from a range."""
+        height, depth = room.rng.uniform(*height_m), room.rng.uniform(0.60, 0.65)
+        return cls(round(float(height), 3), round(float(depth), 3))
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The models that can be of this height."""
+        return (*UNITS, *COOKERS) if self.height_m >= COOKER_LEAST_M else UNITS
+
+    def draw(self, room: Room, model: str, object_id: str | None = None) -> SceneObject:
+        """Return a unit of one of the `models`, not yet placed; for the id see `Room.draw`."""
+        return room.draw(model, object_id, extent_m={"x": self.depth_m, "z": self.height_m})
+
+
+Draws = Callable[[str], np.random.Generator]
+"""Name of a quantity -> its random generator."""
+
+_SCALE, _YAW_RAD = 0.10, math.pi / 12  # The paper's.
+
+
+@dataclass(frozen=True, slots=True)
+class Perturbation:
+    """How a target differs from its layout.
+
+    Attributes:
+        wider, deeper, higher: Factors of its sides along its own x, y and z. An item's first two are equal, so that
+            round items stay round.
+        turned_rad: Turn about the vertical where it stands.
+    """
+
+    wider: float
+    deeper: float
+    higher: float
+    turned_rad: float
+
+    @classmethod
+    def drawn(cls, thing: SceneObject, draws: Draws, attempt: int = 0) -> Self:
+        """Draw the perturbation of a target.
+
+        Args:
+            thing: The target.
+            draws: Returns the generator for a target's name.
+            attempt: Number of the layout that it is drawn for, if several are tried.
+        """
+        rng = draws(f"target {thing.id} {attempt}" if attempt else f"target {thing.id}")
+        item = thing.kind is Kind.ITEM
+        wider, *others = (round(float(value), 4) for value in rng.uniform(1 - _SCALE, 1 + _SCALE, 2 if item else 3))
+        deeper, higher = (wider, *others) if item else others
+        return cls(wider, deeper, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
+
+    def sized(self, thing: SceneObject) -> SceneObject:
+        """Return a target with its perturbed size, the centre of its box kept."""
+        a, b, c = thing.scale
+        return replace(thing, scale=(a * self.wider, b * self.deeper, c * self.higher))
+
+    def standing(self, thing: SceneObject) -> SceneObject:
+        """Return a target with its perturbed size and turn, the height of its bottom kept."""
+        T = transform_from_quaternion(thing.position, thing.orientation)
+        T[:3, 3] += T[:3, 2] * (self.higher - 1.0) * thing.extent_m[2] / 2
+        T[:3, :3] = rotation_z(self.turned_rad)[:3, :3] @ T[:3, :3]
+        x, y, z, w, i, j, k = (float(value) for value in pose_vector(T))
+        return replace(self.sized(thing), position=(x, y, z), orientation=(w, i, j, k))

@@ -1,0 +1,308 @@
+"""Appearance of a scene, sampled from a seed: finishes and textures, panoramas, lights, and perturbed cameras.
+
+Textures are computed, not stored. They lie in metres on the flat faces of boxes, so that a plank is as wide on a table
+as on a door. Round and bent shapes, and things that are carried, get a colour alone.
+
+A panorama is the background, shown where a picture has nothing else in it. It is (H, W, 3) linear RGB over all
+directions: rows from straight up to straight down, columns around, as `executor.sim.render.stage` reads it.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from executor.assets.build import own_color, textured_box, textured_material
+from executor.assets.library import asset_for
+from executor.assets.model import Shape, Vector
+from executor.geometry import Array, transform
+from executor.sim.render.cameras import Camera, is_lens_clear
+from executor.sim.render.stage import DAYLIGHT, Lights, Surroundings
+from oag import Scene, SceneObject
+from oag.model.symbols import Kind
+
+Material = Literal["paint", "wood", "planks", "steel", "tiles"]
+FLOOR, WALL = "floor", "wall"
+
+_TEXTURE_PX = 256  # 5 mm a pixel: finer than a camera's at a metre.
+_PLANKS, _TILES = 10, 4  # Across a texture: 12 cm, 30 cm.
+_PATTERNS = 4  # Of each material; what differs beyond is colour.
+_LOOK = {"paint": (0.6, 0.3), "wood": (0.5, 0.3), "planks": (0.55, 0.3), "steel": (0.35, 0.5), "tiles": (0.3, 0.45)}
+_USUAL: Mapping[str, tuple[Material, ...]] = {
+    FLOOR: ("planks", "tiles", "wood", "paint"),
+    WALL: ("paint", "paint", "tiles", "planks"),
+    "": ("paint", "wood", "planks", "steel"),
+}
+_WOODS = ((0.42, 0.25, 0.13), (0.55, 0.38, 0.22), (0.66, 0.52, 0.36), (0.22, 0.13, 0.08), (0.50, 0.44, 0.36))
+_WORKTOP_GREY = (0.2, 0.8)
+_ITEM_COLOR_SPREAD = 0.12  # A red apple stays red.
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """What a surface is made of.
+
+    Attributes:
+        material: The kind of texture.
+        color: Linear RGB of its brighter parts.
+        pattern: Which of the material's patterns.
+    """
+
+    material: Material
+    color: Vector
+    pattern: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """The finishes of a scene.
+
+    Attributes:
+        floor: Of the floor.
+        finishes: Category and original colour, as `surface_key` writes them -> finish; furniture of a kind matches.
+    """
+
+    floor: Finish
+    finishes: Mapping[str, Finish]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return them as plain data."""
+        return {"floor": asdict(self.floor), "finishes": {key: asdict(one) for key, one in self.finishes.items()}}
+
+    def paint(self) -> Callable[[SceneObject, Shape], Any]:
+        """Return a function that gives the material of a shape; it caches textures, so make one for each world."""
+        cache: dict[Finish, Any] = {}
+
+        def drawn(thing: SceneObject, shape: Shape) -> Any:
+            finish = self.finishes.get(surface_key(thing.category, shape))
+            if finish is None:
+                return own_color(shape)
+            if thing.kind is Kind.ITEM or shape.kind != "box" or finish.material == "paint":
+                return (*finish.color, *shape.color[3:])
+            if finish not in cache:
+                cache[finish] = material_of(finish)
+            return cache[finish]
+
+        return drawn
+
+    def slab(self, half_m: Vector) -> Any:
+        """Return the drawn shape of a floor of these half extents, at the origin."""
+        return textured_box(half_m, material_of(self.floor))
+
+
+def surface_key(category: str, shape: Shape) -> str:
+    """Return the key of surfaces that share one finish: "cabinet/0.80,0.79,0.76"."""
+    return f"{category}/{','.join(f'{value:.2f}' for value in shape.color[:3])}"
+
+
+def sample_surfaces(rng: np.random.Generator, scene: Scene) -> Surfaces:
+    """Sample finishes for everything in a scene; what is added to a scene changes none of the others."""
+    base = int(rng.integers(2**62))
+
+    def of(key: str) -> np.random.Generator:
+        return np.random.default_rng((base, zlib.crc32(key.encode())))
+
+    finishes: dict[str, Finish] = {}
+    for thing in scene.objects.values():
+        for shape in (shape for link in asset_for(thing).links for shape in link.shapes):
+            key = surface_key(thing.category, shape)
+            # Glass stays glass.
+            if not shape.visible or len(shape.color) > 3 or key in finishes:
+                continue
+            if thing.kind is Kind.ITEM:
+                factors = 1.0 + of(key).uniform(-_ITEM_COLOR_SPREAD, _ITEM_COLOR_SPREAD, 3)
+                finishes[key] = Finish("paint", _vector(np.clip(np.multiply(shape.color, factors), 0.0, 1.0)))
+            else:
+                finishes[key] = _sample_finish(of(key), _USUAL[thing.category if thing.category in _USUAL else ""])
+    return Surfaces(_sample_finish(of(FLOOR), _USUAL[FLOOR]), finishes)
+
+
+def _sample_finish(rng: np.random.Generator, usual: tuple[Material, ...]) -> Finish:
+    material = usual[int(rng.integers(len(usual)))]
+    if material in ("wood", "planks"):
+        color = np.multiply(_WOODS[int(rng.integers(len(_WOODS)))], rng.uniform(0.8, 1.2))
+    elif material == "steel":
+        color = np.full(3, rng.uniform(0.35, 0.65))
+    else:
+        # Mostly pale, as rooms are; sometimes of a strong colour.
+        grey = np.full(3, rng.uniform(*_WORKTOP_GREY))
+        color = grey + rng.uniform(0.1, 0.9) ** 2 * (rng.uniform(0.05, 0.85, 3) - grey)
+    return Finish(material, _vector(np.clip(color, 0.02, 0.95)), int(rng.integers(_PATTERNS)))
+
+
+def _vector(color: NDArray[Any]) -> Vector:
+    r, g, b = (round(float(value), 4) for value in color)
+    return (r, g, b)
+
+
+def material_of(finish: Finish) -> Any:
+    """Return an engine's material with a finish's texture."""
+    roughness, specular = _LOOK[finish.material]
+    colors = pattern(finish.material, finish.pattern)[..., None] * np.asarray(finish.color)
+    return textured_material(colors, roughness, specular)
+
+
+@lru_cache(maxsize=32)
+def pattern(material: Material, number: int) -> NDArray[np.float32]:
+    """Return (H, W) the brightness of a material, 0 to 1, which repeats without a seam."""
+    rng = np.random.default_rng((zlib.crc32(material.encode()), number))
+    rows = np.arange(_TEXTURE_PX)
+
+    def noise(sigma: tuple[float, float]) -> NDArray[Any]:
+        field = gaussian_filter(rng.standard_normal((_TEXTURE_PX, _TEXTURE_PX)), sigma, mode="wrap")
+        return np.asarray(field / field.std())
+
+    if material == "steel":
+        shade = 0.93 + 0.03 * noise((0.6, 30.0)) + 0.01 * noise((0.5, 0.5))
+    elif material == "wood":
+        shade = 0.82 + 0.08 * np.sin(6.0 * noise((9.0, 60.0))) + 0.05 * noise((0.8, 14.0))
+    elif material == "planks":
+        plank = rows * _PLANKS // _TEXTURE_PX
+        tone = rng.uniform(-0.12, 0.08, _PLANKS)[plank][:, None]
+        gap = np.diff(plank, prepend=-1) != 0
+        shade = 0.86 + tone + 0.06 * noise((0.8, 18.0)) - 0.35 * gap[:, None]
+    elif material == "tiles":
+        tile = rows * _TILES // _TEXTURE_PX
+        tone = rng.uniform(-0.05, 0.04, (_TILES, _TILES))[tile][:, tile]
+        gap = (np.diff(tile, prepend=-1) != 0) | (np.diff(tile, append=_TILES) != 0)
+        shade = np.where(gap[:, None] | gap[None, :], 0.6, 0.93 + tone + 0.015 * noise((2.0, 2.0)))
+    else:
+        shade = 0.97 + 0.012 * noise((3.0, 3.0))
+    return np.asarray(np.clip(shade, 0.0, 1.0), np.float32)
+
+
+TINTS: Mapping[Surroundings, Vector] = {
+    "plain": (1.0, 1.0, 1.0),
+    "sky": (0.94, 1.0, 1.10),
+    "dusk": (1.12, 0.99, 0.90),
+    "hall": (1.05, 1.0, 0.94),
+    "forest": (0.95, 1.05, 0.94),
+}
+"""Factor of the ambient light: about the mean of the panorama, none of them dark."""
+
+_ROWS, _COLUMNS = 128, 256  # 1.4 degrees: a few pixels of a camera, as blurred as what is far from the lens.
+_PANORAMAS = 4
+_GROUND = np.array([0.22, 0.21, 0.19])
+
+
+def sample_surroundings(rng: np.random.Generator) -> tuple[Surroundings, int]:
+    """Sample a kind of panorama and its number."""
+    kinds: tuple[Surroundings, ...] = ("sky", "dusk", "hall", "forest")
+    return kinds[int(rng.integers(len(kinds)))], int(rng.integers(_PANORAMAS))
+
+
+def panorama_of(lights: Lights) -> NDArray[np.float32] | None:
+    """Return the panorama (H, W, 3) of a scene's lights, or None where the background is the ambient colour."""
+    return None if lights.surroundings == "plain" else _panorama(lights.surroundings, lights.panorama)
+
+
+@lru_cache(maxsize=32)
+def _panorama(kind: Surroundings, number: int) -> NDArray[np.float32]:
+    color = np.empty((_ROWS, _COLUMNS, 3))
+    rng = np.random.default_rng((zlib.crc32(kind.encode()), number))
+    up = np.cos((np.arange(_ROWS) + 0.5) / _ROWS * np.pi)[:, None]  # The height of each row's direction, 1 to -1.
+
+    def noise(rows: float, columns: float) -> NDArray[np.float64]:
+        field = gaussian_filter(rng.standard_normal((_ROWS, _COLUMNS)), (rows, columns), mode=("nearest", "wrap"))
+        return np.asarray(field / field.std())
+
+    def between(low: tuple[float, float, float], high: tuple[float, float, float], share: Array) -> Array:
+        return np.add(low, np.clip(share, 0.0, 1.0)[..., None] * np.subtract(high, low))
+
+    if kind == "hall":
+        # Walls with windows in a row, a ceiling above, a floor below.
+        bay = np.arange(_COLUMNS) % (_COLUMNS // 8) / (_COLUMNS / 8)
+        window = ((bay > 0.25) & (bay < 0.75))[None, :] & (up > 0.05) & (up < 0.42)
+        wall = rng.uniform(0.35, 0.75, 3) * 0.5 + 0.25
+        color[:] = wall * (0.95 + 0.03 * noise(3.0, 3.0)[..., None])
+        color[np.broadcast_to(up > 0.6, color.shape[:2])] = (0.72, 0.71, 0.69)
+        color[np.broadcast_to(up < -0.35, color.shape[:2])] = _GROUND * 1.6
+        color[window] = (1.0, 1.0, 0.98)
+        return gaussian_filter(color, (0.8, 0.8, 0.0), mode=("nearest", "wrap", "nearest")).astype(np.float32)
+    if kind == "dusk":
+        color[:] = between((0.95, 0.55, 0.30), (0.25, 0.30, 0.50), np.broadcast_to(up * 1.6, color.shape[:2]))
+    else:
+        color[:] = between((0.75, 0.82, 0.90), (0.25, 0.45, 0.80), np.broadcast_to(up * 1.2, color.shape[:2]))
+    clouds = np.clip(0.5 * noise(3.0, 9.0), 0.0, 1.0) * np.clip(4.0 * up, 0.0, 1.0)
+    color += 0.6 * clouds[..., None] * (0.9 - color)
+    # What stands along the horizon: hills, houses or trees.
+    skyline = 0.04 + 0.03 * noise(0.0, 6.0)[0] + (0.22 + 0.08 * noise(0.0, 1.5)[0] if kind == "forest" else 0.0)
+    along = (up < skyline[None, :]) & (up >= -0.02)
+    tone = (0.10, 0.17, 0.07) if kind == "forest" else (0.24, 0.25, 0.27)
+    color[along] = np.asarray(tone) * (1.0 + 0.25 * noise(1.0, 1.0)[along][:, None])
+    ground = np.broadcast_to(up < -0.02, color.shape[:2])
+    color[ground] = _GROUND * (1.0 + 0.1 * noise(2.0, 2.0)[ground][:, None])
+    return np.clip(color, 0.0, 1.0).astype(np.float32)
+
+
+# A camera's place (m, each way), its direction (rad, about each axis) and its vertical opening angle (rad): what
+# mounting and calibrating leave; the overview moves from room to room. The wrist's camera has 23 mm to the hand.
+_PERTURBATIONS = {
+    "global": (0.20, math.radians(3.0), math.radians(3.0)),
+    "head": (0.02, math.radians(3.0), math.radians(4.0)),
+    "wrist": (0.005, math.radians(2.0), math.radians(4.0)),
+}
+_TRIES = 20
+
+
+def sample_lights(rng: np.random.Generator) -> Lights:
+    """Sample side, height, colour and strength of the lights, and the background; always bright enough to see by."""
+    azimuth, height = rng.uniform(-math.pi, math.pi), math.radians(rng.uniform(45.0, 78.0))
+    fill_azimuth, fill_height = azimuth + math.pi + rng.uniform(-1.0, 1.0), math.radians(rng.uniform(20.0, 50.0))
+    warmth = rng.uniform(-0.12, 0.12)  # From a cloudy noon to lamps.
+    tint = np.array([1.0 + warmth, 1.0, 1.0 - warmth])
+    sun, fill, ambient = rng.uniform(0.6, 1.25), rng.uniform(0.5, 1.5), rng.uniform(0.7, 1.4)
+    surroundings, panorama = sample_surroundings(rng)
+    return Lights(
+        ambient=_color(np.multiply(DAYLIGHT.ambient, ambient) * TINTS[surroundings]),
+        sun_direction=_direction(azimuth, height),
+        sun_color=_color(np.multiply(DAYLIGHT.sun_color, sun * tint)),
+        fill_direction=_direction(fill_azimuth, fill_height),
+        fill_color=_color(np.multiply(DAYLIGHT.fill_color, fill * tint[::-1])),
+        surroundings=surroundings,
+        panorama=panorama,
+    )
+
+
+def perturb_cameras(rng: np.random.Generator, cameras: Iterable[Camera], scene: Scene) -> tuple[Camera, ...]:
+    """Return cameras with perturbed poses and opening angles; a still camera stays clear of all solids.
+
+    Args:
+        rng: Random numbers; each camera has its own, independent of which others there are.
+        cameras: The unperturbed cameras.
+        scene: The concrete scene.
+    """
+    base = int(rng.integers(2**62))
+    return tuple(
+        _perturb_camera(np.random.default_rng((base, *camera.name.encode())), camera, scene) for camera in cameras
+    )
+
+
+def _perturb_camera(rng: np.random.Generator, camera: Camera, scene: Scene) -> Camera:
+    place_m, turn_rad, fov_rad = _PERTURBATIONS[camera.name]
+    for _ in range(_TRIES):
+        turn = Rotation.from_rotvec(rng.uniform(-turn_rad, turn_rad, 3)).as_matrix()
+        T = camera.T_mount_camera @ transform(turn, rng.uniform(-place_m, place_m, 3))
+        found = replace(camera, T_mount_camera=T, fov_y_rad=camera.fov_y_rad + float(rng.uniform(-fov_rad, fov_rad)))
+        if camera.mount is not None or is_lens_clear(scene, T[:3, 3]):
+            return found
+    return camera
+
+
+def _direction(azimuth_rad: float, height_rad: float) -> Vector:
+    across = math.cos(height_rad)
+    return (across * math.cos(azimuth_rad), across * math.sin(azimuth_rad), -math.sin(height_rad))
+
+
+def _color(values: np.ndarray) -> Vector:
+    r, g, b = (round(float(value), 4) for value in values)
+    return (r, g, b)

@@ -1,0 +1,399 @@
+"""Cameras: the two that the robot carries, on its mast and wrist, and the overview camera that is placed for a scene.
+
+A camera's frame is SAPIEN's: x looks forward, y to the left, z up. Nothing here needs the simulator.
+
+The overview stands near, with all targets in its picture and little of them hidden. Targets are the objects, foremost
+the items, also past a robot that takes them; the insides of what is opened, with its doors open and a robot before it;
+and the robot. Directions all around are tried. From each the camera is as near as the picture allows, never in a wall
+or a piece of furniture. Rays to the targets measure the visible share past everything solid.
+
+Source: the paper's appendix on its three camera views. Its global camera copies a photograph's pose; a scene that comes
+without a photograph gets one that is computed here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from executor.assets.library import asset_for
+from executor.geometry import Array, transform, transform_from_quaternion
+from executor.sim.render.solids import Solids, joints_at_start, link_frames
+from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
+from oag import Scene, SceneObject, Task
+from oag.model.scene_rules import FLOOR
+from oag.model.symbols import Kind
+
+VIEWS = ("global", "head", "wrist")
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One pinhole camera.
+
+    Attributes:
+        name: "global", "head" or "wrist".
+        mount: Robot link that carries it, or None for a camera that stands still in the world.
+        T_mount_camera: (4, 4) pose in the mount's frame (in the world where there is no mount).
+        fov_y_rad: Vertical opening angle.
+        near_m, far_m: Clipping distances.
+    """
+
+    name: str
+    mount: str | None
+    T_mount_camera: Array
+    fov_y_rad: float
+    near_m: float = 0.02
+    far_m: float = 25.0
+
+
+def intrinsic_matrix(camera: Camera, size: tuple[int, int]) -> Array:
+    """Return a camera's (3, 3) matrix [pixels] in pictures of a width and height; the middle is half of these."""
+    width, height = size
+    focal = height / 2.0 / math.tan(camera.fov_y_rad / 2.0)
+    return np.array([[focal, 0.0, width / 2.0], [0.0, focal, height / 2.0], [0.0, 0.0, 1.0]])
+
+
+def camera_json(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+    """Return the record of a camera in data sets, for pictures of a width and height."""
+    return {
+        "size": list(size),
+        "fov_y_rad": camera.fov_y_rad,
+        "intrinsics": intrinsic_matrix(camera, size),
+        "mount": camera.mount,
+        "T_mount_camera": camera.T_mount_camera,
+        "near_m": camera.near_m,
+        "far_m": camera.far_m,
+    }
+
+
+def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Return the (4, 4) pose of a camera at a position (3,) that looks at a target (3,)."""
+    position = np.asarray(position_m, dtype=float)
+    forward = np.asarray(target_m, dtype=float) - position
+    forward /= np.linalg.norm(forward)
+    left = np.cross(np.asarray(up, dtype=float), forward)
+    left /= np.linalg.norm(left)
+    return transform(np.stack([forward, left, np.cross(forward, left)], axis=1), position)
+
+
+def head_camera() -> Camera:
+    """Return the camera on the robot's mast, which looks forward and down past the arm at the arm's workspace."""
+    pose = look_at(CAMERA_MOUNT_M, [0.55, -0.04, 0.62])
+    return Camera("head", MAST_LINK, pose, fov_y_rad=math.radians(68.0))
+
+
+def wrist_camera() -> Camera:
+    """Return the camera on the hand, which looks along the approach axis between the fingers.
+
+    It has no body. It sits 23 mm to the side of the hand and as far back, where the hand and what it holds keep things
+    away.
+    """
+    pose = look_at([0.045, 0.0, 0.0], [0.015, 0.0, 0.15], up=[1.0, 0.0, 0.0])
+    return Camera("wrist", "panda_hand", pose, fov_y_rad=math.radians(72.0), near_m=0.01)
+
+
+WALL = "wall"
+"""Category of occluders that need not be visible themselves."""
+
+_NOT_SHOWN = (WALL, FLOOR)
+
+LENS_GAP_M = 0.15
+"""No lens is nearer to anything solid: at 5 cm, where its picture begins, one piece would fill it."""
+
+_FOV_RAD = math.radians(40.0)
+_ELEVATION_DEG = (26.0, 34.0, 42.0, 54.0)
+_AZIMUTHS = 24  # 15 degrees apart.
+_MARGIN = 0.94  # Of the half picture: the rest is free.
+_WORKING_ROOM_M = 0.75  # In front of doors and drawers.
+_STANDING_ROOM_M = 0.6  # Beside an item.
+_ARM_ROOM_M = 0.35  # Over an item.
+_ROBOT_HEIGHT_M = 1.0  # The mast above that need not be visible.
+_ROBOT_RADIUS_M = 0.25
+_AT_WORK_M = 0.60  # How far before a front the middle of the robot's base is while it reaches in.
+_AT_WORK_HALF_M = (0.16, 0.16, 0.42)  # Base and folded arm; what is above them is thin.
+_BAR_M = 0.04  # From the middle of a handle's bar this far out nothing of it is left.
+_OPENED = 0.8  # Of their range; doors are seldom opened wider.
+
+# Weights of the visible share of each target, and of a metre's distance. Chosen by eye over forty episodes.
+_ITEM_WEIGHT = 4.0
+_INSIDE_WEIGHT = 5.0
+_FRONT_WEIGHT = 1.5
+_THING_WEIGHT = 1.0
+_ROBOT_WEIGHT = 2.0
+_ASIDE_WEIGHT = 2.0
+_FAR_WEIGHT_PER_M = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class _ViewTarget:
+    """Target points (P, 3) of the overview, the solids that may hide them, and the weight of seeing all of them."""
+
+    points: Array
+    solids: Solids
+    weight: float
+
+
+def cameras_for(
+    scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0, *, task: Task | None = None
+) -> tuple[Camera, ...]:
+    """Return the cameras of a scene, in the order of `views`.
+
+    Args:
+        scene: The concrete scene; the global camera is placed for it.
+        views: Names out of `VIEWS`.
+        aspect: Width of the pictures over their height.
+        task: What the global camera is to show; by default the whole scene.
+
+    Raises:
+        ValueError: When a view is not one of `VIEWS`.
+    """
+    makers = {"global": lambda: global_camera(scene, aspect, task), "head": head_camera, "wrist": wrist_camera}
+    views = tuple(views)
+    for view in views:
+        if view not in makers:
+            raise ValueError(f"there is no view {view!r}; the views are {', '.join(VIEWS)}")
+    return tuple(makers[view]() for view in views)
+
+
+def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -> Camera:
+    """Return a still camera that sees the objects that matter, the robot, and into what has doors and drawers.
+
+    The objects that matter are all of them, or those of a task: in a large home the rest would make them small. A plan
+    without subtasks is about all of them.
+
+    Args:
+        scene: The concrete scene.
+        aspect: Width of the pictures over their height.
+        task: What it is to show.
+    """
+    about = None if task is None or not task.subtasks else _objects_of(task)
+    points = interest_points(scene, about)
+    targets = list(_view_targets(scene, task if about is not None else None))
+    solids = (Solids.of(scene), Solids.of(scene, _all_open(scene)))
+    best: tuple[tuple[bool, float], Camera] | None = None
+    for elevation in _ELEVATION_DEG:
+        for k in range(_AZIMUTHS):
+            azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
+            camera = _framing_camera(points, azimuth, math.radians(elevation), aspect)
+            eye = camera.T_mount_camera[:3, 3]
+            clear = all(each.gap_m(eye) >= LENS_GAP_M for each in solids)
+            score = sum(s.weight * float(np.mean(~s.solids.hidden(eye, s.points))) for s in targets)
+            score += 0.0 if about is None else _side_view_score(scene, about, eye)
+            worth = (clear, round(score, 9))
+            if best is None or worth > best[0]:
+                best = (worth, camera)
+    if best is None:
+        raise ValueError("no direction to look from was tried")
+    return best[1]
+
+
+def is_lens_clear(scene: Scene, eye: Array) -> bool:
+    """Return whether a lens at a place (3,) keeps clear of everything solid, doors shut and doors open."""
+    return all(each.gap_m(eye) >= LENS_GAP_M for each in (Solids.of(scene), Solids.of(scene, _all_open(scene))))
+
+
+def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array:
+    """Return (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures.
+
+    Args:
+        scene: The scene.
+        about: The objects that matter, with room for the robot around items; by default all, without that.
+    """
+    parts = [_robot_corners(scene)]
+    for name, thing in scene.objects.items():
+        if not _matters(name, thing, about):
+            continue
+        T_world_box, half = _box(thing)
+        parts.append(_corners(T_world_box, half))
+        if thing.kind is Kind.ARTICULATED:
+            room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
+            parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
+            if about is not None:
+                parts.append(_handle_stand_points(thing))
+        elif about is not None and thing.kind is Kind.ITEM:
+            # The robot stands on some side of it, and reaches over it.
+            for height_m in (0.0, T_world_box[2, 3] + _ARM_ROOM_M):
+                standing_room = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
+                standing_room[:, 2] = height_m
+                parts.append(standing_room)
+    return np.concatenate(parts)
+
+
+def _handle_stand_points(thing: SceneObject) -> Array:
+    """Return (P, 3) points around a robot that holds a handle, its door or drawer open."""
+    asset = asset_for(thing)
+    T_world_root, _ = _box(thing)
+    frames = link_frames(asset, [joint.position(_OPENED) for joint in asset.joints])
+    parts = [np.empty((0, 3))]
+    for handle in asset.handles:
+        T_world_link = T_world_root @ frames[handle.link]
+        before = np.add(handle.position_m, np.multiply(_AT_WORK_M + _ROBOT_RADIUS_M, handle.outward))
+        foot = (T_world_link[:3, :3] @ before + T_world_link[:3, 3]) * [1.0, 1.0, 0.0]
+        parts.append(foot + [[0.0, 0.0, 0.0], [0.0, 0.0, _ROBOT_HEIGHT_M]])
+    return np.concatenate(parts)
+
+
+def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> Array:
+    """Return (P, 3) world points spread over the room behind a door or drawer; none where it encloses nothing.
+
+    Args:
+        scene: The concrete scene.
+        object_id: What has the joint.
+        joint: The joint.
+        position: Position of the joint, [rad] or [m]; what slides with it moves, too.
+    """
+    thing = scene.objects[object_id]
+    asset = asset_for(thing)
+    frames = link_frames(asset, [position if each.name == joint else 0.0 for each in asset.joints])
+    T_world_root, _ = _box(thing)
+    signs = np.array([(x, y, z) for x in (-0.6, 0.0, 0.6) for y in (-0.6, 0.0, 0.6) for z in (-0.7, 0.0)])
+    parts = [np.empty((0, 3))]
+    for region in asset.regions:
+        if region.kind == "interior" and region.joint == joint:
+            T = T_world_root @ frames[region.link]
+            points = np.asarray(region.center_m) + signs * np.asarray(region.half_extents_m)
+            parts.append(points @ T[:3, :3].T + T[:3, 3])
+    return np.concatenate(parts)
+
+
+def _view_targets(scene: Scene, task: Task | None) -> Iterator[_ViewTarget]:
+    """Yield the view targets of a scene."""
+    about = None if task is None else _objects_of(task)
+    opened = None if task is None else {part.target for part in task.subtasks}
+    closed = Solids.of(scene)
+    yield _ViewTarget(_robot_corners(scene), closed, _ROBOT_WEIGHT)
+    for name, thing in scene.objects.items():
+        if not _matters(name, thing, about):
+            continue
+        T, half = _box(thing)
+        points, others = _corners(T, half * 0.8), closed.without([name])
+        if thing.role != "B":
+            yield _ViewTarget(points, others, _THING_WEIGHT)
+        else:
+            yield _ViewTarget(points, others, _ITEM_WEIGHT / 2)
+            taking = transform(np.eye(3), _picking_position(scene, task, name))
+            yield _ViewTarget(points, others.with_box("robot", taking, _AT_WORK_HALF_M), _ITEM_WEIGHT / 2)
+        if thing.kind is Kind.ARTICULATED and (opened is None or name in opened):
+            yield from _openings(scene, name, closed)
+
+
+def _picking_position(scene: Scene, task: Task | None, item: str) -> Array:
+    """Return (3,) about where the robot's middle is while it takes an item: at its support's front, or on its way."""
+    thing = scene.objects[item]
+    below = [part.support_init for part in (() if task is None else task.subtasks) if part.target == item]
+    support = scene.objects.get(below[0] or "") if below else None
+    if support is not None and support.kind is Kind.ARTICULATED:
+        away = -_box(support)[0][:2, 0]
+    else:
+        away = np.subtract(scene.robot.position, thing.position)[:2]
+    stand = np.asarray(thing.position)[:2] + _AT_WORK_M * away / max(float(np.linalg.norm(away)), 1e-9)
+    return np.array([*stand, _AT_WORK_HALF_M[2]])
+
+
+def _openings(scene: Scene, name: str, closed: Solids) -> Iterator[_ViewTarget]:
+    """Yield the handles of an articulated object, and its insides behind open doors and a robot at work."""
+    thing = scene.objects[name]
+    asset = asset_for(thing)
+    T_world_root, half = _box(thing)
+    frames = link_frames(asset, joints_at_start(thing))
+    handles = []
+    for handle in asset.handles:
+        T_world_link = T_world_root @ frames[handle.link]
+        before = np.add(handle.position_m, np.multiply(_BAR_M, handle.outward))
+        handles.append(T_world_link[:3, :3] @ before + T_world_link[:3, 3])
+    if handles:
+        yield _ViewTarget(np.array(handles), closed, _FRONT_WEIGHT)
+    insides = []
+    for index, joint in enumerate(asset.joints):
+        positions = joints_at_start(thing)
+        positions[index] = joint.position(max(_OPENED, joint.fraction(positions[index])))
+        points = inside_points(scene, name, joint.name, positions[index])
+        if len(points):
+            across = float(((points - T_world_root[:3, 3]) @ T_world_root[:3, 1]).mean())
+            stand = T_world_root[:3, :3] @ [-half[0] - _AT_WORK_M, across, 0.0] + T_world_root[:3, 3]
+            T_world_robot = transform(T_world_root[:3, :3], [stand[0], stand[1], _AT_WORK_HALF_M[2]])
+            opened = Solids.of(scene, {name: positions}).with_box("robot", T_world_robot, _AT_WORK_HALF_M)
+            insides.append((points, opened))
+    for points, opened in insides:
+        yield _ViewTarget(points, opened, _INSIDE_WEIGHT / len(insides))
+
+
+def _all_open(scene: Scene) -> dict[str, list[float]]:
+    return {
+        name: [joint.position(1.0) for joint in asset_for(thing).joints]
+        for name, thing in scene.objects.items()
+        if thing.kind is Kind.ARTICULATED
+    }
+
+
+def _robot_corners(scene: Scene) -> Array:
+    """Return the (8, 3) corners of a box around the robot where it begins."""
+    offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
+    robot = np.asarray(scene.robot.position, dtype=float)
+    corners: Array = robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]
+    return corners
+
+
+def _objects_of(task: Task) -> frozenset[str]:
+    """Return the objects that a task's simple tasks are about."""
+    roles = ((part.target, part.support_init, part.support_goal) for part in task.subtasks)
+    return frozenset(name for names in roles for name in names if name is not None)
+
+
+def _matters(name: str, thing: SceneObject, about: Collection[str] | None) -> bool:
+    return thing.category not in _NOT_SHOWN and (about is None or name in about)
+
+
+def _framing_camera(points: Array, azimuth_rad: float, elevation_rad: float, aspect: float) -> Camera:
+    """Return the nearest camera on a viewing direction that has all points in its picture, centred."""
+    outward = np.array(
+        [
+            math.cos(azimuth_rad) * math.cos(elevation_rad),
+            math.sin(azimuth_rad) * math.cos(elevation_rad),
+            math.sin(elevation_rad),
+        ]
+    )
+    R = look_at(outward, np.zeros(3))[:3, :3]
+    along = points @ R
+    slope_z = math.tan(_FOV_RAD / 2) * _MARGIN
+    bounds = []
+    for axis, slope in ((1, slope_z * aspect), (2, slope_z)):
+        # A point is in the picture when |side - side_0| <= slope * (ahead - ahead_0), for both signs.
+        low = float(np.max(along[:, axis] - slope * along[:, 0]))
+        high = float(np.min(along[:, axis] + slope * along[:, 0]))
+        bounds.append(((low + high) / 2, (high - low) / (2 * slope)))
+    ahead = min(limit for _, limit in bounds)
+    position = R @ np.array([ahead, bounds[0][0], bounds[1][0]])
+    return Camera("global", None, transform(R, position), _FOV_RAD, near_m=0.05)
+
+
+def _side_view_score(scene: Scene, about: Collection[str], eye: Array) -> float:
+    """Return a score of a camera position: near, and to the side of the robot's path to the task's objects.
+
+    Where doors and drawers are part of the task, these alone decide the side.
+    """
+    things = [thing for name, thing in scene.objects.items() if _matters(name, thing, about)]
+    robot = np.asarray(scene.robot.position, dtype=float)[:2]
+    middle = np.mean([np.asarray(thing.position, dtype=float)[:2] for thing in things], axis=0)
+    way, look = middle - robot, (middle + robot) / 2 - eye[:2]
+    norm = float(np.linalg.norm(way) * np.linalg.norm(look))
+    aside = abs(float(way[0] * look[1] - way[1] * look[0])) / max(norm, 1e-9)
+    if any(thing.kind is Kind.ARTICULATED for thing in things):
+        aside = 0.0
+    return _ASIDE_WEIGHT * aside - _FAR_WEIGHT_PER_M * math.dist(eye, [*((middle + robot) / 2), 0.0])
+
+
+def _box(thing: SceneObject) -> tuple[Array, Array]:
+    """Return an object's bounding box: (4, 4) pose of its centre and (3,) half extents."""
+    return transform_from_quaternion(thing.position, thing.orientation), np.asarray(thing.extent_m) / 2
+
+
+def _corners(T_world_box: Array, half: Array) -> Array:
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    return signs * half @ T_world_box[:3, :3].T + T_world_box[:3, 3]

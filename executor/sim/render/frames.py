@@ -1,0 +1,248 @@
+"""Frames of a whole rollout as memory-mapped arrays, one file a view; the key frames of a step; and the MP4 video.
+
+The video shows the overview large, the robot's two views at its side, and a caption above them.
+
+Source: the paper's L_j = min(ceil(t_j / p_2), 6), where t_j is an action's duration and p_2 the sampling interval.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from bddl.files import atomic_path
+from executor.records import Caption, StepRecord, Trajectory
+from executor.system.extras import require
+
+Picture = NDArray[np.uint8]
+GLOBAL_FACTOR = 2
+"""The overview is drawn this many times larger than the robot's own views: people watch it, and details are small."""
+
+MOST_FRAMES = 6  # The paper's.
+SAMPLING_INTERVAL_S = 1.0  # The paper's p_2.
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Pictures of all views of a rollout.
+
+    Attributes:
+        views: View name -> (N, H, W, 3) uint8 RGB; row i belongs to row i of the trajectory.
+        size: Width and height of the robot's own views.
+        renderer: Description of the renderer.
+    """
+
+    views: Mapping[str, Picture]
+    size: tuple[int, int]
+    renderer: str = ""
+
+    @property
+    def count(self) -> int:
+        """Number of pictures of each view."""
+        return min((len(pictures) for pictures in self.views.values()), default=0)
+
+    def at_size(self, view: str, indices: slice | None = None) -> Picture:
+        """Return a view's pictures at the common size; larger ones are averaged down over whole blocks of pixels.
+
+        Args:
+            view: View name.
+            indices: Which pictures; all of them by default.
+        """
+        pictures = self.views[view][indices or slice(None)]
+        return shrink(pictures, pictures.shape[2] // self.size[0])
+
+
+def view_size(view: str, size: tuple[int, int]) -> tuple[int, int]:
+    """Return the width and height at which a view is drawn, given those of the robot's own views."""
+    factor = GLOBAL_FACTOR if view == "global" else 1
+    return size[0] * factor, size[1] * factor
+
+
+def frames_path(folder: Path, view: str) -> Path:
+    """Return where a view's array lies in a job's folder."""
+    return folder / f"{view}.npy"
+
+
+def shrink(pictures: Picture, factor: int) -> Picture:
+    """Return (N, H, W, 3) pictures averaged over blocks of factor x factor pixels; factor 1 changes nothing."""
+    if factor <= 1:
+        return pictures
+    count, height, width, channels = pictures.shape
+    smaller = np.empty((count, height // factor, width // factor, channels), dtype=np.uint8)
+    for index, picture in enumerate(pictures):
+        blocks = picture.reshape(height // factor, factor, width // factor, factor, channels)
+        smaller[index] = (blocks.sum(axis=(1, 3), dtype=np.uint32) + factor * factor // 2) // (factor * factor)
+    return smaller
+
+
+def step_samples(trajectory: Trajectory, step: StepRecord) -> tuple[int, ...]:
+    """Return the indices of the samples that were recorded while a step ran, in order."""
+    mask = (trajectory.subtask == step.subtask) & (trajectory.step == step.step)
+    return tuple(int(index) for index in np.flatnonzero(mask))
+
+
+def frame_count(duration_s: float, interval_s: float = SAMPLING_INTERVAL_S) -> int:
+    """Return L_j: how many pictures an action of a duration gets, from 1 to 6."""
+    # A duration that is a whole number of intervals must not gain a picture by rounding.
+    return max(1, min(math.ceil(duration_s / interval_s - 1e-9), MOST_FRAMES))
+
+
+def key_samples(trajectory: Trajectory, step: StepRecord, interval_s: float = SAMPLING_INTERVAL_S) -> tuple[int, ...]:
+    """Return the indices of the samples that stand for a step; none when it ended between two samples.
+
+    The last sample is always among them, since it shows the result. With two or more, the first one is as well, so that
+    the change from beginning to end is visible.
+    """
+    samples = step_samples(trajectory, step)
+    if not samples:
+        return ()
+    count = min(frame_count(step.end_s - step.start_s, interval_s), len(samples))
+    if count == 1:
+        return (samples[-1],)
+    return tuple(samples[round(place)] for place in np.linspace(0, len(samples) - 1, count))
+
+
+Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+SPEED = 2.0
+"""How many times faster than real time a video plays."""
+
+_BAR_PX = 56
+_BAR_COLOR = (24, 26, 31)
+_TITLE_COLOR = (240, 241, 244)
+_DETAIL_COLOR = (168, 173, 184)
+_ACCENT_COLOR = (88, 166, 255)
+_QUALITY = "23"
+
+
+class VideoFailed(RuntimeError):
+    """The video could not be encoded."""
+
+
+def write_video(
+    path: Path | str,
+    frames: Frames,
+    captions: Sequence[Caption],
+    *,
+    rate_hz: float = 10.0,
+    speed: float = SPEED,
+    listen: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write an H.264 MP4 that browsers and players open, and return its path.
+
+    Args:
+        path: The file; it appears only when it is complete.
+        frames: Pictures of each view.
+        captions: One for each picture.
+        rate_hz: Recorded samples a second of simulated time.
+        speed: How many times faster than real time it plays.
+        listen: Called with the number of encoded pictures, and the total.
+
+    Raises:
+        ValueError: When there are no pictures, or captions and pictures differ in number.
+        VideoFailed: When the encoder refuses.
+    """
+    av: Any = require("av", "data")
+
+    if frames.count == 0 or frames.count != len(captions):
+        raise ValueError(f"expected one caption for each of {frames.count} pictures, got {len(captions)}")
+    composer = Composer(frames)
+    with atomic_path(Path(path)) as temporary:
+        try:
+            with av.open(str(temporary), "w", format="mp4", options={"movflags": "faststart"}) as container:
+                rate = Fraction(rate_hz * speed).limit_denominator(1000)
+                stream = container.add_stream("libx264", rate=rate)
+                stream.width, stream.height = composer.size
+                stream.pix_fmt = "yuv420p"
+                stream.options = {"crf": _QUALITY, "preset": "veryfast", "g": "40"}
+                for index, caption in enumerate(captions):
+                    picture = av.VideoFrame.from_ndarray(composer.compose(index, caption), format="rgb24")
+                    for packet in stream.encode(picture):
+                        container.mux(packet)
+                    if listen is not None:
+                        listen(index + 1, len(captions))
+                for packet in stream.encode():
+                    container.mux(packet)
+        except av.FFmpegError as error:
+            raise VideoFailed(f"the video {path} could not be encoded: {error}") from error
+    return Path(path)
+
+
+class Composer:
+    """Puts the views of one moment and its caption into one picture.
+
+    The overview stands left; the other views are stacked right of it, together as high as it is. Without an overview
+    the views stand side by side.
+    """
+
+    def __init__(self, frames: Frames) -> None:
+        self._frames = frames
+        self._title = _font(19)
+        self._detail = _font(15)
+        overview = frames.views.get("global")
+        others = [view for view in frames.views if view != "global"]
+        self._places: dict[str, tuple[int, int, int, int]] = {}
+        if overview is not None and others:
+            width, height = overview.shape[2], overview.shape[1]
+            side_height = height // len(others)
+            side_width = frames.size[0] * side_height // frames.size[1]
+            self._places["global"] = (0, 0, width, height)
+            for row, view in enumerate(others):
+                self._places[view] = (width, row * side_height, side_width, side_height)
+            self._picture_size = (width + side_width, height)
+        else:
+            height = max(pictures.shape[1] for pictures in frames.views.values())
+            x = 0
+            for view, pictures in frames.views.items():
+                width = pictures.shape[2] * height // pictures.shape[1]
+                self._places[view] = (x, 0, width, height)
+                x += width
+            self._picture_size = (x, height)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the composed pictures; both are even, as the encoder wants."""
+        width, height = self._picture_size
+        return width + width % 2, height + height % 2 + _BAR_PX
+
+    def compose(self, index: int, caption: Caption) -> Picture:
+        """Return the (H, W, 3) picture of one moment."""
+        canvas = Image.new("RGB", self.size, _BAR_COLOR)
+        for view, (x, y, width, height) in self._places.items():
+            picture = Image.fromarray(np.ascontiguousarray(self._frames.views[view][index]))
+            if picture.size != (width, height):
+                picture = picture.resize((width, height), Image.Resampling.LANCZOS)
+            canvas.paste(picture, (x, y + _BAR_PX))
+        self._write(ImageDraw.Draw(canvas), caption)
+        return np.asarray(canvas)
+
+    def _write(self, draw: ImageDraw.ImageDraw, caption: Caption) -> None:
+        # The caption stands above the pictures, since players lay their controls over the lower edge.
+        width, _ = self.size
+        clock = f"{caption.time_s:.1f} s"
+        draw.rectangle((0, _BAR_PX - 3, round(width * caption.progress), _BAR_PX - 1), fill=_ACCENT_COLOR)
+        room = width - 24 - draw.textlength(clock, font=self._detail) - 12
+        draw.text((12, 6), _fitted(draw, caption.title, self._title, room), _TITLE_COLOR, font=self._title)
+        draw.text((12, 30), _fitted(draw, caption.detail, self._detail, room), _DETAIL_COLOR, font=self._detail)
+        draw.text((width - 12, 9), clock, _DETAIL_COLOR, font=self._detail, anchor="ra")
+
+
+def _font(size_px: int) -> Font:
+    """Return Pillow's own font, so that no font of the machine is needed and pictures are alike everywhere."""
+    return ImageFont.load_default(size_px)
+
+
+def _fitted(draw: ImageDraw.ImageDraw, text: str, font: Font, room_px: float) -> str:
+    """Return the text, cut with an ellipsis where it is too long."""
+    if draw.textlength(text, font=font) <= room_px:
+        return text
+    while text and draw.textlength(text + "...", font=font) > room_px:
+        text = text[:-1]
+    return text + "..."

@@ -1,0 +1,111 @@
+"""The 21 primitives with their functions, and the parameterised moves: straight hand motions, base slides and turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from executor.planning.planner import EEF_DIRECTIONS, MOVES, TURN_SIGNS, move_path
+from executor.records import Failure, FailureKind
+from executor.skills.articulate import articulate
+from executor.skills.grasp import approach, converge, grasp, ungrasp
+from executor.skills.navigate import navigate_to_support, navigate_to_target, retreat
+from executor.skills.session import Session, StepResult
+from oag import Action, Primitive
+from oag.measurements import MoveMeasured, OutOfReach, UnmeantContact, first_of
+
+EEF_SPEED = 0.6  # Of the limits: these moves end at things.
+BASE_SPEED = 0.7  # And so do the base's.
+REACH_STEP_M = 0.005
+
+
+def move(session: Session, action: Action) -> StepResult:
+    """Move by the action's number, or by the planned one, and stop at unintended contact."""
+    planned = session.plan.numbers.get(session.step)
+    amount = action.parameter if action.parameter is not None else planned
+    if not isinstance(amount, float | int):
+        return session.done(action, failure=_missing_amount(session, action.primitive))
+    filled = replace(action, parameter=float(amount))
+    session.sync_planner()
+    path = move_path(session.planner, session.q, action.primitive, float(amount))
+    if path.path is None:
+        reach_m = _reach_m(session, action.primitive, float(amount))
+        short_m = float(amount) - reach_m
+        message = f"the arm reaches {reach_m:.2f} m of {amount:g} m along {action.primitive.name}"
+        short = OutOfReach(round(short_m, 4), round(reach_m, 4), float(amount), path.at_limit)
+        return session.done(filled, short, failure=Failure(FailureKind.UNREACHABLE, message, (short,)))
+    before = session.planner.kinematics.forward(session.control.q)
+    allowed = session.hand.lifted_from
+    if session.hand.gripped is not None:
+        # A hand that still holds a handle moves the door, or presses on it: that contact is what it is for.
+        allowed = allowed | session.hand.released
+    speed = EEF_SPEED if action.primitive in EEF_DIRECTIONS else BASE_SPEED
+    failure = session.control.follow(path.path, speed=speed, monitor=session.monitor(allowed))
+    after = session.planner.kinematics.forward(session.control.q)
+    turned = action.primitive in TURN_SIGNS
+    moved = MoveMeasured(
+        asked_m=None if turned else float(amount),
+        asked_deg=float(amount) if turned else None,
+        eef_moved_m=round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
+    )
+    if failure is not None and _set_down(session, action, failure):
+        return session.done(filled, replace(moved, set_down=True), *failure.measurements)
+    return session.done(filled, moved, failure=failure)
+
+
+def _missing_amount(session: Session, primitive: Primitive) -> Failure:
+    """Return why a move has no number: no place was found, or no primitive plans ahead for it."""
+    unplaced = session.plan.unplaced
+    if unplaced is not None:
+        return replace(unplaced, message=f"{primitive.name} has no number: {unplaced.message}")
+    message = f"{primitive.name} has no number, and nothing was planned ahead for it"
+    return Failure(FailureKind.PRECONDITION, message)
+
+
+def _reach_m(session: Session, primitive: Primitive, amount_m: float) -> float:
+    """Return how far along a straight line the arm reaches, to within `REACH_STEP_M`.
+
+    The residual of the line's solver is no such distance: its waypoints beyond reach end anywhere.
+    """
+    reached, beyond = 0.0, amount_m
+    while beyond - reached > REACH_STEP_M:
+        half = (reached + beyond) / 2
+        if move_path(session.planner, session.q, primitive, half).path is None:
+            beyond = half
+        else:
+            reached = half
+    return reached
+
+
+def _set_down(session: Session, action: Action, failure: Failure) -> bool:
+    """Return whether a motion ended because the held item came to rest on its support: the purpose of lowering."""
+    met = first_of(failure.measurements, UnmeantContact)
+    return (
+        action.primitive is Primitive.LIFT_EEF_DOWN
+        and failure.kind is FailureKind.COLLISION
+        and met is not None
+        and met.mover == session.hand.held
+        and met.other == session.subtask.support_goal
+    )
+
+
+Runner = Callable[[Session, Action], StepResult]
+
+LIBRARY: Mapping[Primitive, Runner] = MappingProxyType(
+    {
+        Primitive.APPROACH: approach,
+        Primitive.CONVERGE: converge,
+        Primitive.GRASP: grasp,
+        Primitive.ARTICULATE_OPEN: articulate,
+        Primitive.ARTICULATE_CLOSE: articulate,
+        Primitive.UNGRASP: ungrasp,
+        Primitive.RETREAT: retreat,
+        Primitive.NAVIGATE_TO_TARGET: navigate_to_target,
+        Primitive.NAVIGATE_TO_SUPPORT: navigate_to_support,
+        **{primitive: move for primitive in MOVES},
+    }
+)
+"""Every primitive of the library with the function that runs it."""

@@ -1,0 +1,464 @@
+"""Record and replay of exchanges with a model, and `connect`, which opens a model or a recording by name.
+
+    transport = Recorder(model, Path("run.jsonl"))      # asks the model, and writes every exchange
+    transport = Replay(Path("run.jsonl"))               # answers from the file, without key or network
+
+The file has one exchange a line, as JSON that a person can read:
+
+    {"cassette": 1, "digest": "…", "request": {…}, "reply": {…}}        pictures are hashes in the request
+    {"cassette": 1, "digest": "…", "request": {…}, "failure": {…}}      the model gave no reply
+
+A line is written in one piece and synced, so a crash costs at most the last line. A truncated last line is
+skipped and reported. A run that ended early continues with its recording: what is in it is not asked again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from threading import Event, Lock
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
+from bddl.terminal import escape_json, pluralize
+from llm.client.budget import Budget, Metered
+from llm.client.openai import OpenAITransport
+from llm.client.profiles import BoxForm, Price, find_profile
+from llm.client.transport import ChatReply, ChatRequest, Transport, digest_of
+from llm.errors import (
+    BadReply,
+    CassetteError,
+    ModelConfigError,
+    ModelError,
+    ModelRefused,
+    ModelTimeout,
+    ModelUnavailable,
+    ReplayMissing,
+    ReplyTooLong,
+)
+from oag.model.forms import first_mistake
+
+MOST_LINES = 6
+_CONTEXT = 30
+
+
+def nearest(asked: Mapping[str, object], recorded: Iterable[Mapping[str, object]]) -> int | None:
+    """Return the position of the recorded request that differs least, or None if there is none.
+
+    A differing field counts by its differing share. So a request with one other word is nearer than another one of
+    the same form. The earliest wins a tie.
+    """
+    leaves = _leaves(asked)
+    distances = [_distance(leaves, _leaves(other)) for other in recorded]
+    return distances.index(min(distances)) if distances else None
+
+
+def differences(asked: Mapping[str, object], recorded: Mapping[str, object]) -> tuple[str, ...]:
+    """Return a line for each of the first few fields in which two requests differ."""
+    ours, theirs = _leaves(asked), _leaves(recorded)
+    places = _unlike(ours, theirs)
+    lines = [_line(place, ours.get(place), theirs.get(place)) for place in places[:MOST_LINES]]
+    if len(places) > MOST_LINES:
+        lines.append(f"and {len(places) - MOST_LINES} more")
+    return tuple(lines)
+
+
+def _leaves(record: object) -> dict[str, object]:
+    found: dict[str, object] = {}
+    waiting: list[tuple[str, object]] = [("", record)]
+    while waiting:
+        place, value = waiting.pop()
+        if isinstance(value, Mapping) and "image" in value:
+            found[place] = f"image {str(value['image'])[:12]}… ({value.get('bytes')} bytes)"
+        elif isinstance(value, Mapping) and value:
+            waiting += [(f"{place}.{name}" if place else str(name), item) for name, item in reversed([*value.items()])]
+        elif isinstance(value, (list, tuple)) and value:
+            waiting += [(f"{place}[{index}]", item) for index, item in reversed([*enumerate(value)])]
+        else:
+            found[place] = value
+    return found
+
+
+def _unlike(ours: Mapping[str, object], theirs: Mapping[str, object]) -> list[str]:
+    missing = object()
+    places = dict.fromkeys([*ours, *theirs])
+    return [place for place in places if ours.get(place, missing) != theirs.get(place, missing)]
+
+
+def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float:
+    """Sum over differing fields: 1, or for two texts the share that is in neither common head nor tail."""
+    total = 0.0
+    for place in _unlike(ours, theirs):
+        one, other = ours.get(place), theirs.get(place)
+        if not isinstance(one, str) or not isinstance(other, str):
+            total += 1.0
+            continue
+        head = _shared(one, other)
+        tail = _shared(one[head:][::-1], other[head:][::-1])
+        total += 1.0 - (head + tail) / max(len(one), len(other))
+    return total
+
+
+def _shared(one: str, other: str) -> int:
+    """Return the length of the common prefix of two texts."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((index for index, (a, b) in pairs if a != b), min(len(one), len(other)))
+
+
+def _line(place: str, ours: object, theirs: object) -> str:
+    if not isinstance(ours, str) or not isinstance(theirs, str) or max(len(ours), len(theirs)) < 2 * _CONTEXT:
+        return f"{place}: recorded {theirs!r:.80}, asked {ours!r:.80}"
+    start = _shared(theirs, ours)
+    before = max(0, start - _CONTEXT)
+    shown = [text[before : start + _CONTEXT] for text in (theirs, ours)]
+    return f"{place}, from character {start}: recorded …{shown[0]!r}, asked …{shown[1]!r}"
+
+
+VERSION = 1
+# Pictures are stored as hashes; a day's exchanges have some tens of MB.
+MOST_BYTES = 64_000_000
+
+# Disk space reserved for request and reply while a model is asked.
+_ROOM_BYTES = 256_000
+
+_ANOTHER_RUN = "It is another run's: type that run's command, or start over with --force, which keeps the file aside"
+
+
+# Failures that belong to a run and recur in its replay; a cancelled request belongs to its caller.
+FAILURES: Mapping[str, type[ModelError]] = {
+    kind.__name__: kind for kind in (ModelUnavailable, ModelTimeout, ModelRefused, BadReply, ReplyTooLong)
+}
+
+
+class _Recorded(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class _RecordedReply(_Recorded):
+    text: str
+    input_tokens: int | None
+    output_tokens: int | None
+    latency_s: float
+    finish_reason: str
+    model: str
+    attempts: int
+
+
+class _RecordedFailure(_Recorded):
+    kind: Literal["ModelUnavailable", "ModelTimeout", "ModelRefused", "BadReply", "ReplyTooLong"]
+    model: str
+    problem: str
+    advice: str
+    attempts: int = 1
+
+
+class _RecordedLine(_Recorded):
+    cassette: Literal[1]
+    digest: str
+    request: dict[str, Any]
+    reply: _RecordedReply | None = None
+    failure: _RecordedFailure | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One request and its outcome.
+
+    Attributes:
+        request: `ChatRequest.record()`.
+        outcome: The reply, or the failure in its place.
+        digest: Digest of the request.
+    """
+
+    request: Mapping[str, Any]
+    outcome: ChatReply | ModelError
+    digest: str
+
+    def line(self) -> str:
+        """Return the exchange as one line of JSON, with its newline."""
+        head = {"cassette": VERSION, "digest": self.digest, "request": dict(self.request)}
+        if isinstance(self.outcome, ChatReply):
+            reply = asdict(self.outcome)
+            del reply["recorded"]
+            body: dict[str, object] = {"reply": reply}
+        else:
+            failed = self.outcome
+            words = {"model": failed.model, "problem": failed.problem, "advice": failed.advice}
+            body = {"failure": {"kind": type(failed).__name__, **words, "attempts": failed.attempts}}
+        # Some tools end lines at other characters as well, and some terminals interpret them.
+        return escape_json(json.dumps(head | body, ensure_ascii=False, allow_nan=False)) + "\n"
+
+
+def read_recording(path: Path) -> tuple[tuple[Exchange, ...], tuple[str, ...]]:
+    """Return the exchanges of a file in order, and a sentence for each part that was skipped.
+
+    Raises:
+        CassetteError: The file cannot be read, or a line other than a truncated last one is no exchange.
+    """
+    name = f"replay:{path}"
+    try:
+        data = read_bounded(path, MOST_BYTES)
+    except OSError as error:
+        problem = f"the recording cannot be read: {error.strerror or error}"
+        raise CassetteError(name, problem, "Record one first") from error
+    whole, end, rest = data.rpartition(b"\n")
+    exchanges = []
+    for number, line in enumerate(whole.split(b"\n") if end else [], start=1):
+        try:
+            exchanges.append(_exchange(line))
+        except (ValueError, RecursionError) as error:
+            mistake = first_mistake(error, _RecordedLine) if isinstance(error, ValidationError) else str(error)
+            advice = "A recording has one exchange a line, and is not edited by hand"
+            raise CassetteError(name, f"line {number} is no recorded exchange: {mistake}", advice) from None
+    warning = f"{path}: the last line was cut off ({len(rest)} bytes), and is left out"
+    return tuple(exchanges), (warning,) if rest else ()
+
+
+def _exchange(line: bytes) -> Exchange:
+    # Not by pydantic's own parser, which rejects halves of surrogate pairs.
+    read = _RecordedLine.model_validate(json.loads(line))
+    if read.digest != digest_of(read.request):
+        raise ValueError("its digest is not that of its request")
+    if read.reply is not None:
+        return Exchange(read.request, ChatReply(**read.reply.model_dump(), recorded=True), read.digest)
+    if read.failure is None:
+        raise ValueError("it has neither a reply nor a failure")
+    failed = read.failure
+    error = FAILURES[failed.kind](failed.model, failed.problem, failed.advice)
+    error.attempts = failed.attempts
+    return Exchange(read.request, error, read.digest)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Append a line to a file in one piece and sync it to disk.
+
+    Raises:
+        OSError: The disk is full, the folder is missing, or the path is a link or a pipe.
+    """
+    # Half a surrogate pair has no UTF-8 form; backslashreplace writes it as JSON's own escape.
+    data = line.encode("utf-8", "backslashreplace")
+    descriptor = open_plain(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    try:
+        while data:
+            data = data[os.write(descriptor, data) :]
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def has_room(path: Path, size: int) -> None:
+    """Check that a file can grow by `size` bytes, where the system can tell.
+
+    Raises:
+        OSError: It cannot; the number gives the reason.
+    """
+    descriptor = open_plain(path, os.O_WRONLY | os.O_CREAT)
+    try:
+        end = os.fstat(descriptor).st_size
+        try:
+            os.posix_fallocate(descriptor, end, size)
+        except (AttributeError, OSError) as problem:
+            # Some systems and file systems do not support this.
+            if is_disk_full(problem):
+                raise
+        os.ftruncate(descriptor, end)
+    finally:
+        os.close(descriptor)
+
+
+class Recorder:
+    """Forward requests, and write each outcome to a file before returning it.
+
+    Attributes:
+        path: The file.
+        notes: How an earlier recording is continued, a sentence each.
+    """
+
+    def __init__(self, transport: Transport, path: Path, *, resume: bool = False, same_start: bool = True) -> None:
+        """Create the file, so that a missing folder or full disk is known before a model is paid.
+
+        Args:
+            transport: Transport that answers.
+            path: A file that does not exist, or is empty.
+            resume: Continue the file: its replies are returned first, and failed requests are sent again.
+            same_start: With `resume`, refuse a first request that is not in the file: it belongs to another run.
+
+        Raises:
+            CassetteError: The file has content that cannot be continued, is no recording, or cannot be written.
+        """
+        self.path = path
+        self.notes: tuple[str, ...] = ()
+        self._transport = transport
+        self._lock = Lock()
+        self._earlier: Replay | None = None
+        self._checks_start = False
+        self._write("")
+        if path.stat().st_size == 0:
+            return
+        if not resume:
+            raise CassetteError(f"record:{path}", "the file exists already", "Name another one, or remove it")
+        exchanges, warnings = read_recording(path)
+        replied = tuple(exchange for exchange in exchanges if isinstance(exchange.outcome, ChatReply))
+        if warnings or len(replied) < len(exchanges):
+            # Failed requests are sent again, and a new line must not follow a truncated one.
+            self._replace("".join(exchange.line() for exchange in replied))
+        self._earlier = Replay(path)
+        self._checks_start = same_start and bool(replied)
+        self.notes = (*warnings, f"{path}: {pluralize(len(replied), 'answer')} of the earlier run, not asked again")
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the recorded reply, or the transport's once it is on the disk.
+
+        Raises:
+            ModelError: As the transport does; failures of the kinds in FAILURES are recorded as well.
+            CassetteError: The file cannot be written, or belongs to a run that began with another request.
+        """
+        record, digest = request.record(), request.digest()
+        earlier = None if self._earlier is None else self._earlier.next_of(digest)
+        if isinstance(earlier, ChatReply):
+            self._checks_start = False
+            return earlier
+        if self._earlier is not None and self._checks_start:
+            raise self._earlier.missing(request, _ANOTHER_RUN)
+        self._check_room(record)
+        try:
+            reply = self._transport.complete(request)
+        except ModelError as error:
+            if type(error).__name__ in FAILURES:
+                self._write(Exchange(record, error, digest).line())
+            raise
+        self._write(Exchange(record, reply, digest).line())
+        return reply
+
+    def _check_room(self, record: Mapping[str, object]) -> None:
+        """Refuse to ask if the answer, which is paid for, could not be stored."""
+        with self._writing(), self._lock:
+            has_room(self.path, len(json.dumps(record, default=str)) + _ROOM_BYTES)
+
+    def _write(self, line: str) -> None:
+        with self._writing(), self._lock:
+            append_line(self.path, line)
+
+    def _replace(self, lines: str) -> None:
+        with self._writing():
+            write_atomically(self.path, lines.encode("utf-8", "backslashreplace"))
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            problem = f"the recording cannot be written: {error.strerror or error}"
+            raise CassetteError(f"record:{self.path}", problem, "Check the folder and the disk") from error
+
+
+class Replay:
+    """Answer requests from a recording; equal requests get their replies in the order of recording.
+
+    Attributes:
+        path: The file.
+        warnings: What was skipped in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Raises:
+            CassetteError: It cannot be read, or is no recording.
+        """
+        self.path = path
+        self._exchanges, self.warnings = read_recording(path)
+        self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)
+        for exchange in self._exchanges:
+            self._waiting[exchange.digest].append(exchange.outcome)
+        self._lock = Lock()
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the recorded reply to a request.
+
+        Raises:
+            ReplayMissing: There is none left; the message states how the nearest recorded request differs.
+            ModelError: The model failed when this was recorded.
+        """
+        outcome = self.next_of(request.digest())
+        if outcome is None:
+            raise self.missing(request, "Record the run again, with the same version, scene, query and seed")
+        if isinstance(outcome, ModelError):
+            raise outcome
+        return outcome
+
+    def next_of(self, digest: str) -> ChatReply | ModelError | None:
+        """Consume and return the outcome of the next recorded request with a digest; None without one."""
+        with self._lock:
+            outcomes = self._waiting.get(digest)
+            return outcomes.popleft() if outcomes else None
+
+    def missing(self, request: ChatRequest, again: str) -> ReplayMissing:
+        """Return the error for a request that is not recorded: its difference from the nearest one, and advice."""
+        name, digest = f"replay:{self.path}", request.digest()
+        times = sum(exchange.digest == digest for exchange in self._exchanges)
+        if times:
+            often = "once" if times == 1 else f"{times} times"
+            problem = f"the request {digest[:12]} was recorded {often}, and is asked once more"
+            return ReplayMissing(name, problem, again, digest=digest)
+        record = request.record()
+        closest = nearest(record, (exchange.request for exchange in self._exchanges))
+        if closest is None:
+            return ReplayMissing(name, "the recording is empty", "Record a run first", digest=digest)
+        lines = differences(record, self._exchanges[closest].request)
+        problem = f"the request {digest[:12]} was not recorded; the nearest is on line {closest + 1} of the file"
+        return ReplayMissing(name, problem, f"{again}. It differs in", digest=digest, differences=lines)
+
+
+def connect(
+    configuration: str,
+    *,
+    budget: Budget | None = None,
+    record: Path | None = None,
+    resume: bool = False,
+    same_start: bool = True,
+    cancel: Event | None = None,
+) -> Metered:
+    """Return a transport for a configuration, with usage counted in `.usage`; nothing is sent yet.
+
+    `.warnings` states what was skipped in a damaged recording, and what is continued.
+
+    Args:
+        configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
+        budget: Limits of the run; default is none.
+        record: A new file into which every exchange is written.
+        resume: Continue the file of a run that ended early: its replies are returned first, and not asked again.
+        same_start: With `resume`, refuse to ask if the run's first request is not in the file.
+        cancel: Setting it ends a running request and all later ones.
+
+    Raises:
+        ModelConfigError: Provider, model, key, address or library is unknown or missing.
+        CassetteError: A recording cannot be read or created.
+    """
+    provider, _, rest = configuration.strip().partition(":")
+    transport: Transport
+    price: Price | None
+    boxes: BoxForm | None = None
+    warnings: tuple[str, ...] = ()
+    if provider == "replay":
+        if not rest:
+            raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
+        # Recorded replies are not paid for again.
+        price, name = Price(input=0.0, output=0.0), configuration
+        transport = replay = Replay(Path(rest))
+        warnings = replay.warnings
+    else:
+        profile = find_profile(configuration)
+        transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
+        boxes = profile.boxes
+    if record is not None:
+        transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
+        warnings = (*warnings, *recorder.notes)
+    return Metered(transport, name=name, budget=budget, price=price, warnings=warnings, boxes=boxes)

@@ -1,0 +1,99 @@
+"""Set up the Inspector and the Supervisor of one model for a self-evolution.
+
+team = judges("openai:gpt-5.2", task="put the glass away")
+executor.evolve(graph, scene, inspector=team.inspector, supervisor=team.supervisor)
+team.conversation.to_json()
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from llm.client.recording import connect
+from llm.client.transport import Transport
+from llm.evolve.model_judges import (
+    ALL_VIEWS,
+    LOOK_BACK,
+    MOST_INSPECTED,
+    MOST_SUPERVISED,
+    ROUNDS,
+    JudgeSession,
+    ModelInspector,
+    ModelSupervisor,
+)
+from llm.memory import SkillMemory, notes_for
+from llm.structured.conversation import Conversation, Round
+
+
+@dataclass(frozen=True, slots=True)
+class Judges:
+    """Inspector and Supervisor of one model, and their conversation.
+
+    Attributes:
+        inspector: Judges steps.
+        supervisor: Revises flows.
+        session: Session with the model that both use.
+    """
+
+    inspector: ModelInspector
+    supervisor: ModelSupervisor
+    session: JudgeSession
+
+    @property
+    def conversation(self) -> Conversation:
+        """Rounds of both."""
+        return self.session.conversation
+
+    @property
+    def stopped(self) -> str:
+        """Why the model is no longer asked; empty while it is."""
+        return self.session.stopped
+
+
+def judges(
+    model: str | Transport,
+    *,
+    name: str = "",
+    task: str = "",
+    scene: str = "",
+    views: Sequence[str] = ALL_VIEWS,
+    look_back: int = LOOK_BACK,
+    measurements: bool = True,
+    rounds: int = ROUNDS,
+    most_pictures: int | None = None,
+    memory: SkillMemory | None = None,
+    listen: Callable[[Round], None] | None = None,
+) -> Judges:
+    """Set up an Inspector and a Supervisor that ask one model.
+
+    Args:
+        model: A configuration such as "openai:gpt-5.2" or "replay:FILE"; or the result of `connect`, with a budget
+            and a recording.
+        name: Name of the model in records; by default the configuration.
+        task: Subject of the evolution, for the record.
+        scene: Name of the scene, for the record.
+        views: Cameras whose pictures are sent; none for measurements only.
+        look_back: Number of steps before the judged one in the Inspector's prompt.
+        measurements: Whether measurements are sent.
+        rounds: Most questions for one answer.
+        most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
+        memory: Notes for the Supervisor's prompt.
+        listen: Called with every round.
+
+    Raises:
+        ModelConfigError: Provider, model, key, address or library is unknown or missing.
+        CassetteError: A recording cannot be read.
+        RequestError: Neither views nor measurements, an unknown view, or an invalid number.
+    """
+    transport = connect(model) if isinstance(model, str) else model
+    called = name or (model if isinstance(model, str) else "model")
+    session = JudgeSession(transport, Conversation(called, task, scene, listen=listen), rounds)
+    inspected, supervised = (
+        (MOST_INSPECTED, MOST_SUPERVISED) if most_pictures is None else (most_pictures, most_pictures)
+    )
+    inspector = ModelInspector(session, tuple(views), look_back, measurements, inspected)
+    notes = None if memory is None else partial(notes_for, memory)
+    supervisor = ModelSupervisor(session, tuple(views), measurements, supervised, notes)
+    return Judges(inspector, supervisor, session)

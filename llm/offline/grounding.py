@@ -1,0 +1,508 @@
+"""Ground noun phrases in a scene: objects by id, kind, part, place and side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import bddl
+from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
+from llm.offline.lexicon import Category, Lexicon, names_of
+from llm.offline.reader import REFERENCE_DIRECTIONS, Direction, Location, NounPhrase, Side
+from oag import Scene, SceneObject
+from oag.sizes import TO_THE_AIM, Sizing
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Objects with a name, the unconfirmed describing words before it, and notes."""
+
+    ids: tuple[str, ...]
+    name: str
+    descriptions: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+    by_door: bool = False
+    plural: bool = False
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names of the objects of a scene.
+
+    Attributes:
+        scene: The scene.
+        affordances: What can be done with each object.
+        lexicon: Names of categories.
+        entries: The lexicon's entry of each category of the scene.
+        bearers: Name -> the objects that it fits best, then those that it fits less.
+        words: Every word of a name, of the scene's and of the lexicon's.
+    """
+
+    scene: Scene
+    affordances: Mapping[str, Affordances]
+    lexicon: Lexicon
+    entries: Mapping[str, Category | None]
+    bearers: Mapping[str, Sequence[Sequence[str]]]
+    words: frozenset[str]
+
+    @classmethod
+    def of(cls, around: Surroundings, lexicon: Lexicon, entries: Mapping[str, Category | None]) -> Self:
+        """Return the names of a scene's objects; `entries` are the lexicon's, by category."""
+        objects = around.scene.objects
+        bearers: dict[str, tuple[list[str], ...]] = {}
+        for key, thing in objects.items():
+            tiers = names_of(thing, entries[thing.category])
+            for rank, names in enumerate(tiers):
+                for name in names:
+                    bearers.setdefault(name, tuple([] for _ in tiers))[rank].append(key)
+        known = (*bearers, *(name for entry in lexicon.categories.values() for name in entry.names))
+        words = frozenset(word for name in known for word in name.split())
+        return cls(around.scene, around.affordances, lexicon, entries, bearers, words)
+
+    def knows(self, word: str) -> bool:
+        """Decide whether a word, or its singular, is part of any name or may stand before one."""
+        if word in self.lexicon.descriptions or word in self.lexicon.which:
+            return True
+        return any(form in self.words for form in (word, *singulars(word)))
+
+    def mentioned(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Return the objects named by any run of words, for suggestions."""
+        longest = max((name.count(" ") + 1 for name in self.bearers), default=0)
+        found: dict[str, None] = {}
+        for start in range(len(words)):
+            for stop in range(min(len(words), start + longest), start, -1):
+                found.update(dict.fromkeys(self.by_name(" ".join(words[start:stop])).ids))
+        return tuple(found)
+
+    def described(self, words: tuple[str, ...]) -> Named:
+        """Return the objects named by the longest ending of the words, if only descriptions precede it."""
+        for start in range(len(words)):
+            named = self.by_name(" ".join(words[start:]))
+            if named.ids:
+                return Named(named.ids, named.name, words[:start], named.passed_over)
+            if words[start] not in self.lexicon.descriptions:
+                break
+        return Named((), " ".join(words))
+
+    def by_name(self, name: str) -> Named:
+        """Return the objects that a name fits best, in the order of `names_of`; the others are passed over."""
+        tiers = [tier for tier in self.bearers.get(name, ()) if tier]
+        if not tiers:
+            return Named((), name)
+        return Named(tuple(tiers[0]), name, passed_over=tuple(key for tier in tiers[1:] for key in tier))
+
+    def doors(self, phrase: NounPhrase, front: Front) -> Named:
+        """Return the objects whose door or drawer is meant: those with the name before the word, or all that have one.
+
+        Raises:
+            Refusal: None of them is known to have one, or the words select one of an object's several.
+        """
+        before = phrase.words[:-1]
+        named = self.described(before) if before else Named(tuple(self.affordances), phrase.words[-1])
+        if phrase.side is not None and (not before or len(named.ids) == 1):
+            # "The left cabinet door" of several cabinets is that of the left one.
+            raise self.unresolvable(phrase, (phrase.side,))
+        if not named.ids:
+            return named
+        ids = tuple(key for key in named.ids if self.affordances[key].opens_by(front))
+        if not ids:
+            raise self.without(named.ids, front, by_name=bool(before))
+        return Named(ids, named.name, named.descriptions, by_door=True)
+
+    def door_of(self, whole: str, phrase: NounPhrase) -> Named:
+        """Return an object whose door or drawer is meant.
+
+        Args:
+            whole: The object.
+            phrase: The words before "of".
+
+        Raises:
+            Refusal: It has no such part, is not known to have one, or the words select one of several.
+        """
+        before, front = phrase.words[:-1], phrase.front
+        which = (*((phrase.side,) if phrase.side else ()), *self._which(before))
+        if front is not None and which:
+            raise self.unresolvable(phrase, which)
+        named = all(word in self.lexicon.descriptions for word in before)
+        if front is None or not named or not self.affordances[whole].door:
+            problem = f'{whole} has no "{" ".join(phrase.words)}" that can be told apart from it'
+            raise Refusal("unknown-object", problem)
+        if not self.affordances[whole].opens_by(front):
+            raise self.without((whole,), front, by_name=True)
+        return Named((whole,), " ".join(phrase.words), before, by_door=True)
+
+    def without(self, ids: Iterable[str], front: Front, *, by_name: bool) -> Refusal:
+        """Return the refusal of a door or drawer that objects are not known to have."""
+        can_open = [key for key in ids if self.affordances[key].door]
+        has = [_opened_by(key, self.affordances[key]) for key in can_open]
+        if by_name and has:
+            return Refusal("affordance", f"{has[0]}; no plan opens a {front} of it")
+        return Refusal("unknown-object", f"nothing in {self.scene.name} is known to open by a {front}", scene=has)
+
+    def unknown(self, phrase: NounPhrase, around: Surroundings) -> Refusal:
+        """Return the refusal of a name without an object in the scene, with the nearest names."""
+        which = self._which(phrase.words)
+        if which:
+            return self.unresolvable(phrase, which)
+        wanted = " ".join(phrase.words)
+        return Refusal(
+            "unknown-object",
+            f'nothing in {self.scene.name} is called "{wanted}"{self.meant(wanted)}',
+            scene=[around.described(key) for key in self.scene.objects],
+        )
+
+    def meant(self, *wanted: str) -> str:
+        """Return the question whether one of the nearest names was meant; empty if none is near."""
+        near: dict[tuple[str, ...], str] = {}
+        for words in wanted:
+            for name in bddl.near_names(words, sorted(self.bearers)):
+                near.setdefault(self.by_name(name).ids, name)
+        meant = [name if ids == (name,) else f"{name} ({alternatives(ids)})" for ids, name in near.items()]
+        return f"; did you mean {' or '.join(meant)}?" if meant else ""
+
+    def unresolvable(self, phrase: NounPhrase, which: Sequence[str]) -> Refusal:
+        """Return the refusal of words that select one of several, which no plan can do."""
+        listed = " and ".join(f'"{word}"' for word in which)
+        if phrase.door:
+            problem = f"{listed} says which {phrase.words[-1]} is meant, and a plan opens and closes a thing as a whole"
+        else:
+            problem = f"{listed} says which of several is meant, and nothing in {self.scene.name} tells that"
+        return Refusal("unknown-object", f"{problem}; name the object alone, by its id where there are several")
+
+    def _which(self, words: Sequence[str]) -> tuple[str, ...]:
+        return tuple(word for word in words if word in self.lexicon.which)
+
+
+def _opened_by(key: str, can: Affordances) -> str:
+    if not can.fronts:
+        return f"neither the category nor the model of {key} says whether it has doors or drawers"
+    return f"{key} opens by its {'doors' if can.opens_by('door') else 'drawers'}"
+
+
+def singulars(word: str) -> tuple[str, ...]:
+    """Return the possible singulars of a plural; empty for a word that is none."""
+    endings = (("shelves", "shelf"), ("knives", "knife"), ("ies", "y"), ("es", ""), ("s", ""))
+    return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
+
+
+# Largest gap between the boxes of neighbouring objects.
+NEIGHBOR_GAP_M = 0.20
+# Smaller differences count as neither left nor right, nor nearer.
+MARGIN_M = 0.05
+_RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
+    """An object that a phrase names.
+
+    Attributes:
+        object_id: Its id.
+        by_surface: Whether it was named by its top ("countertop").
+        by_door: Whether it was named by its door.
+        notes: Assumptions.
+        hollow: Whether the naming part holds things itself, such as a drawer.
+    """
+
+    object_id: str
+    by_surface: bool = False
+    by_door: bool = False
+    notes: tuple[str, ...] = ()
+    hollow: bool = False
+
+
+# Objects, with the assumptions made to find them.
+_Noted = tuple[tuple[str, ...], tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Grounding:
+    """Ground phrases in one scene.
+
+    Attributes:
+        around: The scene and its facts at this point of the query.
+        names: Names of its objects.
+    """
+
+    around: Surroundings
+    names: Names
+
+    @classmethod
+    def of(cls, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Self:
+        """Return the grounding for a scene at its start."""
+        entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
+        listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
+        around = replace(Surroundings.of(scene, listed), sizing=sizing)
+        return cls(around, Names.of(around, lexicon, entries))
+
+    def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
+        """Return the one object that a phrase names.
+
+        Args:
+            phrase: The words.
+            source: Place where the object has to stand, if it is named.
+
+        Raises:
+            Refusal: The scene has no such object, or more than one, or it stands elsewhere.
+        """
+        if phrase.several:
+            raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
+        phrase = self._of_one_name(phrase)
+        named = self._bearers(phrase)
+        if named.plural:
+            raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
+        ids, notes = self._narrowed(named.ids, phrase, source)
+        ids, more = self._on_side(ids, phrase)
+        if len(ids) > 1:
+            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+        return self._grounded(ids[0], named, phrase, (*more, *notes))
+
+    def every(self, phrase: NounPhrase, source: Location | None = None) -> tuple[Grounded, ...]:
+        """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
+
+        Args:
+            phrase: The words; not those for all items whatever they are called.
+            source: Place where the objects have to stand, if it is named.
+
+        Raises:
+            Refusal: The scene has none, or not as many as the phrase demands.
+        """
+        phrase = self._of_one_name(phrase)
+        named = self._bearers(phrase)
+        if not phrase.several and not named.plural:
+            return (self.one(phrase, source),)
+        ids, notes = self._narrowed(named.ids, phrase, source)
+        wanted = phrase.count
+        if wanted is not None and len(ids) > wanted:
+            problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+        if len(ids) < (wanted or (1 if phrase.several else 2)):
+            problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
+            raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
+        return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+        """Return the items that "everything" means, without those that stand in or on another item.
+
+        Args:
+            phrase: The words, with the place that they may name.
+            source: Place that they are taken from.
+            besides: Excluded objects, since the items go there.
+        """
+        scene = self.around.scene
+        own = {*besides, *(step.object_id for key in besides for step in self.around.chain(key))}
+        others = [key for key, thing in scene.objects.items() if thing.role == "B" and key not in own]
+        ids = tuple(key for key in others if not any(s.object_id in others for s in self.around.supports(key)))
+        notes: tuple[str, ...] = ()
+        for place in (phrase.location, source):
+            if place is not None and ids:
+                ids, more = self._held_by(ids, place)
+                notes += more
+        if not ids:
+            where = next((f" {place}" for place in (phrase.location, source) if place is not None), "")
+            raise Refusal("already-so", f"there is nothing{where} to move")
+        return tuple(Grounded(key, notes=notes) for key in ids)
+
+    def _held_by(self, ids: tuple[str, ...], place: Location) -> _Noted:
+        """Return the objects that stand directly at a place, not on something that stands there."""
+        if place.direction in REFERENCE_DIRECTIONS:
+            return self._at(ids, place)
+        named = self.one(place.phrase)
+        relation = _RELATION.get(place.direction)
+        held = tuple(
+            key
+            for key in ids
+            if any(s.object_id == named.object_id and relation in (None, s.relation) for s in self.around.supports(key))
+        )
+        return held, named.notes
+
+    def _grounded(self, object_id: str, named: Named, phrase: NounPhrase, more: tuple[str, ...]) -> Grounded:
+        notes = [*named.notes, *_on_trust(named.descriptions, (object_id,)), *more]
+        if named.passed_over:
+            others = alternatives(named.passed_over, ", ")
+            notes.append(f'"{named.name}" fits {object_id} best; {others} was passed over')
+        entry = self.names.entries[self.around.scene.objects[object_id].category]
+        by_surface = entry is not None and named.name in entry.surface_names
+        part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None
+        hollow = part is not None and part.affordances.interior
+        return Grounded(object_id, by_surface, named.by_door, tuple(notes), hollow)
+
+    def _of_one_name(self, phrase: NounPhrase) -> NounPhrase:
+        """Join "the bottle of medicine" to one name if an object is called so."""
+        owner = phrase.owner
+        if owner is None or owner.pronoun or owner.owner is not None:
+            return phrase
+        words = (*phrase.words, "of", *owner.words)
+        if not self.names.described(words).ids:
+            return phrase
+        return replace(phrase, words=words, owner=None, location=owner.location, door=False)
+
+    def _bearers(self, phrase: NounPhrase) -> Named:
+        if phrase.pronoun:
+            raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
+        if phrase.owner is not None:
+            return self._owned(phrase, phrase.owner)
+        named = self.names.described(phrase.words)
+        if not named.ids and phrase.front is not None:
+            named = self.names.doors(phrase, phrase.front)
+        if named.ids:
+            return named
+        for singular in singulars(phrase.words[-1]):
+            named = self.names.described((*phrase.words[:-1], singular))
+            if named.ids:
+                return replace(named, plural=not phrase.one_of)
+        raise self.names.unknown(phrase, self.around)
+
+    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Location | None) -> _Noted:
+        ids = self._in_state(phrase, ids)
+        notes: tuple[str, ...] = ()
+        for place in (phrase.location, source):
+            if place is not None:
+                ids, more = self._at(ids, place)
+                notes += more
+        return ids, notes
+
+    def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
+        """Return the object meant by "the door of X" or "the countertop of X"."""
+        whole = self.one(owner)
+        words = " ".join(phrase.words)
+        if whole.object_id in self.names.by_name(words).ids:
+            return Named((whole.object_id,), words, notes=whole.notes)
+        return replace(self.names.door_of(whole.object_id, phrase), notes=whole.notes)
+
+    def _in_state(self, phrase: NounPhrase, ids: tuple[str, ...]) -> tuple[str, ...]:
+        for state in phrase.states:
+            fitting = tuple(key for key in ids if self.around.is_open(key) is (state == "open"))
+            if not fitting:
+                problem = f'no "{phrase}" of the scene is {state}'
+                raise Refusal("wrong-place", problem, scene=list(map(self.around.described, ids)))
+            ids = fitting
+        return ids
+
+    def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
+        phrase = self._of_one_name(place.phrase)
+        named = self._bearers(phrase)
+        supports, notes = self._narrowed(named.ids, phrase, None)
+        supports, more = self._on_side(supports, phrase)
+        notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
+        if place.direction in REFERENCE_DIRECTIONS:
+            fitting = _referenced(ids, place.direction, supports, self.around.scene)
+            if fitting:
+                return fitting, notes
+            problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
+            bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
+            raise Refusal("wrong-place", f"{problem}, seen from the robot's start", scene=bearings)
+        relation = _RELATION.get(place.direction)
+        fitting = tuple(
+            key
+            for key in ids
+            if any(s.object_id in supports and relation in (None, s.relation) for s in self.around.chain(key))
+        )
+        if fitting:
+            return fitting, notes
+        unstated = "at a place that the scene does not state"
+        stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
+        raise Refusal(
+            "wrong-place",
+            f"{alternatives(ids)} is not {'on or in' if relation is None else place.preposition} "
+            f"{alternatives(supports)}: {stands}",
+        )
+
+    def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
+        """Return the object on the side that the phrase names; a single object is assumed to be there."""
+        if phrase.side is None:
+            return ids, ()
+        if len(ids) == 1:
+            return ids, _on_trust((phrase.side,), ids)
+        return on_side(ids, phrase.side, self.around.scene), ()
+
+
+def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
+    things = alternatives(ids)
+    return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)
+
+
+def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
+    """Return the object furthest to a side, nearest or farthest; all candidates if they are too close to call.
+
+    Sides are from the robot's viewpoint at its start.
+    """
+    measure: Callable[[str], float] = {
+        "left": lambda key: -left_m(key, scene),
+        "right": lambda key: left_m(key, scene),
+        "nearest": lambda key: math.hypot(*_from_robot(key, scene)),
+        "farthest": lambda key: -math.hypot(*_from_robot(key, scene)),
+    }[side]
+    return _least(ids, measure)
+
+
+def _referenced(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
+    """Return the objects that stand in a prepositional relation to one of the others."""
+    pairs = [(key, other) for key in ids for other in others if key != other]
+    if direction == "CLOSEST":
+        gaps = {key: min(gap_m(first, other, scene) for first, other in pairs if first == key) for key, _ in pairs}
+        return _least(tuple(gaps), gaps.__getitem__)
+
+    def fits(key: str, other: str) -> bool:
+        if direction == "NEXT":
+            return gap_m(key, other, scene) <= NEIGHBOR_GAP_M
+        if direction == "UNDER":
+            return is_under(key, other, scene)
+        to_the_left_m = left_m(key, scene) - left_m(other, scene)
+        return to_the_left_m > MARGIN_M if direction == "LEFTOF" else -to_the_left_m > MARGIN_M
+
+    return tuple(dict.fromkeys(key for key, other in pairs if fits(key, other)))
+
+
+def left_m(object_id: str, scene: Scene) -> float:
+    """Return the distance of an object to the robot's left at the start [m]."""
+    dx, dy, yaw_rad = *_from_robot(object_id, scene), scene.robot.yaw_rad
+    return dy * math.cos(yaw_rad) - dx * math.sin(yaw_rad)
+
+
+def gap_m(first: str, second: str, scene: Scene) -> float:
+    """Return the gap between the axis-aligned footprints of two objects [m]."""
+    one, other = scene.objects[first], scene.objects[second]
+    halves = (_half_footprint_m(one), _half_footprint_m(other))
+    gaps = (
+        max(0.0, abs(one.position[axis] - other.position[axis]) - halves[0][axis] - halves[1][axis]) for axis in (0, 1)
+    )
+    return math.hypot(*gaps)
+
+
+def is_under(lower: str, upper: str, scene: Scene) -> bool:
+    """Decide whether an object is below another one.
+
+    The other's centre has to be within its footprint, and its top no higher than the other's bottom.
+    """
+    below, above = scene.objects[lower], scene.objects[upper]
+    half = _half_footprint_m(below)
+    within = all(abs(above.position[axis] - below.position[axis]) <= half[axis] for axis in (0, 1))
+    bottom, top = above.position[2] - above.height_m / 2, below.position[2] + below.height_m / 2
+    return within and top <= bottom + MARGIN_M
+
+
+def _half_footprint_m(thing: SceneObject) -> tuple[float, float]:
+    """Return the half extents, along x and y of the world, of the box around an object turned about z [m]."""
+    w, x, y, z = thing.orientation
+    cos, sin = abs(1.0 - 2.0 * (y * y + z * z)), abs(2.0 * (x * y + w * z))
+    along, across, _ = thing.extent_m
+    return (cos * along + sin * across) / 2, (sin * along + cos * across) / 2
+
+
+def _from_robot(object_id: str, scene: Scene) -> tuple[float, float]:
+    place, robot = scene.objects[object_id].position, scene.robot.position
+    return place[0] - robot[0], place[1] - robot[1]
+
+
+def _least(ids: Sequence[str], measure: Callable[[str], float]) -> tuple[str, ...]:
+    """Return the object of the least measure together with all that are too close to it.
+
+    Close candidates stay undecided, so that the query is refused as ambiguous rather than guessed.
+    """
+    least = min(map(measure, ids), default=0.0)
+    return tuple(key for key in ids if measure(key) <= least + MARGIN_M)

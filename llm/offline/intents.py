@@ -1,0 +1,433 @@
+"""Intents and refusals of the offline planner, and the scene state that they are evaluated in.
+
+An intent is a wish about a single object, in the order of the query. `Surroundings` holds affordances, supports,
+open doors and what the hand holds.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from itertools import groupby
+from typing import Literal, get_args
+
+import bddl
+from llm.errors import RefusalCode
+from oag import Scene, SceneObject
+from oag.model.symbols import GRIPPER
+from oag.sizes import TO_THE_AIM, Sizing
+
+Relation = Literal["inside", "ontop"]
+RELATIONS: tuple[Relation, ...] = get_args(Relation)
+PREPOSITION: dict[Relation, str] = {"inside": "into", "ontop": "onto"}
+_MOST_NAMED = 6
+
+
+class IntentKind(Enum):
+    """Kinds of intents that a simple or compound task of the library can fulfil."""
+
+    OPEN = "open"
+    CLOSE = "close"
+    PICK = "pick up"
+    PLACE = "put"
+
+    @property
+    def is_about_a_door(self) -> bool:
+        """True for opening and closing, which move a door and no item."""
+        return self in (IntentKind.OPEN, IntentKind.CLOSE)
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """One intent about one object.
+
+    Attributes:
+        kind: The action.
+        target: Id of the object.
+        relation: For PLACE, the wanted relation of the target to the destination; else None.
+        destination: For PLACE, the id of the destination; else None.
+    """
+
+    kind: IntentKind
+    target: str
+    relation: Relation | None = None
+    destination: str | None = None
+
+    def __str__(self) -> str:
+        return _clause((self,))
+
+    @property
+    def outcome(self) -> str:
+        """State after the intent is fulfilled, in words such as "glass_0 is in the hand"."""
+        if self.kind.is_about_a_door:
+            return f"{self.target} is {'open' if self.kind is IntentKind.OPEN else 'closed'}"
+        if self.destination is None:
+            return f"{self.target} is in the hand"
+        return f"{self.target} is {'in' if self.relation == 'inside' else 'on'} {self.destination}"
+
+    @property
+    def wish(self) -> bddl.Formula:
+        """Literal that the intent makes true, without side conditions."""
+        if self.kind.is_about_a_door:
+            is_open = bddl.Atom("open", (self.target,))
+            return is_open if self.kind is IntentKind.OPEN else bddl.Not(is_open)
+        if self.relation is None or self.destination is None:
+            return bddl.Atom("inside", (self.target, "gripper"))
+        return bddl.Atom(self.relation, (self.target, self.destination))
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Intents in order; a command about several objects is one intent for each of them.
+
+    Attributes:
+        intents: At least one.
+    """
+
+    intents: tuple[Intent, ...]
+
+    @classmethod
+    def of(cls, wish: Intent | Request) -> Request:
+        """Return an intent as a request; a request is returned unchanged."""
+        return wish if isinstance(wish, Request) else cls((wish,))
+
+    def __str__(self) -> str:
+        """Return the sentence that asks for it, every object by its id; the offline planner reads it back."""
+        return ", then ".join(_clause(group) for group in self.groups())
+
+    def groups(self) -> tuple[tuple[Intent, ...], ...]:
+        """Group neighbouring intents that differ in their target only."""
+        alike = groupby(self.intents, key=lambda intent: (intent.kind, intent.relation, intent.destination))
+        return tuple(tuple(group) for _, group in alike)
+
+
+def merge_repeated(intents: Iterable[Intent]) -> Request:
+    """Return the request without repetitions among neighbouring intents of one kind and place."""
+    groups = Request(tuple(intents)).groups()
+    return Request(tuple(intent for group in groups for intent in dict.fromkeys(group)))
+
+
+def _clause(group: tuple[Intent, ...]) -> str:
+    """Return one intent with all its targets as a clause."""
+    first = group[0]
+    text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
+    if first.relation is None or first.destination is None:
+        return text
+    return f"{text} {PREPOSITION[first.relation]} {first.destination}"
+
+
+def enumeration(names: Iterable[str]) -> str:
+    """Return names as a sentence lists them: "a", "a and b", "a, b and c"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def alternatives(ids: Iterable[str], link: str = " or ") -> str:
+    """Join ids or phrases; of many, the first ones and the number of the others."""
+    named = tuple(ids)
+    if len(named) > _MOST_NAMED:
+        named = (*named[: _MOST_NAMED - 1], f"{len(named) - _MOST_NAMED + 1} more")
+    return link.join(named)
+
+
+def order_for_one_hand(request: Request) -> Request:
+    """Reorder a request so that one hand can follow it, if the final state stays the same.
+
+    "Pick up the glass, open the refrigerator, put the glass into it" cannot be followed literally: the hand that
+    holds the glass is not free for the handle. A pick that is followed by a placing of the same object is part of
+    that placing. Doors opened between the two are opened before, doors closed between them are closed after.
+    """
+    intents = list(request.intents)
+    index = 0
+    while index < len(intents):
+        stop = _placing_of(intents, index)
+        if stop is None:
+            index += 1
+            continue
+        between = intents[index + 1 : stop]
+        opened = [intent for intent in between if intent.kind is IntentKind.OPEN]
+        closed = [intent for intent in between if intent.kind is IntentKind.CLOSE]
+        # Other objects picked up in between are placed in turn; a second pick of this one is a repetition.
+        picked = [i for i in between if i.kind is IntentKind.PICK and i.target != intents[index].target]
+        intents[index : stop + 1] = [*opened, intents[stop], *closed, *picked]
+    return merge_repeated(intents)
+
+
+def carries_past_doors(request: Request) -> bool:
+    """Decide whether a request, followed literally, moves a door while the hand carries something."""
+    intents = list(request.intents)
+    stops = ((index, _placing_of(intents, index)) for index in range(len(intents)))
+    return any(
+        stop is not None and any(intent.kind.is_about_a_door for intent in intents[index:stop]) for index, stop in stops
+    )
+
+
+def _placing_of(intents: list[Intent], index: int) -> int | None:
+    pick = intents[index]
+    if pick.kind is not IntentKind.PICK:
+        return None
+    doors: set[str] = set()
+    for later in range(index + 1, len(intents)):
+        intent = intents[later]
+        if intent.kind is IntentKind.PLACE and intent.target == pick.target:
+            return later
+        if intent.kind is IntentKind.PLACE or intent.target in doors:
+            return None
+        if intent.kind.is_about_a_door:
+            doors.add(intent.target)
+    return None
+
+
+class Refusal(Exception):
+    """Obstacle of one reading; `understand` converts the most informative one into a QueryError.
+
+    Attributes:
+        code: Kind of refusal.
+        problem: The obstacle.
+        understood: The understood part, or empty for the reading's own words.
+        scene: Descriptions of relevant objects.
+        instead: Intents that may have been meant; some of them may be infeasible too.
+        in_vain: Whether the reading lacks a verb or a place, so that it could not have become a plan.
+    """
+
+    def __init__(
+        self,
+        code: RefusalCode,
+        problem: str,
+        *,
+        understood: str = "",
+        scene: Sequence[str] = (),
+        instead: Sequence[Intent | Request] = (),
+    ) -> None:
+        super().__init__(problem)
+        self.code: RefusalCode = code
+        self.problem = problem
+        self.understood = understood
+        self.scene = tuple(scene)
+        self.instead: tuple[Intent | Request, ...] = tuple(instead)
+        self.in_vain = False
+
+    @property
+    def progress(self) -> tuple[bool, int]:
+        """How far the reading got; larger values are more informative."""
+        return not self.in_vain, get_args(RefusalCode).index(self.code)
+
+    @property
+    def leaves_choice(self) -> bool:
+        """Whether the reading could still be the intended one, so that no other may replace it."""
+        return self.code.startswith("ambiguous") and not self.in_vain
+
+
+# Kinds of closures of an opening.
+Front = Literal["door", "drawer"]
+FRONTS: tuple[Front, ...] = get_args(Front)
+
+
+@dataclass(frozen=True, slots=True)
+class Affordances:
+    """What can be done with an object.
+
+    Attributes:
+        interior: Things can be put inside.
+        surface: Things can be put on top.
+        door: It can be opened and closed.
+        fronts: Doors or drawers, as far as known; empty otherwise.
+    """
+
+    interior: bool = False
+    surface: bool = False
+    door: bool = False
+    fronts: frozenset[Front] = frozenset()
+
+    def opens_by(self, front: Front) -> bool:
+        """Decide whether opening the object can be called opening a door, or a drawer.
+
+        A plan opens an object as a whole. An object with both is opened by its doors, which close its larger
+        compartments; one that is not known to have a drawer has none.
+        """
+        return self.door and (self.fronts == {"drawer"}) is (front == "drawer")
+
+
+def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:
+    """Return an object's affordances: those of its category, and those that the scene's facts imply.
+
+    Args:
+        thing: The object.
+        listed: Affordances of its category in a lexicon, or None without an entry. Then a fixture (type A) counts as
+            one with a door and an item (type B) as neither container nor support.
+        facts: Stated atoms. An object with something inside has an interior, whatever its category. A fixture that
+            is stated to be open or not has one behind its door, such as a nightstand with a drawer.
+
+    Returns:
+        The affordances. Doors and drawers are known from the lexicon, and from the words of the category and of the
+            model, such as `cabinet_two_doors`.
+    """
+    is_fixture = thing.role == "A"
+    base = listed or Affordances(interior=is_fixture, door=is_fixture)
+    stated = ((atom, value) for atom, value in facts.items() if atom.args[-1] == thing.id)
+    shown = {atom.predicate for atom, value in stated if value or atom.predicate == "open"}
+    return Affordances(
+        interior=base.interior or "inside" in shown or ("open" in shown and is_fixture),
+        surface=base.surface or "ontop" in shown,
+        door=base.door or "open" in shown,
+        fronts=base.fronts | fronts_in(thing.category) | fronts_in(thing.model.rsplit("/", 1)[-1]),
+    )
+
+
+def fronts_in(name: str) -> frozenset[Front]:
+    """Return the doors and drawers that a category's or model's name mentions."""
+    words = set(re.split(r"[^a-z]+", name.lower()))
+    return frozenset(front for front in FRONTS if words & {front, f"{front}s"})
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """Support or container of an object: `relation` to `object_id` (which may be the gripper)."""
+
+    relation: Relation
+    object_id: str
+
+    def __str__(self) -> str:
+        return f"{'in' if self.relation == 'inside' else 'on'} {self.object_id}"
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """State of a scene, for queries during planning.
+
+    Attributes:
+        scene: The scene.
+        known: Every stated atom with its value.
+        affordances: Affordances of each object, by id.
+        standing: Known supports of each object, containers first; stored by object because they are queried often.
+        sizing: Rule for sizes.
+    """
+
+    scene: Scene
+    known: Mapping[bddl.Atom, bool]
+    affordances: Mapping[str, Affordances]
+    standing: Mapping[str, tuple[Support, ...]] = field(repr=False)
+    sizing: Sizing = TO_THE_AIM
+
+    @classmethod
+    def of(cls, scene: Scene, listed: Mapping[str, Affordances]) -> Surroundings:
+        """Return the state of a scene from its facts; `listed` has the known affordances of categories."""
+        stated = (bddl.literals(fact) or () for fact in scene.facts)
+        known = {literal.atom: literal.value for literals in stated for literal in literals}
+        can = {key: affordances(thing, listed.get(thing.category), known) for key, thing in scene.objects.items()}
+        return cls(scene, known, can, _standing(known))
+
+    def value(self, atom: bddl.Atom) -> bool | None:
+        """Evaluate an atom at the start: True, False, or None if the scene does not state it.
+
+        Source: open world, except for the predicates that the scene declares closed.
+        """
+        known = self.known.get(atom)
+        return False if known is None and atom.predicate in self.scene.closed else known
+
+    def is_open(self, object_id: str) -> bool | None:
+        """Decide whether an object is open at the start; None where the scene does not say."""
+        return self.value(bddl.Atom("open", (object_id,)))
+
+    def supports(self, object_id: str) -> tuple[Support, ...]:
+        """Return the stated supports of an object, containers first."""
+        return self.standing.get(object_id, ())
+
+    def support(self, object_id: str) -> Support | None:
+        """Return the nearest support of an object; None if the scene does not state one."""
+        return next(iter(self.supports(object_id)), None)
+
+    def chain(self, object_id: str) -> tuple[Support, ...]:
+        """Return the object's support, the support of that, and so on outwards."""
+        found: list[Support] = []
+        visited = {object_id}
+        step = self.support(object_id)
+        while step is not None and step.object_id not in visited:
+            found.append(step)
+            visited.add(step.object_id)
+            step = self.support(step.object_id)
+        return tuple(found)
+
+    def is_shut(self, object_id: str) -> bool:
+        """Decide whether an object has a door that is not known to be open.
+
+        A container whose door state is not stated counts as closed: opening it is then part of the plan, and
+        `verify` lists the assumption.
+        """
+        return object_id in self.affordances and self.affordances[object_id].door and not self.is_open(object_id)
+
+    def doors_in_the_way(self, intent: Intent) -> tuple[str, ...]:
+        """Return the closed containers to open before an item can be taken or placed as wanted.
+
+        They are in the order of opening: outer containers come first, and those around the item come before those
+        around its destination. There are none for opening and closing.
+        """
+        if intent.kind.is_about_a_door:
+            return ()
+        around = [self.chain(intent.target), () if intent.destination is None else self.chain(intent.destination)]
+        doors = [step.object_id for chain in around for step in reversed(chain) if step.relation == "inside"]
+        if intent.destination is not None and intent.relation == "inside":
+            doors.append(intent.destination)
+        return tuple(dict.fromkeys(filter(self.is_shut, doors)))
+
+    def fulfils(self, intent: Intent) -> bool:
+        """Decide whether an intent is known to be fulfilled."""
+        return all(self.value(literal.atom) is literal.value for literal in bddl.literals(intent.wish) or ())
+
+    def after(self, intent: Intent) -> Surroundings:
+        """Return the state after an intent is fulfilled; doors on its way keep their state.
+
+        Objects in or on the target move along with it.
+        """
+        if intent.kind.is_about_a_door:
+            return self.with_doors((intent.target,), intent.kind is IntentKind.OPEN)
+        known = dict(self.known)
+        for support in self.supports(intent.target):
+            known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False
+        wish = {literal.atom: literal.value for literal in bddl.literals(intent.wish) or ()}
+        return replace(self, known=known | wish, standing={**self.standing, **_standing(wish)})
+
+    def with_doors(self, doors: Iterable[str], is_open: bool) -> Surroundings:
+        """Return the state with some doors opened or closed."""
+        return replace(self, known={**self.known, **{bddl.Atom("open", (door,)): is_open for door in doors}})
+
+    def held(self) -> tuple[str, ...]:
+        """Return the ids of held objects."""
+        return self.cargo(GRIPPER)
+
+    def cargo(self, object_id: str) -> tuple[str, ...]:
+        """Return the objects in or on an object, which move along with it."""
+        return tuple(key for key in self.scene.objects if any(s.object_id == object_id for s in self.supports(key)))
+
+    def described(self, object_id: str) -> str:
+        """Describe an object with category, place and state, such as "glass_0 (water_glass) on table_0"."""
+        category = self.scene.objects[object_id].category
+        text = object_id if object_id.rsplit("_", 1)[0] == category else f"{object_id} ({category})"
+        support = self.support(object_id)
+        if support is not None:
+            text += f" {support}"
+        state = self.known.get(bddl.Atom("open", (object_id,)))
+        return text if state is None else f"{text}, {'open' if state else 'closed'}"
+
+    def bearing(self, object_id: str) -> str:
+        """Describe an object's position from the robot's start, such as "1.2 m ahead of the robot, on its left"."""
+        robot, place = self.scene.robot, self.scene.objects[object_id].position
+        dx, dy = place[0] - robot.position[0], place[1] - robot.position[1]
+        angle = math.atan2(dy, dx) - robot.yaw_rad
+        forward, left = math.cos(angle), math.sin(angle)
+        main = "ahead of" if forward > 0 else "behind"
+        side = "" if abs(left) < 0.26 else f", on its {'left' if left > 0 else 'right'}"  # 15 degrees
+        return f"{math.hypot(dx, dy):.1f} m {main} the robot{side}"
+
+
+def _standing(known: Mapping[bddl.Atom, bool]) -> dict[str, tuple[Support, ...]]:
+    """Return the known supports of each object, containers first."""
+    found: dict[str, tuple[Support, ...]] = {}
+    for relation in RELATIONS:
+        for atom, value in known.items():
+            if value and atom.predicate == relation:
+                found[atom.args[0]] = (*found.get(atom.args[0], ()), Support(relation, atom.args[1]))
+    return found

@@ -1,0 +1,437 @@
+"""Interpret a reading: resolve pronouns ("it", "them", "there") and turn its commands into intents, in order.
+
+A pronoun refers to objects that earlier commands of the same query mention. Each command is interpreted in the
+state after those before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+from llm.offline.grounding import Grounded, Grounding
+from llm.offline.intents import (
+    RELATIONS,
+    Front,
+    Intent,
+    IntentKind,
+    Refusal,
+    Relation,
+    Request,
+    Surroundings,
+    alternatives,
+    carries_past_doors,
+    enumeration,
+    merge_repeated,
+    order_for_one_hand,
+)
+from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Location, NounPhrase, Reading
+from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_hand
+
+
+@dataclass(frozen=True, slots=True)
+class Mention:
+    """Objects mentioned by one command.
+
+    Attributes:
+        intents: One intent for each object.
+        source: Where the objects are to be taken from, or None.
+        as_one: Whether one word named several objects, so that "it" can mean them.
+    """
+
+    intents: tuple[Intent, ...]
+    source: str | None = None
+    as_one: bool = False
+
+    @property
+    def themes(self) -> tuple[str, ...]:
+        """Objects that are acted on."""
+        return tuple(dict.fromkeys(intent.target for intent in self.intents))
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Destinations, and the source."""
+        named = (*(intent.destination for intent in self.intents), self.source)
+        return tuple(dict.fromkeys(key for key in named if key is not None))
+
+
+@dataclass(slots=True)
+class Discourse:
+    """Mentions of a query so far, the latest last.
+
+    Attributes:
+        around: The scene, to know what can be lifted, opened, and placed.
+        mentions: The mentions.
+    """
+
+    around: Surroundings
+    mentions: list[Mention] = field(default_factory=list)
+
+    def item(self, phrase: NounPhrase) -> tuple[str, ...]:
+        """Resolve a pronoun that names a moved item: what the latest command about items moved.
+
+        Raises:
+            Refusal: Nothing was moved before, or the pronoun is ambiguous.
+        """
+        for index in range(len(self.mentions) - 1, -1, -1):
+            mention = self.mentions[index]
+            themes = tuple(filter(self._is_item, mention.themes))
+            if not themes:
+                continue
+            if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
+                themes = self._picked_in_a_row(index)
+            elif phrase.pronoun == "it" and not mention.as_one:
+                # In "put the apple into the bowl and put it ..." either of them can be meant.
+                moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
+                themes += tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
+            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
+        raise self._unclear(phrase)
+
+    def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:
+        """Resolve a pronoun that names something to open or close.
+
+        Args:
+            phrase: The pronoun.
+            front: Restrict to doors or to drawers; None for any.
+        """
+
+        def fits(key: str) -> bool:
+            can = self.around.affordances[key]
+            return can.door if front is None else can.opens_by(front)
+
+        return self.latest(phrase, fits)
+
+    def latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
+        """Resolve a pronoun to the fitting objects of the last command, or else to those of all before it.
+
+        "Them" refers to the latest command about several objects.
+        """
+        if phrase.pronoun == "them":
+            sets = (tuple(filter(fits, mention.themes)) for mention in reversed(self.mentions))
+            return self._agreed(phrase, next((ids for ids in sets if len(ids) > 1), ()))
+        spoken = [dict.fromkeys((*mention.themes, *mention.places)) for mention in self.mentions]
+        before = {key: None for named in spoken[:-1] for key in named}
+        for named in (*spoken[-1:], before):
+            fitting = tuple(key for key in named if fits(key))
+            if fitting:
+                return self._agreed(phrase, fitting)
+        raise self._unclear(phrase)
+
+    def _picked_in_a_row(self, last: int) -> tuple[str, ...]:
+        """Return the objects of consecutive pick commands up to one of them."""
+        first = last
+        while first > 0 and all(intent.kind is IntentKind.PICK for intent in self.mentions[first - 1].intents):
+            first -= 1
+        return tuple(dict.fromkeys(key for mention in self.mentions[first : last + 1] for key in mention.themes))
+
+    def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
+        """Return the objects if their number agrees with the pronoun."""
+        if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
+            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+        if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):
+            problem = f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of '
+            raise Refusal("several-objects", problem + (" and ".join(ids) or "none"))
+        return ids
+
+    def _is_item(self, object_id: str) -> bool:
+        return self.around.scene.objects[object_id].role == "B"
+
+    def _unclear(self, phrase: NounPhrase) -> Refusal:
+        return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
+
+
+_KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
+
+
+def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Return the request of one reading, in an order for one hand, and the assumptions.
+
+    Raises:
+        Refusal: A command names nothing or too much, or is infeasible in its turn.
+    """
+    wishes = _IntentBuilder(grounding, Discourse(grounding.around))
+    for command, following in zip(reading, (*reading[1:], None), strict=True):
+        wishes.add(command, following)
+    if not wishes.intents:
+        raise Refusal("not-understood", "it does not say what to do there")
+    asked = merge_repeated(wishes.intents)
+    request = order_for_one_hand(asked)
+    try:
+        idle = check_all(request, grounding.around)
+    except Refusal as refusal:
+        if refusal.code == "hand-full":
+            refusal.instead = (*refusal.instead, *with_a_free_hand(request, grounding.around))
+        raise
+    notes = [*wishes.notes, *(f"{intent.outcome} already; nothing is done for it" for intent in idle)]
+    if carries_past_doors(asked):
+        notes.append("the hand has to be free for a handle, so nothing is carried while a door is opened or closed")
+    return request, tuple(dict.fromkeys(notes))
+
+
+def no_action(near: Sequence[str] = ()) -> Refusal:
+    """Return the refusal of a query without an action of the library."""
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    return Refusal(
+        "unknown-action",
+        "it names no action of the library, which opens and closes things, picks them up, "
+        f"and puts them into or onto others{meant}",
+    )
+
+
+@dataclass(slots=True)
+class _IntentBuilder:
+    """Intents so far; the state after them determines the meaning of the next words."""
+
+    grounding: Grounding
+    discourse: Discourse
+    intents: list[Intent] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    reached: str | None = None
+
+    def add(self, command: Command, following: Command | None) -> None:
+        """Append the intents of the next command; the one after it may state where things go."""
+        if command.kind == "goto":
+            reached = self.grounding.one(command.objects[0])
+            self.notes += reached.notes
+            self.reached = reached.object_id
+            mention = Mention((), self.reached)
+            if following is None or following.kind == "goto":
+                raise self._only_gone()
+        elif command.kind == "clear":
+            mention = self._clear(command)
+        else:
+            placed = following is not None and any(phrase.pronoun for phrase in following.objects)
+            mention = self._wished(command, placed)
+        if command.kind != "goto" and self.reached is not None:
+            if not any(self._is_there(intent, self.reached) for intent in mention.intents):
+                raise self._only_gone()
+            self.reached = None
+        self.intents += mention.intents
+        self.discourse.mentions.append(mention)
+        state = self.grounding.around
+        for intent in mention.intents:
+            state = state.after(intent)
+        self.grounding = replace(self.grounding, around=state)
+
+    def _is_there(self, intent: Intent, place: str) -> bool:
+        """Decide whether an intent is fulfilled at a place: about it, or about an object there."""
+        stands = (step.object_id for step in self.grounding.around.chain(intent.target))
+        return place in (intent.target, intent.destination, *stands)
+
+    def _only_gone(self) -> Refusal:
+        problem = f"it does not say what to do at {self.reached}"
+        return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
+
+    def _wished(self, command: Command, placed: bool) -> Mention:
+        """Return the intents of a command.
+
+        Args:
+            command: The command.
+            placed: Whether the next command places the objects.
+        """
+        source = self._source(command)
+        targets, place = self._ends(command, source)
+        for grounded in (*targets, *(() if place is None else (place,))):
+            if grounded.by_door and command.kind not in ("open", "close") and not self._goes_in(command, grounded):
+                raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
+            if grounded.by_surface and command.kind in ("open", "close"):
+                raise Refusal("affordance", f"the top of {grounded.object_id} has no door to open or close")
+        ids = [grounded.object_id for grounded in targets]
+        if command.kind == "bare":
+            raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
+        if command.kind == "nowhere":
+            for key in ids:
+                check_item(key, self.grounding.around)
+            places = places_for(ids, self.grounding.around)
+            raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
+        self.notes += [note for grounded in targets for note in grounded.notes]
+        as_one = any(phrase.everything for phrase in command.objects)
+        origin = self._origin(source)
+        held_at = source or command.objects[0].location
+        if command.kind == "pick" and as_one and held_at is not None and not placed:
+            return Mention(self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True)
+        if command.destination is None or place is None:
+            return Mention(tuple(Intent(_KINDS[command.kind], key) for key in ids), origin, as_one)
+        self.notes += place.notes
+        relation = self._relation(command.destination, ids, place)
+        return Mention(_placings(ids, relation, place.object_id), origin, as_one)
+
+    def _goes_in(self, command: Command, grounded: Grounded) -> bool:
+        """Decide whether the destination is a hollow part: a drawer, but not a door."""
+        place = command.destination
+        if place is None or place.direction not in ("INTO", "IN") or not grounded.hollow:
+            return False
+        return self.grounding.around.affordances[grounded.object_id].interior
+
+    def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
+        if command.destination is None:
+            return self._targets(command, source, ()), None
+        if command.destination.phrase.pronoun and not any(phrase.everything for phrase in command.objects):
+            targets = self._targets(command, source, ())
+            return targets, self._destination(command.destination, [grounded.object_id for grounded in targets])
+        # The destination is grounded first: its refusal is the less informative one if both fail.
+        place = self._destination(command.destination)
+        try:
+            return self._targets(command, source, (place.object_id,)), place
+        except Refusal as refusal:
+            if refusal.leaves_choice:
+                self._check_direction(command.destination, list(map(str, command.objects)), place)
+            raise
+
+    def _targets(self, command: Command, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+        found: list[Grounded] = []
+        for phrase in command.objects:
+            try:
+                meant = self._target(command, phrase, source, besides)
+                if command.kind == "open" and phrase.front is not None:
+                    self._check_front(phrase, meant)
+                found += meant
+            except Refusal as refusal:
+                if (command.kind == "bare" or command.verbless) and refusal.code == "unknown-object":
+                    raise no_action() from None
+                raise
+        return tuple({grounded.object_id: grounded for grounded in found}.values())
+
+    def _target(
+        self, command: Command, phrase: NounPhrase, source: Location | None, besides: Sequence[str]
+    ) -> tuple[Grounded, ...]:
+        is_door = command.kind in ("open", "close")
+        if phrase.pronoun:
+            meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
+            return tuple(Grounded(key) for key in meant)
+        if is_door and phrase.is_only_a_door:
+            spoken = self._door_spoken_of(phrase)
+            if spoken:
+                return spoken
+        if is_door and (phrase.everything or phrase.several) and phrase.location is None:
+            if phrase.several and not phrase.everything:
+                return self.grounding.every(phrase)
+            return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
+        if phrase.everything:
+            return self.grounding.items(phrase, source, besides)
+        return self.grounding.every(phrase, source)
+
+    def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
+        """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
+        if not all(grounded.by_door for grounded in meant):
+            return
+        key = meant[0].object_id
+        if phrase.several and len(meant) == 1:
+            problem = f'"{phrase}" speaks of all there are, and a plan that opens {key} opens one'
+            raise Refusal("several-objects", problem, instead=(Intent(IntentKind.OPEN, key),))
+        if len(meant) > 1 or phrase.words[-1].endswith("s"):
+            self.notes.append(f"opening a thing opens one {phrase.front} of it, whichever serves")
+
+    def _door_spoken_of(self, phrase: NounPhrase) -> tuple[Grounded, ...]:
+        """Return the owner of "the door": the object that "it" would mean; none if that is not one object."""
+        try:
+            ids = self.discourse.door(NounPhrase(("it",), pronoun="it"), phrase.front)
+            return tuple(Grounded(key, by_door=True) for key in ids)
+        except Refusal:
+            return ()
+
+    def _source(self, command: Command) -> Location | None:
+        """Return the source of the objects, with a pronoun resolved."""
+        source = command.source
+        if source is None or not source.phrase.pronoun:
+            return source
+        return replace(source, phrase=NounPhrase((self._holder_spoken_of(source.phrase),)))
+
+    def _origin(self, source: Location | None) -> str | None:
+        try:
+            return None if source is None else self.grounding.one(source.phrase).object_id
+        except Refusal:
+            return None
+
+    def _spoken_of(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> str:
+        """Resolve a pronoun for a place to one object."""
+        ids = self.discourse.latest(phrase, fits)
+        if len(ids) > 1:
+            raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
+        return ids[0]
+
+    def _holder_spoken_of(self, phrase: NounPhrase) -> str:
+        return self._spoken_of(phrase, lambda key: bool(self.grounding.around.cargo(key)))
+
+    def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
+        """Return the object of a place; a pronoun means none of the targets."""
+        if not place.phrase.pronoun:
+            return self.grounding.one(place.phrase)
+        affordances = self.grounding.around.affordances
+
+        def fits(key: str) -> bool:
+            can = affordances[key]
+            wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": can.surface, "ON": can.surface}
+            return key not in targets and wanted.get(place.direction, can.interior or can.surface)
+
+        if not self.discourse.mentions and place.phrase.words == ("there",):
+            raise Refusal("missing-place", "it does not say where to")
+        return Grounded(self._spoken_of(place.phrase, fits))
+
+    def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
+        """Decide whether the preposition means inside or on top; "to" means what the destination affords."""
+        where = destination.object_id
+        both = [Request(_placings(targets, relation, where)) for relation in RELATIONS]
+        self._check_direction(place, targets, destination)
+        if place.direction in ("INTO", "IN"):
+            if destination.by_surface:
+                problem = f'"{place.phrase}" names the top of {where}, which has no interior'
+                raise Refusal("affordance", problem, instead=both)
+            return "inside"
+        can = self.grounding.around.affordances[where]
+        if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
+            return "ontop"
+        if can.interior and can.surface:
+            problem = f'"{place.preposition} {where}" can mean inside it or on top of it'
+            raise Refusal("ambiguous-relation", problem, instead=both)
+        if not can.interior and not can.surface:
+            raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
+        return "inside" if can.interior else "ontop"
+
+    def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
+        """Raise the refusal of a preposition that only distinguishes objects."""
+        if place.direction in REFERENCE_DIRECTIONS:
+            raise Refusal(
+                "unsupported-relation",
+                f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
+                f'"{place.preposition}" {destination.object_id}',
+            )
+
+    def _clear(self, command: Command) -> Mention:
+        phrase = command.objects[0]
+        if phrase.pronoun:
+            cleared = Grounded(self._holder_spoken_of(phrase))
+        elif phrase.everything and phrase.location is not None:
+            cleared = self.grounding.one(phrase.location.phrase)
+        else:
+            cleared = self.grounding.one(phrase)
+        can = self.grounding.around.affordances[cleared.object_id]
+        if not can.interior and not can.surface:
+            raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
+        place = None if command.destination is None else self._destination(command.destination)
+        source = Location("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
+        held = self.grounding.items(NounPhrase(("everything",)), source, () if place is None else (place.object_id,))
+        ids = [grounded.object_id for grounded in held]
+        self.notes += cleared.notes
+        if command.destination is None or place is None:
+            return Mention(self._anywhere(ids, cleared), cleared.object_id, True)
+        self.notes += place.notes
+        relation = self._relation(command.destination, ids, place)
+        return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
+
+    def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> tuple[Intent, ...]:
+        """Return the intents that put objects at the only other place for them."""
+        around = self.grounding.around
+        choices = places_for(ids, around, besides=(cleared.object_id,))
+        if len(choices) != 1:
+            problem = f"it does not say where to put {enumeration(ids)}"
+            problem += ", and several places can take them" if choices else ", and no other place can take them"
+            raise Refusal("missing-place", problem, instead=choices)
+        intents = choices[0].intents
+        self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
+        return intents
+
+
+def _placings(ids: Sequence[str], relation: Relation, place: str) -> tuple[Intent, ...]:
+    return tuple(Intent(IntentKind.PLACE, key, relation, place) for key in ids)

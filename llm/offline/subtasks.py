@@ -1,0 +1,431 @@
+"""Feasibility of intents in a scene, and their decomposition into simple tasks with formulas, scales and flows.
+
+An intent is feasible if the objects afford it, one hand can do it, and it is not fulfilled yet. Feasible intents
+are also what a refusal suggests instead. Modules 2 to 5 without a model, and the task goal G, follow.
+
+Source: the paper's Subtask Decomposition and BDDL Generation, with the table of initial and goal states for T1
+to T4. The task goal G is a departure (docs/proposition.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import bddl
+from llm.errors import QueryError
+from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
+from oag import Action, ActionFlow, Primitive, Scene, flows
+from oag.model.symbols import GRIPPER
+from oag.sizes import Gripper, Sizing, graspable_items
+
+MOST_NAMED = 12
+MOST_OTHERS = 24
+# Room that two fingers need together around an object that they lower into a vessel.
+FINGER_ROOM_M = 0.04
+
+
+def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
+    """Check the intents in their order; return those that are fulfilled already, for which nothing is done.
+
+    Closing a door that an earlier intent opens on its way is not among them: it states what happens anyway.
+
+    Raises:
+        Refusal: One of the intents is infeasible in its turn, or all are fulfilled already.
+    """
+    for intent in request.intents:
+        if not intent.kind.is_about_a_door:
+            check_item(intent.target, around)
+    state = around
+    idle: list[Intent] = []
+    needless: list[Refusal] = []
+    on_the_way: set[str] = set()
+    for intent in request.intents:
+        try:
+            check(intent, state)
+        except Refusal as refusal:
+            if refusal.code != "already-so":
+                raise
+            needless.append(refusal)
+            if intent.target not in on_the_way:
+                idle.append(intent)
+        else:
+            doors = state.doors_in_the_way(intent)
+            on_the_way.update(doors)
+            if intent.kind is IntentKind.PICK:
+                # The hand that holds the thing cannot close them again.
+                state = state.with_doors(doors, True)
+        state = state.after(intent)
+    if len(needless) == len(request.intents):
+        raise needless[0]
+    return tuple(idle)
+
+
+def check(intent: Intent, around: Surroundings) -> None:
+    """Raise the Refusal of an intent that no plan of the library can fulfil, or that is fulfilled."""
+    target = intent.target
+    if not intent.kind.is_about_a_door:
+        check_item(target, around)
+        _check_standing(target, around)
+        if intent.kind is IntentKind.PLACE:
+            _check_destination(intent, around)
+        _check_reachable(intent, around)
+        return
+    if not around.affordances[target].door:
+        raise _lacks(target, "no door to open or close", around)
+    if around.is_open(target) is (intent.kind is IntentKind.OPEN):
+        raise _so_already(intent)
+    _check_free_hand(around, f"to {intent.kind.value} {target}")
+
+
+def check_item(target: str, around: Surroundings) -> None:
+    """Raise the Refusal of lifting an object that is no item."""
+    objects = around.scene.objects
+    if objects[target].role == "A":
+        items = [around.described(key) for key, thing in objects.items() if thing.role == "B"]
+        raise Refusal("affordance", f"{target} is a fixture (type A); the robot lifts items only", scene=items)
+
+
+def _check_standing(target: str, around: Surroundings) -> None:
+    support = around.support(target)
+    if support is None:
+        problem = f"the scene does not state what {target} stands on; add a fact such as (ontop {target} table_0)"
+        raise Refusal("unknown-place", problem)
+    if support.object_id != GRIPPER and support.object_id not in around.scene.objects:
+        raise Refusal("unknown-place", f"{target} is {support}, which is no object of the scene to plan with")
+
+
+def _check_destination(intent: Intent, around: Surroundings) -> None:
+    """Raise the Refusal of a destination that cannot take the item or holds it already."""
+    target, destination, relation = intent.target, intent.destination, intent.relation
+    if destination is None or relation is None:
+        raise ValueError(f"a wish to place {target} needs a destination and a relation")
+    if destination == target:
+        raise Refusal("affordance", f"{target} cannot be put {'into' if relation == 'inside' else 'onto'} itself")
+    if any(step.object_id == target for step in around.chain(destination)):
+        raise Refusal("affordance", f"{destination} stands in or on {target}, so {target} cannot be put there")
+    if destination in around.held():
+        raise Refusal("hand-full", f"{destination} is in the hand, so nothing can be put there")
+    can = around.affordances[destination]
+    if relation == "inside" and not can.interior:
+        other = Intent(IntentKind.PLACE, target, "ontop", destination)
+        raise _lacks(destination, "no interior to put something into", around, (other,) if can.surface else ())
+    if relation == "ontop" and not can.surface:
+        other = Intent(IntentKind.PLACE, target, "inside", destination)
+        raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
+    if relation == "inside" and not _goes_in(target, destination, around):
+        raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
+    if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
+        raise _so_already(intent)
+
+
+def _goes_in(item: str, container: str, around: Surroundings) -> bool:
+    """Decide whether an item, after scaling, fits through another item's mouth in any orientation."""
+    thing, vessel = around.scene.objects[item], around.scene.objects[container]
+    factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
+    narrow, wide, _ = (factor * side for side in sorted(thing.extent_m))
+    mouth_m = sorted(vessel.extent_m[:2])
+    return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
+
+
+def _check_reachable(intent: Intent, around: Surroundings) -> None:
+    """Raise the Refusal of opening a door or lifting an object while the hand holds another one."""
+    if around.held() != (intent.target,):
+        _check_free_hand(around, f"to pick up {intent.target}")
+        return
+    if intent.kind is IntentKind.PICK:
+        raise _so_already(intent)
+    shut = around.doors_in_the_way(intent)
+    if shut:
+        _check_free_hand(around, f"to open {' and '.join(shut)}")
+
+
+def _check_free_hand(around: Surroundings, purpose: str) -> None:
+    held = around.held()
+    if held:
+        raise Refusal("hand-full", f"the hand holds {' and '.join(held)}, and has to be free {purpose}")
+
+
+def _so_already(intent: Intent) -> Refusal:
+    return Refusal("already-so", f"{intent.outcome} already; there is nothing to do")
+
+
+def _lacks(object_id: str, what: str, around: Surroundings, instead: tuple[Intent, ...] = ()) -> Refusal:
+    category = around.scene.objects[object_id].category
+    return Refusal("affordance", f"{object_id} ({category}) has {what}", instead=instead)
+
+
+def possible_intents(around: Surroundings, about: Sequence[str]) -> list[Intent]:
+    """Return the feasible intents about one of the objects, in the scene's order.
+
+    Args:
+        around: The scene and its facts.
+        about: The objects. Of many the first `MOST_NAMED` count, each with the first `MOST_OTHERS` of the others. So
+            a scene of hundreds costs no more than one of dozens.
+    """
+    named = set(about[:MOST_NAMED])
+    can = around.affordances
+    objects = around.scene.objects
+    others = [key for key in objects if key not in named]
+    items = {*named, *[key for key in others if objects[key].role == "B"][:MOST_OTHERS]}
+    places = {*named, *[key for key in others if can[key].interior or can[key].surface][:MOST_OTHERS]}
+    alone = (IntentKind.OPEN, IntentKind.CLOSE, IntentKind.PICK)
+    wishes = [Intent(kind, key) for key in objects if key in named for kind in alone]
+    wishes += [
+        Intent(IntentKind.PLACE, key, relation, place)
+        for key in filter(items.__contains__, objects)
+        for place in filter(places.__contains__, objects)
+        if key in named or place in named
+        for relation in RELATIONS
+    ]
+    return [wish for wish in wishes if is_possible(wish, around)]
+
+
+def is_possible(wish: Intent | Request, around: Surroundings) -> bool:
+    """Decide whether an intent, or each intent of a request in its turn, is feasible and not fulfilled.
+
+    It is stricter than `check`, which accepts what is requested: a suggestion has to leave room for the fingers.
+    """
+    if not all(_has_room(intent, around) for intent in Request.of(wish).intents):
+        return False
+    try:
+        if isinstance(wish, Intent):
+            check(wish, around)
+            return True
+        return not check_all(wish, around)
+    except Refusal:
+        return False
+
+
+def _has_room(wish: Intent, around: Surroundings) -> bool:
+    """Decide whether there is room for the fingers when an item is put into another one."""
+    thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
+    if vessel is None or wish.relation != "inside" or vessel.role == "A":
+        return True
+    factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
+    sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
+    return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
+
+
+def with_a_free_hand(request: Request, around: Surroundings) -> list[Request]:
+    """Return requests that one hand can fulfil instead: pick things up last, or put them down."""
+    picks = [intent for intent in request.intents if intent.kind is IntentKind.PICK]
+    others = tuple(intent for intent in request.intents if intent.kind is not IntentKind.PICK)
+    found = [Request((*others, pick)) for pick in picks]
+    for pick in picks[:1]:
+        for place in places_for((pick.target,), around):
+            found.append(Request(tuple(place.intents[0] if intent == pick else intent for intent in request.intents)))
+    return [wish for wish in found if is_possible(wish, around)]
+
+
+def places_for(targets: Sequence[str], around: Surroundings, besides: Sequence[str] = ()) -> list[Request]:
+    """Return requests that put all objects at one fixture of the scene, each a different fixture.
+
+    Args:
+        targets: Objects to place.
+        around: The scene.
+        besides: Excluded fixtures.
+    """
+    requests = [
+        Request(tuple(Intent(IntentKind.PLACE, target, relation, place) for target in targets))
+        for place, thing in around.scene.objects.items()
+        for relation in RELATIONS
+        if thing.role == "A" and place not in besides
+    ]
+    return [request for request in requests if is_possible(request, around)]
+
+
+# Domain of ids and categories of the scene, and the gripper. It is not `omnigibson`, for example, whose categories are
+# synsets.
+DOMAIN = "scene2demo"
+_MOST_NAMED = 6  # Most alternatives in a refusal.
+TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
+    {
+        IntentKind.OPEN.value: flows.OPEN,
+        IntentKind.CLOSE.value: flows.CLOSE,
+        IntentKind.PICK.value: flows.PICK,
+        f"{IntentKind.PICK.value}, out of what it is inside": flows.TAKE_OUT,
+        IntentKind.PLACE.value: flows.PLACE,
+    }
+)
+"""Usual flows of simple tasks, by their kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlainTask:
+    """A simple task before it has formulas: action, target, source, destination.
+
+    Attributes:
+        kind: One of the four kinds of simple tasks.
+        target: Id of the object it acts on (o_t).
+        start: For PICK, where the target stands (o_s1 and its relation).
+        end: For PLACE, where the target shall stand (o_s2 and its relation).
+    """
+
+    kind: IntentKind
+    target: str
+    start: Support | None = None
+    end: Support | None = None
+
+    def states(self) -> tuple[bddl.Formula, bddl.Formula]:
+        """Return the initial state and the goal.
+
+        Raises:
+            ValueError: A pick without its start, or a placing without its end.
+        """
+        is_open = bddl.Atom("open", (self.target,))
+        if self.kind is IntentKind.OPEN:
+            return bddl.Not(is_open), is_open
+        if self.kind is IntentKind.CLOSE:
+            return is_open, bddl.Not(is_open)
+        place = self.start if self.kind is IntentKind.PICK else self.end
+        if place is None:
+            raise ValueError(f"a simple task that moves {self.target} needs the place it starts from or ends at")
+        there = bddl.Atom(place.relation, (self.target, place.object_id))
+        if self.kind is IntentKind.PICK:
+            return there, bddl.Not(there)
+        return bddl.Atom("inside", (self.target, GRIPPER)), there
+
+    def flow(self, scene: Scene) -> ActionFlow:
+        """Return the flow in a scene with open numbers, which the executor's geometric planner fills in."""
+        flow = TEMPLATES[self.kind.value]
+        if self.kind is IntentKind.PICK and self.start is not None:
+            carrier = scene.objects.get(self.start.object_id)
+            flow = flows.taking(self.start.relation, "" if carrier is None else carrier.category)
+        return tuple(Action(primitive) for primitive in flow)
+
+
+def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
+    """Return the simple tasks of a request, in order.
+
+    Doors in the way are opened first, while the hand is free. They stay open as long as the next intent needs them,
+    and are closed again in reverse order. A door that is open already is neither opened nor closed, and a fulfilled
+    intent is not repeated. A door that an intent opens is left to the intents. After a pick no door is closed: the
+    hand is not free.
+
+    Args:
+        request: Intents that were checked against the scene.
+        around: The scene and its facts.
+    """
+    steps: list[PlainTask] = []
+    state = around
+    # Doors opened on the way, not by an intent, that are still open.
+    opened: list[str] = []
+    for index, intent in enumerate(request.intents):
+        if intent.kind.is_about_a_door and intent.target in opened:
+            opened.remove(intent.target)
+        if state.fulfils(intent):
+            continue
+        if intent.kind.is_about_a_door:
+            steps.append(PlainTask(intent.kind, intent.target))
+        else:
+            doors = state.doors_in_the_way(intent)
+            steps += [PlainTask(IntentKind.OPEN, door) for door in doors]
+            opened += doors
+            steps += _moving(intent, state)
+            state = state.with_doors(doors, True)
+        state = state.after(intent)
+        if state.held():
+            continue
+        needed = _needed(request.intents[index + 1 :], state, opened)
+        done_with = [door for door in reversed(opened) if door not in needed]
+        steps += [PlainTask(IntentKind.CLOSE, door) for door in done_with]
+        state = state.with_doors(done_with, False)
+        opened = [door for door in opened if door in needed]
+    return tuple(steps)
+
+
+def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
+    """Return the pick and the placing of an intent, without its doors."""
+    steps = []
+    start = state.support(intent.target)
+    if start is not None and start.object_id != GRIPPER:
+        steps.append(PlainTask(IntentKind.PICK, intent.target, start=start))
+    if intent.relation is not None and intent.destination is not None:
+        steps.append(PlainTask(IntentKind.PLACE, intent.target, end=Support(intent.relation, intent.destination)))
+    return steps
+
+
+def _needed(later: Sequence[Intent], state: Surroundings, opened: Sequence[str]) -> tuple[str, ...]:
+    """Return the doors opened on the way that the next intent needs open, or is about."""
+    closed = state.with_doors(opened, False)
+    for intent in later:
+        if intent.kind.is_about_a_door and intent.target in opened:
+            return (intent.target,)
+        if not state.fulfils(intent):
+            return closed.doors_in_the_way(intent)
+    return ()
+
+
+def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
+    """Return the task goal G: final places of objects and states of doors.
+
+    A later intent about the same object's place, or the same door, replaces an earlier one. A door that a placing
+    needs open and that no intent opened is closed again. After a final pick the hand is not free to close a door, so
+    the goal does not demand it. A door that was open stays open.
+    """
+    places: dict[str, bddl.Formula] = {}
+    doors: dict[str, bddl.Formula] = {}
+    state = around
+    for intent in request.intents:
+        if intent.kind.is_about_a_door:
+            doors[intent.target] = intent.wish
+        else:
+            places.pop(intent.target, None)
+            places[intent.target] = intent.wish
+            for door in () if state.fulfils(intent) else state.doors_in_the_way(intent):
+                doors.pop(door, None)
+                if intent.kind is IntentKind.PLACE:
+                    doors[door] = bddl.Not(bddl.Atom("open", (door,)))
+        state = state.after(intent)
+    wanted = (*places.values(), *doors.values())
+    return wanted[0] if len(wanted) == 1 else bddl.And(wanted)
+
+
+def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> bddl.Problem:
+    """Return the BDDL problem of a simple task: the objects that its formulas name, with their scene categories.
+
+    Args:
+        name: The subtask's activity name.
+        init: Its initial state.
+        goal: Its goal.
+        scene: The scene that has the objects; names that it lacks (the gripper) need no declaration.
+    """
+    # Sorted: the order of a set of atoms depends on hashes.
+    atoms = (atom for part in (init, goal) for atom in sorted(bddl.atoms(part), key=bddl.format))
+    named = dict.fromkeys(key for atom in atoms for key in atom.args if key in scene.objects)
+    objects = tuple(bddl.TypedObject(key, scene.objects[key].category) for key in named)
+    return bddl.Problem(name, DOMAIN, objects, bddl.conjuncts(init), goal)
+
+
+def scale_factors(targets: Iterable[str], scene: Scene, sizing: Sizing) -> dict[str, float]:
+    """Return the factor of each target (ids may recur), in the order of first occurrence."""
+    gripper = Gripper.of(scene.robot)
+    return {target: sizing.factor(scene[target], gripper) for target in targets}
+
+
+def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str, understood: str) -> None:
+    """Refuse targets that fit the gripper at no permitted scale.
+
+    Args:
+        targets: Target of each subtask.
+        scene: The scene that has them.
+        sizing: Rule for sizes.
+        query: The query as given.
+        understood: The understood request.
+
+    Raises:
+        QueryError: Code "too-large"; the message states what would fit.
+    """
+    gripper = Gripper.of(scene.robot)
+    for target in dict.fromkeys(targets):
+        unfit = sizing.unfit(scene[target], gripper)
+        if unfit is not None:
+            width_m = min(scene[target].extent_m[:2])
+            why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {gripper.widest_m:.3f} m: it {unfit}"
+            if not sizing.keep:
+                why += f". Things up to {gripper.widest_scaled_m:.3f} m wide can be scaled to fit"
+            fit = graspable_items(scene, sizing)
+            why += f"; here {enumeration(fit[:_MOST_NAMED])} fit" if fit else "; nothing here fits"
+            raise QueryError("too-large", query, why, understood=understood)

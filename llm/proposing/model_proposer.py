@@ -1,0 +1,312 @@
+"""Propose tasks with a language model: ask modules 1 to 5, verify the plan, return findings to a module.
+
+The plan is verified twice. After module 3 a search supplies the flows, so that a wrong decomposition is found
+before any flow is requested. After module 5 the whole plan is verified. A refuted plan goes back with what
+failed, where, since when, from which start state, and with the changes that were verified to work. `verify` sees
+every proposal whole before it is returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import bddl
+from llm.client.budget import Budget, Metered
+from llm.client.transport import Image, Transport
+from llm.errors import QueryError
+from llm.offline.planner import LONGEST_QUERY, OfflinePlanner
+from llm.offline.subtasks import check_sizes, problem, scale_factors
+from llm.proposing.blame import Charge, charges
+from llm.proposing.modules import ModuleSession, Understood, decompose, instantiate, plan, resize, same_goal, understand
+from llm.proposing.proposal import Proposal
+from llm.structured.ask import Log
+from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
+from oag import ActionFlow, Report, Scene, SceneError, SimpleTask, Task, Verdict, compose
+from oag.primitives.state import contradictions
+from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
+
+# Modules whose answers depend on a module's answer, to be asked again with it. New conditions keep sizes and flows:
+# the graph decides whether the flows still fit.
+_RESTS_ON = {1: (2, 3, 4, 5), 2: (3, 4, 5), 3: (), 4: (), 5: ()}
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """Answers of modules 1 to 5 so far; None for a missing answer.
+
+    Attributes:
+        understood: Module 1.
+        roles: Module 2: the simple tasks, without conditions and flows.
+        conditions: Module 3: initial state and goal of each.
+        scales: Module 4.
+        flows: Module 5.
+    """
+
+    understood: Understood | None = None
+    roles: tuple[SimpleTask, ...] | None = None
+    conditions: tuple[tuple[bddl.Formula, bddl.Formula], ...] | None = None
+    scales: Mapping[str, float] | None = None
+    flows: tuple[ActionFlow, ...] | None = None
+
+    def without(self, module: int) -> Draft:
+        """Return the draft without a module's answer and all answers that depend on it."""
+        names = ("understood", "roles", "conditions", "scales", "flows")
+        return replace(self, **{names[number - 1]: None for number in (module, *_RESTS_ON[module])})
+
+    @property
+    def symbolic(self) -> Draft:
+        """The draft without sizes and flows."""
+        return replace(self, scales=None, flows=None)
+
+    def with_conditions(self, session: ModuleSession, expected: bddl.Formula | None) -> Draft:
+        """Return the draft with the missing answers of modules 1 to 3.
+
+        Raises:
+            QueryError: The model states that the query cannot be executed here, or an object is too large for the
+                gripper.
+            AnswersRefused, ModelError: As `ModuleSession.ask` does.
+        """
+        understood = self.understood or understand(session, expected)
+        roles = self.roles or decompose(session, understood)
+        wanted = understood.expanded.task_name
+        check_sizes((part.target for part in roles), session.scene, session.sizing, session.query, wanted)
+        conditions = self.conditions
+        if conditions is None:
+            conditions = tuple((part.init, part.goal) for part in instantiate(session, understood, roles))
+        return replace(self, understood=understood, roles=roles, conditions=conditions)
+
+    def with_flows(self, session: ModuleSession) -> Draft:
+        """Return the draft with the missing answers of modules 4 and 5; raises as `ModuleSession.ask` does."""
+        subtasks = self._subtasks(searched=True)
+        scales = self.scales if self.scales is not None else resize(session, subtasks)
+        flows = self.flows
+        if flows is None:
+            flows = tuple(subtask.flow or () for subtask in plan(session, subtasks, scales))
+        return replace(self, scales=scales, flows=flows)
+
+    def _subtasks(self, *, searched: bool) -> tuple[SimpleTask, ...]:
+        roles, conditions = self.roles or (), self.conditions or ()
+        flows = (None,) * len(roles) if searched or self.flows is None else self.flows
+        return tuple(
+            replace(subtask, init=init, goal=goal, flow=flow)
+            for subtask, (init, goal), flow in zip(roles, conditions, flows, strict=True)
+        )
+
+    def task(self, session: ModuleSession, *, searched: bool) -> Task:
+        """Return the task that the answers define.
+
+        Args:
+            session: Has the scene.
+            searched: True to leave the flows to a search, and the sizes to the rule.
+
+        Raises:
+            ValueError: Module 1 has not answered.
+        """
+        if self.understood is None:
+            raise ValueError("a draft has no task before module 1 has answered")
+        subtasks = self._subtasks(searched=searched)
+        by_rule = self.scales is None or searched
+        targets = (subtask.target for subtask in subtasks)
+        scales = scale_factors(targets, session.scene, session.sizing) if by_rule else self.scales
+        return Task(
+            name=self.understood.activity,
+            detail=self.understood.expanded.task_message_detail,
+            goal=self.understood.goal,
+            goal_given=True,
+            subtasks=subtasks,
+            scales=dict(scales or {}),
+            scene=session.scene,
+        )
+
+
+@dataclass(slots=True)
+class Drafting:
+    """One run from query to proposal.
+
+    Attributes:
+        session: State shared by the modules.
+        expected: Goal of the literal reading of the query, if it can be read.
+        revisions: How often the plan may still be returned to a module.
+        draft: Answers so far.
+        before: The draft with the disputed answer, restored if the model confirms it.
+        cleared: Modules that confirmed their answers since the draft last changed.
+        doubted: Warnings that the model was asked about; each is asked once.
+    """
+
+    session: ModuleSession
+    expected: bddl.Formula | None
+    revisions: int
+    draft: Draft = field(default_factory=Draft)
+    before: Draft | None = None
+    cleared: set[int] = field(default_factory=set)
+    doubted: set[tuple[str, ...]] = field(default_factory=set)
+
+    def run(self) -> Proposal:
+        """Return the first plan without findings.
+
+        Raises:
+            QueryError: The model states that the query cannot be executed here.
+            AnswersRefused: Rounds or revisions are used up.
+            ModelError: There is no reply.
+        """
+        passed: Draft | None = None
+        while True:
+            if passed is None or self.draft.symbolic != passed:
+                if self._sent_back(self._judged(searched=True), searched=True):
+                    continue
+                passed = self.draft.symbolic
+            report = self._judged(searched=False)
+            if not self._sent_back(report, searched=False):
+                return self._proposal(report)
+
+    def _judged(self, *, searched: bool) -> Report:
+        """Request the missing answers of the draft and verify it."""
+        pending = set(self.session.objections)
+        try:
+            self.draft = self.draft.with_conditions(self.session, self.expected)
+            if not searched:
+                self.draft = self.draft.with_flows(self.session)
+        except AnswersRefused as refusal:
+            if self.before is None or refusal.module not in pending:
+                raise
+            # The model confirms its answer: it may be right, and another module wrong.
+            self.cleared.add(refusal.module)
+            self.draft, self.before = self.before, None
+        else:
+            if pending - set(self.session.objections):
+                if self.draft != self.before:
+                    self.cleared.clear()
+                self.before = None
+        return compose(self.draft.task(self.session, searched=searched), scene=self.session.scene).verify()
+
+    def _sent_back(self, report: Report, *, searched: bool) -> bool:
+        """Return the plan to the module that can correct it, if there are findings; return whether it was.
+
+        Raises:
+            AnswersRefused: The plan is wrong, and no module is left to ask.
+        """
+        standing = self._standing(report, searched=searched)
+        # A refuted plan with the model's flows is wrong even without findings about any module.
+        wrong = report.verdict is Verdict.REFUTED and bool(standing or not searched)
+        # The earliest module that is next for one of the findings; None when all confirmed their answers.
+        lines = ([module for module in charge.modules if module not in self.cleared] for charge in standing)
+        module = min((line[0] for line in lines if line), default=None)
+        findings = tuple(charge.finding for charge in standing)
+        conversation = self.session.log.conversation
+        if wrong and (module is None or self.revisions <= 0):
+            conversation.entries.append(PlanVerdict(report.verdict.value, searched, None, findings))
+            last = module or next((charge.modules[0] for charge in standing), 5)
+            raise AnswersRefused(conversation, last, findings, insists=module is None)
+        if module is None or self.revisions <= 0:
+            conversation.entries.append(PlanVerdict(report.verdict.value, searched))
+            return False
+        self.revisions -= 1
+        objections = tuple(charge.finding for charge in standing if module in charge.modules)
+        self.doubted.update(map(finding_key, objections))
+        conversation.entries.append(PlanVerdict(report.verdict.value, searched, module, objections))
+        self.session.object_to(module, objections)
+        self.before, self.draft = self.draft, self.draft.without(module)
+        return True
+
+    def _standing(self, report: Report, *, searched: bool) -> list[Charge]:
+        """Return the findings about the draft, without warnings that the model was asked about already."""
+        held = charges(report, searched=searched)
+        if report.verdict is not Verdict.REFUTED:
+            return [charge for charge in held if finding_key(charge.finding) not in self.doubted]
+        if searched and report.no_flow is None:
+            # A search that gave up proves nothing: module 5 may find a flow.
+            return [charge for charge in held if charge.finding.code != "flow/no-flow"]
+        return list(held)
+
+    def _proposal(self, report: Report) -> Proposal:
+        task, scene, conversation = (
+            self.draft.task(self.session, searched=False),
+            self.session.scene,
+            self.session.log.conversation,
+        )
+        if self.draft.understood is None:
+            raise ValueError("a draft is no proposal before module 1 has answered")
+        unknown = [found for found in report.diagnostics if found.code == "context/open"]
+        notes = [f"the plan rests on something unknown: {found.literal or found.message}" for found in unknown]
+        if self.expected is not None and not same_goal(task.goal, self.expected):
+            wanted, goal = bddl.format(self.expected), bddl.format(task.goal)
+            notes.append(f"word by word the query asks for {wanted}; the model stands by {goal}")
+        return Proposal(
+            query=self.session.query,
+            expanded=self.draft.understood.expanded,
+            task=task,
+            problems=tuple(problem(part.name, part.init, part.goal, scene) for part in task.subtasks),
+            notes=(*notes, *map(str, planned_resizings(task.scales, scene))),
+            proposer=conversation.model,
+            conversation=conversation,
+        )
+
+
+@dataclass(slots=True)
+class ModelProposer:
+    """Propose tasks by asking a language model.
+
+    Attributes:
+        transport: Transport to the model.
+        name: Name of the model in proposals and records, such as "openai:gpt-5.2".
+        budget: Limits for each proposal; None if the transport keeps its own, or none are wanted.
+        rounds: Most questions for one answer, while form and names are checked.
+        revisions: Most times that the plan as a whole is returned.
+        images: Pictures of the scene for module 1.
+        cross_check: Whether to ask the model once for confirmation if its goal differs from the literal reading of
+            the query. A query that the offline planner cannot read is not compared.
+        sizing: Rule for the sizes of manipulated objects; module 4 is asked unless they are kept.
+        listen: Called with every round.
+        conversation: Record of the last proposal, also after a failure.
+    """
+
+    transport: Transport
+    name: str = "model"
+    budget: Budget | None = None
+    rounds: int = 4
+    revisions: int = 6
+    images: tuple[Image, ...] = ()
+    cross_check: bool = True
+    sizing: Sizing = TO_THE_AIM
+    listen: Callable[[Round], None] | None = None
+    conversation: Conversation | None = field(default=None, init=False)
+
+    def propose(self, query: str, scene: Scene) -> Proposal:
+        """Return a task that `verify` finds PROVED, or CONDITIONAL if no better one is obtained.
+
+        A CONDITIONAL plan is returned once; its assumptions are then in the notes.
+
+        Args:
+            query: The request.
+            scene: The scene.
+
+        Raises:
+            SceneError: The scene's facts contradict each other; the model is not asked.
+            QueryError: The query is empty or too long, or the model states that it cannot be executed here.
+            AnswersRefused: The rounds are used up; the exception has the whole conversation.
+            ModelError: The model did not reply, the budget is spent, or the caller cancelled.
+        """
+        if not query.strip():
+            raise QueryError("empty", query, "it asks for nothing")
+        if len(query) > LONGEST_QUERY:
+            raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
+        broken = contradictions(tuple(literal for fact in scene.facts for literal in bddl.literals(fact) or ()))
+        if broken is not None:
+            hint = "mend the scene; no plan can start from there"
+            raise SceneError(broken, source=scene.name, place="facts", hint=hint)
+        self.conversation = Conversation(self.name, query, scene.name, listen=self.listen)
+        transport = self.transport
+        if self.budget is not None:
+            transport = Metered(transport, name=self.name, budget=self.budget)
+        session = ModuleSession(transport, query, scene, Log(self.conversation), self.rounds, self.images, self.sizing)
+        expected = _word_by_word(query, scene) if self.cross_check else None
+        return Drafting(session, expected, self.revisions).run()
+
+
+def _word_by_word(query: str, scene: Scene) -> bddl.Formula | None:
+    """Return the goal of the offline planner's literal reading, or None if it cannot read the query."""
+    try:
+        return OfflinePlanner().propose(query, scene).task.goal
+    except QueryError:
+        return None

@@ -1,0 +1,554 @@
+"""Modules 1 to 5 as questions to a model: for each the prompt, the schema and check of its answer, and the result.
+
+Module 1 (Semantic Expansion) gives the task goal G, which no later module can change; G is a departure
+(docs/proposition.md). Module 2 (Subtask Decomposition) gives the simple tasks with the roles of their objects,
+in order. Module 3 (BDDL Generation) gives initial state and goal of each as formulas; objects and categories are
+added from the scene. See the paper's table of initial and goal states for T1 to T4. Module 4 (Object Size
+Adjustment) gives scale factors of targets: aim about 0.05 m, type A always 1.0. The limit is the gripper's, and
+so are the accepted widths. Of several factors for one object the first one counts. Where sizes are kept, the
+model is not asked. Module 5 (Action Flow Planning) gives the action flow of each simple task, from the library
+of 21 primitives.
+
+Source: the paper's modules.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
+
+from pydantic import Field
+
+import bddl
+from llm.client.transport import Image, Transport
+from llm.errors import QueryError
+from llm.offline.subtasks import TEMPLATES
+from llm.proposing.blame import concerns_roles
+from llm.proposing.proposal import Expanded
+from llm.structured.ask import Log, ask
+from llm.structured.conversation import errors_of, finding
+from llm.structured.prompting import (
+    Prompt,
+    Refused,
+    fenced,
+    predicate_table,
+    primitives_text,
+    render,
+    scene_table,
+    subtask_table,
+)
+from llm.structured.schema import (
+    MOST_ACTIONS,
+    MOST_SUBTASKS,
+    ActivityName,
+    Answer,
+    Formula,
+    Line,
+    MaybeLine,
+    MaybeObjectId,
+    MaybeText,
+    Number,
+    ObjectId,
+    Remark,
+    Sentence,
+    SubtaskAnswer,
+    Text,
+    WireStep,
+    is_empty_remark,
+)
+from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
+from oag.model.diagnostics import TASK_GOAL
+from oag.model.symbols import GRIPPER
+from oag.sizes import LEAST_SCALE, TO_THE_AIM, Gripper, Sizing, scale_factor, too_small
+from oag.task import UNREADABLE, subtask_place, syntax_issues
+from oag.wellformed import check as check_form
+
+AnswerT = TypeVar("AnswerT", bound=Answer)
+
+
+@dataclass(slots=True)
+class ModuleSession:
+    """State that the modules share while they ask a model.
+
+    Attributes:
+        transport: Transport to the model.
+        query: The user's query.
+        scene: The scene.
+        log: Record of the rounds.
+        rounds: Most questions for one answer.
+        images: Pictures of the scene, for module 1.
+        sizing: Rule for the sizes of manipulated objects.
+        objections: Module -> its earlier answer with the graph's findings, for a module that is asked again.
+        taken: Module -> its last prompt, and the accepted answer.
+    """
+
+    transport: Transport
+    query: str
+    scene: Scene
+    log: Log
+    rounds: int
+    images: tuple[Image, ...] = ()
+    sizing: Sizing = TO_THE_AIM
+    objections: dict[int, Refused] = field(default_factory=dict)
+    taken: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
+
+    def ask(
+        self,
+        module: int,
+        schema: type[AnswerT],
+        check: Callable[[AnswerT], Iterable[Diagnostic]],
+        places: Mapping[str, str],
+        images: tuple[Image, ...] = (),
+        *,
+        entries: int = 0,
+    ) -> AnswerT:
+        """Return a module's answer once `check` finds nothing wrong with it.
+
+        Args:
+            module: 1 to 5; its template is filled with `places` and the scene.
+            schema: The answer's form.
+            check: Returns the findings about an answer of that form.
+            places: Texts for the places of the template.
+            images: Pictures of the question.
+            entries: Expected number of numbered subtasks, if known; the numbers are checked before anything else.
+
+        Raises:
+            AnswersRefused: No answer was valid.
+            ModelError: There is no reply.
+        """
+        scene = fenced("scene", scene_table(self.scene))
+        text = render(f"proposing/module_{module}", scene=scene, **places)
+        prompt = Prompt(module, render("proposing/system"), text, images)
+        objection = self.objections.pop(module, None)
+
+        def numbered(answer: AnswerT) -> Iterable[Diagnostic]:
+            wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
+            return wrong or check(answer)
+
+        answer = ask(self.transport, prompt, schema, numbered, rounds=self.rounds, log=self.log, objection=objection)
+        self.taken[module] = (prompt, answer)
+        return answer
+
+    def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
+        """Store the findings about a module's accepted answer for the next time it is asked."""
+        prompt, answer = self.taken[module]
+        if errors_of(findings):
+            self.log.refuse(prompt, answer, findings)
+        self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
+
+
+def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
+    """Return a task of what is known so far, for the checks of form."""
+    return Task("task", "", goal, True, tuple(subtasks), {}, scene)
+
+
+def check_numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:
+    """Return findings about the numbers of an answer's entries: they have to be 1, 2, 3 up to `wanted`, if given."""
+    numbers = [entry.sub_task for entry in entries]
+    count = len(numbers) if wanted is None else wanted
+    if numbers == list(range(1, count + 1)):
+        return ()
+    message = f"the subtasks are numbered {', '.join(map(str, numbers))}; expected 1 to {count}, each once and in order"
+    missing = [str(number) for number in range(1, count + 1) if number not in numbers]
+    if missing:
+        message += f"; {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+    return (finding("answer/numbering", message, "sub_tasks"),)
+
+
+# Pattern of ids of a scene: letters, an underscore and a number.
+_ID = re.compile(r"\b[A-Za-z][A-Za-z0-9_]*_\d+\b")
+# Defaults for an answer that declares the query infeasible: it has no task to name.
+_NO_TASK = {"task_name": "nothing", "task_activity_name": "nothing", "task_message_detail": "", "goal": ""}
+
+
+class Understanding(Answer):
+    """The query in terms of the scene.
+
+    The fields are in the order of reasoning: a model that is asked for a problem first finds one before it has read
+    the scene.
+
+    Attributes:
+        task_name: The request with every object named by its id, such as "put glass_0 into refrigerator_0".
+        task_activity_name: The same as an identifier.
+        task_message_detail: The description, step by step.
+        goal: The task goal G as a BDDL formula; empty when there is a problem.
+        problem: Why the query cannot be executed here, in one sentence; empty when it can.
+    """
+
+    task_name: Line = Field(description="the wish in one line, every object named by its id")
+    task_activity_name: ActivityName = Field(description="the same in words joined by underscores")
+    task_message_detail: Text = Field(description="where things are and what is done, step by step")
+    goal: MaybeText = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
+    problem: Remark = Field(
+        default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
+    )
+
+    @classmethod
+    def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
+        """Convert an object to the requested form: with a problem, no other field is needed."""
+        plain = super()._as_asked(data)
+        problem = plain.get("problem")
+        if isinstance(problem, str) and not is_empty_remark(problem):
+            return {**_NO_TASK, **{key: value for key, value in plain.items() if value not in ("", None)}}
+        return plain
+
+
+@dataclass(frozen=True, slots=True)
+class Understood:
+    """Meaning of a query.
+
+    Attributes:
+        expanded: The query in terms of the scene.
+        activity: The task's name as an identifier.
+        goal: The task goal G.
+    """
+
+    expanded: Expanded
+    activity: str
+    goal: bddl.Formula
+
+    def text(self) -> str:
+        """Return module 1's answer as text for the prompts of the later modules."""
+        lines = [
+            f"task_name: {self.expanded.task_name}",
+            f"task_message_detail: {self.expanded.task_message_detail}",
+            f"goal: {bddl.format(self.goal)}",
+        ]
+        return fenced("task", "\n".join(lines))
+
+
+def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> Understood:
+    """Ask module 1 for the meaning of the query.
+
+    Args:
+        session: State shared by the modules.
+        expected: Goal of the literal reading of the query, if it can be read. A model with another goal is asked
+            once for confirmation.
+
+    Raises:
+        QueryError: The model states that the query cannot be executed here.
+        AnswersRefused, ModelError: As `ModuleSession.ask` does.
+    """
+
+    def check(answer: Understanding) -> Iterator[Diagnostic]:
+        if answer.problem and answer.goal:
+            hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
+            yield finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint)
+        elif not answer.problem:
+            yield from _understanding_findings(answer, session.scene, expected)
+        elif expected is not None:
+            message = f"word by word the request asks for {bddl.format(expected)}, which can be planned in this scene"
+            yield finding("answer/other-reading", message, "problem", severity="warning")
+
+    places = {"query": fenced("request", session.query), "predicates": predicate_table()}
+    answer = session.ask(1, Understanding, check, places, session.images)
+    if answer.problem:
+        reason = " ".join(answer.problem.split()).rstrip(".")[:400]
+        raise QueryError("model-declined", session.query, f"the model says: {reason}")
+    expanded = Expanded(answer.task_name, answer.task_message_detail)
+    return Understood(expanded, answer.task_activity_name, bddl.parse_formula(answer.goal))
+
+
+def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -> Iterator[Diagnostic]:
+    """Yield findings about an answer that declares the query executable."""
+    for name in dict.fromkeys(_ID.findall(answer.task_name)):
+        if name not in scene.objects:
+            near = bddl.near_names(name, scene.objects)
+            hint = f"did you mean {' or '.join(near)}?" if near else f"the scene has {', '.join(scene.objects)}"
+            message = f"the scene {scene.name[:80]} has no object {name!r}"
+            yield finding("bddl/unknown-object", message, "task_name", hint=hint)
+    if not answer.goal:
+        yield finding("answer/empty-goal", "neither a goal nor a problem is given", "goal")
+        return
+    try:
+        goal = bddl.parse_formula(answer.goal)
+    except bddl.BDDLError as error:
+        yield from syntax_issues(error, TASK_GOAL)
+        return
+    malformed = check_form(bare_task(scene, goal=goal), scene)
+    yield from malformed
+    if malformed:
+        return
+    if not bddl.atoms(goal):
+        yield finding("answer/empty-goal", "the task goal speaks of nothing", TASK_GOAL)
+    elif compose(bare_task(scene, goal=goal), scene=scene).verify().verdict is Verdict.PROVED:
+        hint = "say what has to change; if the request asks for what is so already, say that under problem"
+        yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
+    named = {name for atom in bddl.atoms(goal) for name in atom.args if name in scene.objects and name != GRIPPER}
+    description = f"{answer.task_name} {answer.task_message_detail}"
+    for name in sorted(named):
+        if not re.search(rf"(?<![\w.-]){re.escape(name)}(?![\w-])", description):
+            message = f"the goal speaks of {name}, which neither task_name nor task_message_detail mentions"
+            yield finding("answer/unnamed-object", message, TASK_GOAL)
+    if expected is not None and not same_goal(goal, expected):
+        message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
+        hint = "check it against the request; names and categories of objects ask for nothing"
+        yield finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+
+
+def same_goal(first: bddl.Formula, second: bddl.Formula) -> bool:
+    """Decide whether two goals have the same conjuncts, in any order."""
+    return _conjuncts(first) == _conjuncts(second)
+
+
+def _conjuncts(formula: bddl.Formula) -> frozenset[str]:
+    literals = bddl.literals(formula)
+    if literals is None:
+        return frozenset(bddl.format(part) for part in bddl.conjuncts(formula))
+    return frozenset(f"{literal.value} {bddl.format(literal.atom)}" for literal in literals)
+
+
+class SubtaskRoles(SubtaskAnswer):
+    """One simple task before it has formulas.
+
+    Attributes:
+        sub_task: Its number, from 1.
+        task_activity_name: Name of the activity, such as `pick_up_glass`.
+        task_detail_message: Description for people, in a sentence or two.
+        target: Id of the object it acts on (o_t).
+        support_init: Id of the target's initial support or container (o_s1); empty for none.
+        support_goal: Id of the target's final support or container (o_s2); empty for none.
+        bddl_category: The target's category in the scene; empty if not given.
+    """
+
+    sub_task: Number = Field(description="1, 2, 3 and so on")
+    task_activity_name: ActivityName = Field(description="such as pick_up_glass")
+    task_detail_message: Sentence = Field(description="what the robot does, one or two sentences")
+    target: ObjectId = Field(description="id of the object that is acted on")
+    support_init: MaybeObjectId = Field(
+        default="", description="id of what the target stands in or on at first; empty if none"
+    )
+    support_goal: MaybeObjectId = Field(
+        default="", description="id of what the target shall stand in or on; empty if none"
+    )
+    bddl_category: MaybeLine = Field(default="", description="category of the target, as in the scene")
+
+
+class Decomposition(Answer):
+    """The simple tasks of a task, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+    def subtasks(self) -> tuple[SimpleTask, ...]:
+        """Return the simple tasks, without formulas and flows yet."""
+        return tuple(
+            SimpleTask(
+                name=entry.task_activity_name,
+                detail=entry.task_detail_message,
+                target=entry.target,
+                support_init=entry.support_init or None,
+                support_goal=entry.support_goal or None,
+                init=UNREADABLE,
+                goal=UNREADABLE,
+            )
+            for entry in self.sub_tasks
+        )
+
+
+def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
+    """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
+    answer = session.ask(
+        2, Decomposition, lambda given: _decomposition_findings(given, session.scene), {"task": understood.text()}
+    )
+    return answer.subtasks()
+
+
+def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
+    """Yield findings about numbers, unknown objects, conflicting roles, and categories that differ from the scene's."""
+    yield from check_numbering(answer.sub_tasks)
+    yield from check_form(bare_task(scene, answer.subtasks()), scene)
+    for index, entry in enumerate(answer.sub_tasks):
+        thing = scene.objects.get(entry.target)
+        stated = entry.bddl_category
+        if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
+            message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"
+            place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
+            yield finding("answer/category", message, place, subtask=index)
+
+
+class SubtaskConditions(SubtaskAnswer):
+    """Initial state and goal of one simple task."""
+
+    init: Formula = Field(description="BDDL formula that holds when the subtask starts")
+    goal: Formula = Field(description="BDDL formula that holds when the subtask has succeeded")
+
+
+class Conditions(Answer):
+    """The conditions of all simple tasks, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskConditions] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+    def added_to(self, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
+        """Return simple tasks with these conditions."""
+        return tuple(
+            replace(subtask, init=bddl.parse_formula(entry.init), goal=bddl.parse_formula(entry.goal))
+            for subtask, entry in zip(subtasks, self.sub_tasks, strict=True)
+        )
+
+
+def instantiate(
+    session: ModuleSession, understood: Understood, subtasks: Sequence[SimpleTask]
+) -> tuple[SimpleTask, ...]:
+    """Ask module 3 for initial states and goals of the simple tasks; raises as `ModuleSession.ask` does."""
+    places = {
+        "task": understood.text(),
+        "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
+        "predicates": predicate_table(),
+    }
+    return session.ask(
+        3, Conditions, lambda given: _condition_findings(given, subtasks, session.scene), places, entries=len(subtasks)
+    ).added_to(subtasks)
+
+
+def _condition_findings(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
+    """Yield syntax errors, then errors of form, then conditions that do not mention the target."""
+    task = bare_task(scene, subtasks)
+    unreadable = False
+    for index, entry in enumerate(answer.sub_tasks):
+        for which, text in (("init", entry.init), ("goal", entry.goal)):
+            try:
+                bddl.parse_formula(text)
+            except bddl.BDDLError as error:
+                unreadable = True
+                issues = syntax_issues(error, f"{subtask_place(task, index)}, {which}")
+                yield from (replace(issue, subtask=index) for issue in issues)
+    if unreadable:
+        return
+    written = answer.added_to(subtasks)
+    plan = bare_task(scene, written)
+    # Errors of the roles are module 2's; the verdict on the plan assigns them to it.
+    yield from (found for found in check_form(plan, scene) if not concerns_roles(found, plan))
+    for index, subtask in enumerate(written):
+        for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
+            names = {name for atom in bddl.atoms(formula) for name in atom.args}
+            # A quantified formula is about objects that it does not name.
+            if subtask.target not in names and not any(name.startswith("?") for name in names):
+                message = f"the {which} {bddl.format(formula)[:200]} does not speak of the target {subtask.target}"
+                place = f"{subtask_place(task, index)}, {which}"
+                yield finding("answer/off-target", message, place, subtask=index)
+
+
+_ROUNDING_M = 0.0005  # Half a hundredth of the factor, times the width of the widest scaled object.
+
+
+class SubtaskSize(SubtaskAnswer):
+    """The factor of one simple task's target."""
+
+    target: ObjectId = Field(description="id of its target")
+    scale: float = Field(gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is")
+
+
+class Sizes(Answer):
+    """The factors of all simple tasks' targets, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskSize] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+
+def resize(session: ModuleSession, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
+    """Ask module 4 for the scale factors of the targets; raises as `ModuleSession.ask` does."""
+    if session.sizing.keep:
+        return {subtask.target: 1.0 for subtask in subtasks}
+    gripper = Gripper.of(session.scene.robot)
+    places = {
+        "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
+        "limit": f"{gripper.widest_m:g}",
+        "aim": f"{gripper.aim_m:.2f}",
+        "narrow": f"{gripper.least_m:g}",
+        "wide": f"{gripper.most_m:g}",
+        "least": f"{LEAST_SCALE:g}",
+    }
+    answer = session.ask(
+        4, Sizes, lambda given: _size_findings(given, subtasks, session.scene), places, entries=len(subtasks)
+    )
+    factors: dict[str, float] = {}
+    for entry in answer.sub_tasks:
+        factors.setdefault(entry.target, entry.scale)
+    return factors
+
+
+def _size_findings(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
+    """Yield findings about objects other than the subtask's target, and factors that break the rule."""
+    gripper = Gripper.of(scene.robot)
+    for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
+        place = f"T{index + 1} {subtask.name}, scale"
+        if entry.target != subtask.target:
+            message = f"its target is {subtask.target}, not {entry.target[:80]}"
+            yield finding("answer/target", message, place, subtask=index)
+            continue
+        problem = _problem(entry.scale, scene[subtask.target], gripper)
+        if problem is not None:
+            hint = f"write {scale_factor(scene[subtask.target], gripper)}"
+            yield finding("answer/scale", problem, place, subtask=index, hint=hint)
+
+
+def _problem(factor: float, thing: SceneObject, gripper: Gripper) -> str | None:
+    d_min_m = min(thing.extent_m[:2])
+    if scale_factor(thing, gripper) == 1.0:
+        if factor == 1.0:
+            return None
+        why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and is taken as it is"
+        return f"{thing.id} is scaled by {factor:g}, and it is not to be scaled: {why}"
+    unfit = too_small(factor)
+    if unfit is not None:
+        return f"{thing.id} {unfit}"
+    low, high = gripper.least_m, gripper.most_m
+    if low - _ROUNDING_M <= factor * d_min_m <= high + _ROUNDING_M:
+        return None
+    scaled = f"scaled by {factor:g} it is {factor * d_min_m:.3f} m"
+    return f"{thing.id} is {d_min_m:.3f} m wide; {scaled}, not from {low:g} to {high:g} m"
+
+
+class SubtaskFlow(SubtaskAnswer):
+    """The flow of one simple task."""
+
+    flow: list[WireStep] = Field(min_length=1, max_length=MOST_ACTIONS)
+
+
+class Flows(Answer):
+    """The flows of all simple tasks, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskFlow] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+    def added_to(self, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
+        """Return simple tasks with these flows."""
+        return tuple(
+            replace(subtask, flow=tuple(step.action() for step in entry.flow))
+            for subtask, entry in zip(subtasks, self.sub_tasks, strict=True)
+        )
+
+
+def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
+    """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does.
+
+    Args:
+        session: State shared by the modules.
+        subtasks: The simple tasks with their conditions.
+        scales: Factors of the size adjustment.
+    """
+    templates = (
+        f"- {kind}: {', '.join(f'{int(primitive)} {primitive.name}' for primitive in flow)}"
+        for kind, flow in TEMPLATES.items()
+    )
+    places = {
+        "subtasks": fenced("subtasks", subtask_table(subtasks)),
+        "primitives": primitives_text(),
+        "templates": "\n".join(templates),
+        "longest": str(MOST_ACTIONS),
+    }
+    return session.ask(
+        5, Flows, lambda given: _flow_findings(given, subtasks, scales, session.scene), places, entries=len(subtasks)
+    ).added_to(subtasks)
+
+
+def _flow_findings(
+    answer: Flows, subtasks: Sequence[SimpleTask], scales: Mapping[str, float], scene: Scene
+) -> Iterator[Diagnostic]:
+    """Yield parameters out of range and primitives that cannot act on their objects."""
+    yield from check_form(replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales)), scene)

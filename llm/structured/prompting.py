@@ -1,0 +1,243 @@
+"""Prompts: templates, the fence between instructions and data, and tables of scene, primitives and predicates.
+
+Names, categories and queries come from others. They stand between `<<<label` and `label>>>`, which the data
+itself cannot contain; the instructions say that nothing inside is an instruction. The tables are generated from
+`oag` and `bddl`, so that a prompt cannot promise what the checks do not know.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from string import Template
+
+import bddl
+from llm.client.transport import ChatRequest, Image, Message
+from oag import Diagnostic, ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
+from oag.model.symbols import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
+from oag.primitives.table import RESTING, Context, Placement, effect, requirements
+
+# Longest part of a model's own answer that is sent back to it.
+_LONGEST_SHOWN = 12_000
+_MOST_FINDINGS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """The first question of a module, before any answer.
+
+    Attributes:
+        module: 1 to 5, or `llm.structured.conversation.INSPECTOR`, `SUPERVISOR`, or `SPOTTER`.
+        system: Instructions above the conversation.
+        text: The module's question with its data.
+        images: Pictures of the question.
+    """
+
+    module: int
+    system: str
+    text: str
+    images: tuple[Image, ...] = ()
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the whole prompt, pictures included."""
+        parts = (self.system, self.text, *(image.sha256 for image in self.images))
+        return hashlib.sha256("\x00".join(parts).encode("utf-8", "backslashreplace")).hexdigest()
+
+    def request(self, schema: Mapping[str, object], refused: Refused | None = None) -> ChatRequest:
+        """Return the request for this prompt; after a refused answer it includes the findings about it."""
+        messages = [Message((self.text, *self.images))]
+        if refused is not None:
+            messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(),))]
+        return ChatRequest(self.system, tuple(messages), schema)
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """An answer that is returned to the model.
+
+    Attributes:
+        reply: The answer as the model wrote it.
+        findings: The findings about it.
+        before: Findings about earlier answers, a line each.
+    """
+
+    reply: str
+    findings: tuple[Diagnostic, ...]
+    before: tuple[str, ...] = ()
+
+    def text(self) -> str:
+        """Return the message to the model: the numbered findings, and earlier failures."""
+        shown = self.findings[:_MOST_FINDINGS]
+        listed = [_numbered(number, found) for number, found in enumerate(shown, start=1)]
+        if len(self.findings) > len(shown):
+            listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
+        before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
+        closing = "Mend every point. Where a fix is listed, it was checked and works; you may also find another way."
+        if all(found.severity != "error" for found in self.findings):
+            closing = "If your answer is what the query means, give the same answer again; otherwise mend it."
+        findings = fenced("findings", "\n\n".join(listed))
+        return render("structured/feedback", findings=findings, before=before, closing=closing)
+
+
+def render(name: str, **values: str) -> str:
+    """Fill in the template of a prompt.
+
+    Args:
+        name: Folder and file below `llm/prompts`, such as "proposing/module_3".
+        values: Text for each `$place`; the texts themselves are not substituted again.
+
+    Raises:
+        KeyError: A place of the template has no text.
+    """
+    return _template(name).substitute(values).strip() + "\n"
+
+
+@cache
+def _template(name: str) -> Template:
+    room, _, file = name.partition("/")
+    return Template((resources.files("llm") / "prompts" / room / f"{file}.md").read_text(encoding="utf-8"))
+
+
+def fenced(label: str, text: str) -> str:
+    """Return data between marks that the data cannot contain."""
+    inside = re.sub(r">(?=>)", "> ", re.sub(r"<(?=<)", "< ", text))
+    return f"<<<{label}\n{inside}\n{label}>>>"
+
+
+def summary(findings: Sequence[Diagnostic]) -> str:
+    """Return the findings about an answer in one line."""
+    return "- " + "; ".join(dict.fromkeys(f"{found.code} {found.place}".strip() for found in findings[:_MOST_FINDINGS]))
+
+
+def _numbered(number: int, found: Diagnostic) -> str:
+    first, *rest = str(found).splitlines()
+    return "\n".join((f"{number}. {first}", *(f"   {line}" for line in rest)))
+
+
+def _shown(reply: str) -> str:
+    """Return an earlier reply as it is sent back; servers reject empty texts and half surrogate pairs."""
+    whole = reply.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+    text = whole.strip() or "(an empty reply)"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]} ... (cut here)"
+
+
+CHANGEABLE = frozenset({*RESTING, "open"})
+"""Predicates that primitives change; a goal about any other one is unreachable."""
+
+_LONGEST_NAME = 80
+_UNITS = {
+    ParameterKind.NONE: "-",
+    ParameterKind.DISTANCE_M: "metres",
+    ParameterKind.ANGLE_DEG: "degrees",
+    ParameterKind.JOINT_LIMITS: "from, to (0 to 1)",
+}
+
+
+def scene_table(scene: Scene) -> str:
+    """Return a scene as text: objects with category, type, size and position, and the facts known at the start."""
+    x, y, _ = scene.robot.position
+    lines = [f"robot at ({x:.2f}, {y:.2f}), heading {scene.robot.yaw_rad:.2f} rad"]
+    lines.append("id | category | type | kind | size x y z [m] | centre x y z [m]")
+    lines.extend(_object_row(thing) for thing in scene.objects.values())
+    facts = [bddl.format(fact) for fact in scene.facts]
+    lines.append(f"at the start: {' '.join(facts) or 'nothing is stated'}")
+    closed = ", ".join(sorted(scene.closed))
+    known = f"of {closed} everything true is listed; what is not listed is false" if closed else "the rest is unknown"
+    lines.append(known)
+    return "\n".join(lines)
+
+
+def _object_row(thing: SceneObject) -> str:
+    size, place = (" ".join(f"{value:.3f}" for value in values) for values in (thing.extent_m, thing.position))
+    return f"{thing.id} | {quoted(thing.category)} | {thing.role} | {thing.kind.value} | {size} | {place}"
+
+
+def quoted(name: str) -> str:
+    """Return a foreign name as a JSON string of bounded length, without characters that could close a fence."""
+    short = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..."
+    return json.dumps(short).replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+@cache
+def primitive_table() -> str:
+    """Return the library of primitives as a table: ID, name, numbers, preconditions, effects."""
+    lines = ["ID | name | numbers | needs | then"]
+    for primitive in Primitive:
+        needs, then = _meaning(primitive)
+        unit = _UNITS[parameter_kind(primitive)]
+        lines.append(f"{int(primitive)} | {primitive.name} | {unit} | {needs or '-'} | {then or '-'}")
+    return "\n".join(lines)
+
+
+def primitives_text(only: Primitive | None = None) -> str:
+    """Return the library of primitives, or one row of it, with an explanation of its words."""
+    head, *rows = primitive_table().splitlines()
+    shown = [row for row in rows if only is None or row.startswith(f"{int(only)} |")]
+    return render("structured/primitives", table="\n".join((head, *shown))).rstrip()
+
+
+def _meaning(primitive: Primitive) -> tuple[str, str]:
+    """Return preconditions and effects of a primitive, for a target T and a support S that is a container."""
+    texts = []
+    leaves: set[Fact] = set()
+    for is_item in (True, False):
+        context = Context("T", "S", Placement("inside", "S"), is_item, ("S",))
+        hand: Value = holding("T") if is_item else gripping("T")
+        hand = EMPTY if primitive is Primitive.GRASP else hand
+        clauses = requirements(primitive, context, hand)
+        needs = "; ".join(" or ".join(condition.text() for condition in clause) for clause in clauses)
+        written = effect(primitive, context, hand)
+        # An effect on held items only would read like an effect on every target.
+        off_its_place = {
+            (fact, value) for fact, value in written if fact[0] in RESTING and fact[1] == "T" and not value
+        }
+        off_its_place -= set(effect(primitive, context, EMPTY))
+        leaves |= {fact for fact, _ in off_its_place}
+        effects = [entry for entry in written if _is_shown(*entry) and entry not in off_its_place]
+        texts.append((needs, "; ".join(fact_text(fact, value) for fact, value in effects)))
+    (item_needs, item_then), (door_needs, door_then) = texts
+    # A motion by which a held target leaves places: all of them, or not.
+    along = "" if not leaves else "; carries" if ("inside", "T", ANY) in leaves else "; moves"
+    return _either(item_needs, door_needs), _either(item_then, door_then) + along
+
+
+def _is_shown(fact: tuple[str, ...], value: Value) -> bool:
+    return value is not None and (value is not False or fact[0] in CHANGEABLE) and fact[1:] != ("S", "T")
+
+
+def _either(item: str, fixture: str) -> str:
+    if item == fixture:
+        return item
+    return " / ".join(f"{kind}: {text}" for kind, text in (("item", item), ("fixture", fixture)) if text)
+
+
+@cache
+def predicate_table() -> str:
+    """Return the predicates that primitives change, with arguments and meaning, and the names of the others."""
+    rows = [f"{spec.shape}  {spec.meaning}" for name, spec in bddl.PREDICATES.items() if name in CHANGEABLE]
+    others = ", ".join(name for name in bddl.PREDICATES if name not in CHANGEABLE)
+    held = "(inside ITEM gripper)  the robot's hand holds the item"
+    return "\n".join([*rows, held, f"no primitive changes these, so no goal can ask for them: {others}"])
+
+
+def subtask_table(subtasks: Sequence[SimpleTask], *, conditions: bool = True) -> str:
+    """Return the subtasks as far as they are known, a line each.
+
+    Args:
+        subtasks: In order.
+        conditions: False to omit initial states and goals that are not written yet.
+    """
+    rows = []
+    for number, subtask in enumerate(subtasks, start=1):
+        row = f"{number} | {subtask.name} | target {subtask.target}"
+        row += f" | support_init {subtask.support_init or '-'} | support_goal {subtask.support_goal or '-'}"
+        if conditions:
+            row += f" | init {bddl.format(subtask.init)} | goal {bddl.format(subtask.goal)}"
+        rows.append(row)
+    return "\n".join(rows)

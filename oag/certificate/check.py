@@ -1,0 +1,525 @@
+"""Independent check of certificates, from their own JSON and the table of primitives alone.
+
+It knows the language (`bddl`), the table of primitives with its facts, and which facts exclude each other. It knows
+nothing of `verify` or of the writer of certificates.
+
+Links are followed one by one. A refutation is checked in two parts: one run reaches the place and fails there, and no
+run gets past it. Measured probabilities are recomputed from their counts. Their bound is searched in the tail of the
+binomial distribution, which defines it; the writer takes it from quantiles of the beta distribution.
+
+Source: docs/semantics.md, Certificates and Measured evidence.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from oag.certificate.check_plan import (
+    Given,
+    Impossible,
+    Place,
+    PlanRun,
+    Reader,
+    Rejected,
+    check_contents,
+    is_link,
+    require,
+    schema_check,
+    truth_by_cases,
+    truth_of,
+    with_values,
+)
+from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Fact, Primitive, Value, fact_text, generalisations
+from oag.primitives.table import Clause, Context, Effect, Needed, effect, library_sha, requirements, with_consequences
+
+KIND = "success-probability"
+METHOD = "Clopper-Pearson, one-sided"
+CHAIN = "chain"
+# Meaning of a probability, by the conditioning of the trials.
+MEANINGS = {
+    CHAIN: "runs of the whole plan from its start; each subtask was tried where the one before succeeded",
+    "saved_state": "each subtask tried apart from one saved state, not from every state that meets its init",
+    "pool": "each subtask tried apart from a pool of states, as they happened to be drawn",
+}
+_KEYS = frozenset(
+    ("kind", "conditioning", "speaks_of", "counts", "estimate", "lower_bound", "confidence", "choices", "method")
+)
+_TOLERANCE = 1e-9
+# The terms summed for a bound grow with the root of the trials; this many take some seconds.
+MOST_TERMS = 30_000
+# Bisections of the interval of a bound, down to the resolution of a float.
+_HALVINGS = 60
+
+
+def check_evidence(slots: Any) -> None:
+    """Check the list of measured probabilities.
+
+    Raises:
+        Rejected: An entry has another form or conditioning than documented, or claims more than its counts show.
+    """
+    require(type(slots) is list, "its evidence is no list")
+    left = MOST_TERMS
+    for slot in slots:
+        require(type(slot) is dict and slot.keys() == _KEYS, f"no evidence has this form: {slot!r:.80}")
+        require(slot["kind"] == KIND and slot["method"] == METHOD, "evidence of another kind cannot be checked")
+        meaning = MEANINGS.get(slot["conditioning"]) if type(slot["conditioning"]) is str else None
+        require(meaning is not None, f"no trials are conditioned on {slot['conditioning']!r}")
+        require(slot["speaks_of"] == meaning, f"the evidence speaks of {meaning}")
+        _check_counts(slot["counts"], chain=slot["conditioning"] == CHAIN)
+        left -= sum(1 + math.isqrt(trials) for _, trials in slot["counts"])
+        require(left >= 0, "the counts are too many, or too large, for their bound to be computed")
+        _check_numbers(slot)
+
+
+def _check_numbers(slot: dict[str, Any]) -> None:
+    counts, choices, confidence = slot["counts"], slot["choices"], slot["confidence"]
+    require(type(choices) is int and choices >= 1, "a flow is chosen among one or more")
+    require(type(confidence) is float and 0.0 < confidence < 1.0, "a confidence is between 0 and 1")
+    if slot["conditioning"] == CHAIN:
+        counts = [(counts[-1][0], counts[0][1])]
+    error = (1.0 - confidence) / (len(counts) * choices)
+    estimate = math.prod(successes / trials for successes, trials in counts)
+    for key in ("estimate", "lower_bound"):
+        require(type(slot[key]) in (float, int) and 0.0 <= slot[key] <= 1.0, f"the {key} is no probability")
+    if not math.isclose(slot["estimate"], estimate, abs_tol=_TOLERANCE):
+        raise Rejected(f"the counts give the estimate {estimate:g}, not {slot['estimate']:g}")
+    lower = math.prod(_lower_bound(successes, trials, error) for successes, trials in counts)
+    if slot["lower_bound"] > lower + _TOLERANCE:
+        raise Rejected(f"the counts show no more than {lower:g}, not {slot['lower_bound']:g}")
+
+
+def _check_counts(counts: Any, *, chain: bool) -> None:
+    """Check that counts are possible, and that each count of a chain starts from the successes before it."""
+    require(type(counts) is list and bool(counts), "there are no counts")
+    for count in counts:
+        require(type(count) is list and [type(number) for number in count] == [int, int], f"{count!r} is no count")
+        successes, trials = count
+        require(trials >= 1 and 0 <= successes <= trials, f"{successes} successes in {trials} trials cannot be")
+    if chain:
+        require(all(after[1] == before[0] for before, after in pairwise(counts)), "the counts are no chain")
+
+
+def _lower_bound(successes: int, trials: int, error: float) -> float:
+    """Return the largest probability at which this many successes, or more, are as unlikely as the error allows."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS if successes else 0):
+        middle = (low + high) / 2.0
+        if _tail_probability(successes, trials, middle) <= error:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _tail_probability(successes: int, trials: int, probability: float) -> float:
+    """Return the probability of at least this many successes, summed over the shorter side, largest term first."""
+    upward = probability * trials <= successes
+    count = successes if upward else successes - 1
+    odds = probability / (1.0 - probability)
+    term, total = _binomial_term(count, trials, probability), 0.0
+    while term > total * 1e-17 and 0 <= count <= trials:
+        total += term
+        term *= (trials - count) / (count + 1) * odds if upward else count / ((trials - count + 1) * odds)
+        count += 1 if upward else -1
+    return total if upward else 1.0 - total
+
+
+def _binomial_term(count: int, trials: int, probability: float) -> float:
+    log_combinations = math.lgamma(trials + 1) - math.lgamma(count + 1) - math.lgamma(trials - count + 1)
+    return math.exp(log_combinations + count * math.log(probability) + (trials - count) * math.log1p(-probability))
+
+
+# Kind of the place where a plan without a flow ends.
+_NO_FLOW = "no-flow"
+# Most facts and places visited for all cases together.
+_MOST_LOOKED = 2_000_000
+
+
+def find_failing_place(data: Mapping[str, Any], given: Sequence[Any], stop: Place | None) -> Place | None:
+    """Return the first place that one complete run does not meet; None when it meets all.
+
+    Args:
+        data: The certificate.
+        given: The run: values of unknown facts; all others are false.
+        stop: The place that it should reach; a `no-flow` place only has to be reached.
+
+    Raises:
+        Rejected: The run is invalid, or it leaves a place open.
+    """
+    run = PlanRun(data, given, complete=True)
+    for place, wanted in run.places():
+        if place == stop and place[0] == _NO_FLOW:
+            return place
+        truth = truth_of(wanted, run.value, data["scene"]["objects"])
+        require(truth is not None, f"the run leaves {place} open")
+        if truth is False:
+            return place
+    return None
+
+
+def check_refutation(data: Mapping[str, Any], stop: Place) -> None:
+    """Check that one run reaches a place and fails there, and that every run fails there or before.
+
+    Assumptions on the way must be forced: without it, the place where an assumption is made would be false.
+
+    Raises:
+        Rejected: One of these does not hold.
+    """
+    failing = find_failing_place(data, data["counterexample"], stop)
+    require(failing == stop, f"from the counterexample's start, {failing} fails, and not {stop}")
+    assumed = [(e["time"], tuple(e["fact"]), e["value"]) for e in data["assumptions"] if e["kind"] == "assumed"]
+    cases, search = data["cases"], data["search"]
+    if cases:
+        require(not assumed and search is None and len(cases) == 1, "cases are distinguished of more than the failure")
+        require(tuple(cases[0]["consumer"]) == stop, "the cases are of another place than the failure")
+        _check_cases(data, cases[0]["tree"], stop)
+    run = PlanRun(data)
+    for place, wanted in run.places():
+        _take_forced(run, wanted, assumed, data["scene"]["objects"])
+        if place == stop:
+            break
+    _check_links(data, run, stop)
+    if cases:
+        return
+    require(not assumed, f"nothing that the plan needs forces what is assumed: {assumed}")
+    if stop[0] == _NO_FLOW:
+        require(search["subtask"] == stop[1], "the search is of another subtask")
+        check_search(search, run.context, wanted, run.value, data["scene"]["objects"])
+        return
+    shown = truth_of(wanted, run.value, data["scene"]["objects"])
+    require(search is None and shown is False, f"{stop} is not shown to be false")
+
+
+def is_forced(wanted: Needed, fact: Fact, value: bool, read: Reader, objects: Mapping[str, str]) -> bool:
+    """Decide whether clauses or a formula can only hold if a fact has a value, by what is known otherwise."""
+    otherwise = with_values(read, dict(with_consequences(fact, not value)))
+    return truth_of(wanted, otherwise, objects) is False
+
+
+def _take_forced(run: PlanRun, wanted: Needed, assumed: list[Given], objects: Mapping[str, str]) -> None:
+    """Make the assumptions of a place in order, and remove them from the list, as long as the place forces them."""
+    while assumed and assumed[0][0] == run.time:
+        time, fact, value = assumed[0]
+        if not is_forced(wanted, fact, value, run.value, objects):
+            return
+        run.take(time, fact, value)
+        del assumed[0]
+
+
+def _check_cases(data: Mapping[str, Any], tree: list[Any], stop: Place) -> None:
+    """Check a distinction of cases in each of which some place is false, the failing one or one before it."""
+    require(bool(tree), f"{stop} was decided by a solver alone: it has too many cases to list")
+    pending: list[tuple[Given, ...]] = [()]
+    looked = 0
+    for split in tree:
+        require(bool(pending), "a case distinction has too many cases")
+        case = pending.pop()
+        if split is None:
+            looked += _check_case(data, case, stop)
+            require(looked <= _MOST_LOOKED, "the cases take too long to look at")
+        else:
+            time, fact = split
+            pending += [(*case, (time, tuple(fact), value)) for value in (False, True)]
+    require(not pending, "a case of a distinction is missing")
+
+
+def _check_case(data: Mapping[str, Any], case: tuple[Given, ...], stop: Place) -> int:
+    """Check that a place up to a failure is false in a case, or that the case has no state; return the work done."""
+    run, looked = PlanRun(data, case), 0
+
+    def read(fact: Fact) -> Value:
+        nonlocal looked
+        looked += 1
+        return run.value(fact)
+
+    try:
+        for place, wanted in run.places():
+            looked += 1
+            if place[0] != _NO_FLOW and truth_of(wanted, read, data["scene"]["objects"]) is False:
+                return looked
+            require(place != stop, f"in the case {list(case)}, nothing up to {stop} is false")
+    except Impossible:
+        return looked
+    raise Rejected(f"the plan does not come to {stop}")
+
+
+def _check_links(data: Mapping[str, Any], run: PlanRun, stop: Place) -> None:
+    """Check that every link belongs to the failing place and names the last write of its fact."""
+    for kind, subtask, step, fact, value, positive, producer in data["links"]:
+        written, known = run.last(tuple(fact))
+        require((kind, subtask, step) == stop, f"a link is out of place: {(kind, subtask, step)}")
+        require(producer == written, f"{stop}: {tuple(fact)} is written at {written}, not {producer}")
+        require(known is not None and type(positive) is bool and value is not None, f"a link of {stop} says nothing")
+
+
+_State = tuple[Value, ...]
+
+
+def check_search(
+    search: Mapping[str, Any], context: Context, goal: Needed, read: Reader, objects: Mapping[str, str]
+) -> None:
+    """Check that no flow of a subtask reaches its goal.
+
+    A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree.
+
+    Args:
+        search: `facts`, the robot's three included; `states`, each a list of values in the order of the facts; `start`,
+            the state where the subtask starts.
+        context: The subtask's objects.
+        goal: Its goal.
+        read: Reader of what is known where it starts.
+        objects: Category of each object.
+
+    Raises:
+        Rejected: The start is not among the states, a primitive leaves them, or the goal may hold in one.
+    """
+    facts = [tuple(fact) for fact in search["facts"]]
+    states = {tuple(state) for state in search["states"]}
+    require(set(ROBOT_FACTS) <= set(facts), "a search leaves out a variable of the robot")
+    require(all(len(state) == len(facts) for state in states), "a state of a search has too few or too many values")
+    start = tuple(map(read, facts))
+    require(start == tuple(search["start"]) and start in states, "the start is not among the states of the search")
+    legal = _legal(context, objects)
+    for state in states:
+        known = dict(zip(facts, state, strict=True))
+        require(truth_of(goal, known.get, objects) is False, f"a state of the search may meet the goal: {known}")
+        for primitive in legal:
+            if truth_of(requirements(primitive, context, known[HAND]), known.get, objects) is not False:
+                after = _after(known, effect(primitive, context, known[HAND]))
+                require(after in states, f"{primitive.name} leads out of the states of the search")
+
+
+def _legal(context: Context, objects: Mapping[str, str]) -> tuple[Primitive, ...]:
+    """Return the primitives that a well-formed flow may use in a context."""
+    fixture = context.target in context.articulated
+    illegal = set[Primitive]() if fixture else set(ARTICULATIONS)
+    if not (fixture or context.target_is_item):
+        illegal.add(Primitive.GRASP)
+    if context.support_goal not in objects:
+        illegal.add(Primitive.NAVIGATE_TO_SUPPORT)
+    return tuple(primitive for primitive in Primitive if primitive not in illegal)
+
+
+def _after(known: dict[Fact, Value], written: Effect) -> _State:
+    """Return the state after an effect, whose most specific write to a fact counts."""
+    writes = dict(written)
+    return tuple(
+        next((writes[pattern] for pattern in generalisations(fact) if pattern in writes), value)
+        for fact, value in known.items()
+    )
+
+
+SCHEMA = "scene2demo-certificate/3"
+NO_CERTIFICATE = (
+    "there is no certificate: a report has none when its plan is not well formed, has a subtask without a flow that "
+    "may have one, or was decided by more cases than can be listed; the report's diagnostics say which"
+)
+# A certificate that contains itself ends in a RecursionError either way.
+_CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), check_circular=False)
+_MALFORMED = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError)
+
+
+@dataclass(frozen=True, slots=True)
+class RecheckResult:
+    """Result of a recheck: true when a certificate shows its verdict; `reason` says what was confirmed or is wrong."""
+
+    ok: bool
+    reason: str
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+
+def recheck(certificate: Any) -> RecheckResult:
+    """Decide whether a `Certificate`, or its JSON mapping, shows its verdict; a malformed one is rejected.
+
+    A `Report`, or the JSON of one, is taken for the certificate in it.
+    """
+    try:
+        data: Any = certificate
+        if type(data) is not dict or "schema" not in data:
+            data = certificate_in(certificate)
+        _check_envelope(data)
+        confirmed = _confirm(data)
+        # The links of a proof, of which there may be thousands, were checked one by one.
+        place = schema_check()({**data, "links": data["links"][:0]} if data["failure"] is None else data)
+        require(place is None, f"malformed certificate: {place} has another form than documented, or does not belong")
+        return RecheckResult(True, confirmed)
+    except Rejected as problem:
+        return RecheckResult(False, str(problem))
+    except _MALFORMED as problem:
+        form = f"a value has another form than expected ({problem})"
+        if isinstance(problem, KeyError) and problem.args:
+            form = f"nothing stands at {problem.args[0]!r}"
+        elif isinstance(problem, RecursionError):
+            form = "it is nested too deeply"
+        return RecheckResult(False, f"malformed certificate: {form}")
+
+
+def certificate_in(given: Any) -> Any:
+    """Return the JSON of the certificate in anything that `recheck` accepts.
+
+    Raises:
+        Rejected: There is none.
+    """
+    if not (given is None or isinstance(given, Mapping) or hasattr(given, "to_json")):
+        raise Rejected(
+            f"malformed certificate: expected a certificate, a report, or the JSON of one, got {given!r:.60}"
+        )
+    data = given if isinstance(given, Mapping | None) else given.to_json()
+    if isinstance(data, Mapping) and "schema" not in data and "certificate" in data:
+        data = data["certificate"]
+    require(data is not None, NO_CERTIFICATE)
+    return data
+
+
+def _check_envelope(data: Mapping[str, Any]) -> None:
+    """Check the hashes, the texts and the measured probabilities: all that does not decide the verdict."""
+    # Reasons are written only where they are needed: they would take a tenth of the time.
+    if data["schema"] != SCHEMA:
+        raise Rejected(f"it is written as {data['schema']!r}, and this checker reads {SCHEMA!r}")
+    require(data["library_sha"] == library_sha(), "it was made with another table of primitives")
+    for key, part in (("task_hash", data["plan"]), ("scene_sha", data["scene"])):
+        digest = hashlib.sha256(_CANONICAL.encode(part).encode()).hexdigest()
+        if data[key] != digest:
+            raise Rejected(f"{key} is of something else")
+    for entry in data["assumptions"]:
+        text = entry["formula"] if "formula" in entry else fact_text(tuple(entry["fact"]), entry["value"])
+        if entry.get("text", text) != text:
+            raise Rejected(f"the text of an assumption should be {text!r}")
+        if entry["kind"] not in ("reset", "assumed"):
+            raise Rejected(f"no assumption is of the kind {entry['kind']!r}")
+    check_evidence(data["evidence"])
+    check_contents(data)
+
+
+def _confirm(data: Mapping[str, Any]) -> str:
+    assumed = [entry for entry in data["assumptions"] if entry["kind"] == "assumed"]
+    shown = "REFUTED" if data["failure"] is not None else "CONDITIONAL" if assumed else "PROVED"
+    if data["verdict"] != shown:
+        raise Rejected(f"the evidence is for {shown}, the verdict says {data['verdict']}")
+    for entry in assumed:
+        require("formula" not in entry, f"nothing shows that {entry.get('formula')} can hold, and that it need not")
+    if shown == "REFUTED":
+        kind, subtask, step = data["failure"]
+        require(type(subtask) is type(step) is int, "the failure is of no place")
+        check_refutation(data, (kind, subtask, step))
+        return f"{(kind, subtask, step)} fails, as claimed"
+    require(data["search"] is None, "a search shows that a subtask has no flow, and none is said to fail")
+    confirmed = LinkedPlan(data, assumed).check()
+    if shown == "PROVED":
+        require(data["counterexample"] is None, "a run is given, and nothing is said to fail in it")
+    else:
+        missed = find_failing_place(data, data["counterexample"], None)
+        require(missed is not None, "the run given meets everything, so nothing shows that anything has to be assumed")
+    return confirmed
+
+
+# What was assumed, and when.
+_Write = tuple[Fact, int]
+
+
+class LinkedPlan:
+    """A certificate's plan followed to its end, with a link for every need."""
+
+    def __init__(self, data: Mapping[str, Any], assumed: list[Mapping[str, Any]]) -> None:
+        given = [(entry["time"], entry["fact"], entry["value"]) for entry in assumed]
+        self.run, self.objects, self.count = PlanRun(data, given), data["scene"]["objects"], len(data["links"])
+        self.cases = {tuple(entry["consumer"]): entry["tree"] for entry in data["cases"]}
+        require(len(self.cases) == len(data["cases"]), "two distinctions of cases are of one place")
+        # The next link is the last one; the first stands for none.
+        self.links = [["", 0, 0, [], "", True, 0], *reversed(data["links"])]
+        # `unneeded`: assumptions that nothing needed yet. Below: the facts of each, consequences included.
+        self.unneeded = {(fact, time): value for time, fact, value in self.run.given}
+        require(len(self.unneeded) == len(given), "something is assumed twice")
+        self.statements: dict[_Write, tuple[_Write, tuple[Fact, ...]]] = {}
+        for (fact, time), value in self.unneeded.items():
+            facts = tuple(stated for stated, _ in with_consequences(fact, value))
+            self.statements |= {(stated, time): ((fact, time), facts) for stated in facts}
+
+    def check(self) -> str:
+        """Return what was confirmed.
+
+        Raises:
+            Rejected: A need is not shown, or an assumption or a link is not needed.
+        """
+        links, cases, unneeded = self.links, self.cases, self.unneeded
+        for place, wanted in self.run.places():
+            if type(wanted) is not tuple or (cases and place in cases):
+                self._settle(place, wanted)
+                continue
+            for clause in wanted:
+                fact, value, positive, producer = self._link(place)
+                if (fact, value, positive) not in clause:
+                    raise Rejected(f"the links do not give {place}")
+                if unneeded and (fact, producer) in self.statements:
+                    self._note(clause, fact, producer)
+        if len(links) != 1:
+            raise Rejected(f"a link is out of place: {links[-1]}")
+        require(not (cases or self.run.given), "a case or an assumption is of no place")
+        if unneeded:
+            raise Rejected(f"it is assumed, and nothing needs it: {list(unneeded)}")
+        return f"{self.count} link{'' if self.count == 1 else 's'} confirmed"
+
+    def _link(self, place: Place) -> tuple[Fact, Any, Any, int]:
+        """Return the next link, which must belong to this place and hold: fact, value, sign, and producer."""
+        kind, subtask, step, names, value, positive, producer = link = self.links.pop()
+        if not is_link(link):
+            raise Rejected(f"malformed certificate: {link!r:.80} is no link")
+        fact = tuple(names)
+        written, known = self.run.last(fact)
+        if producer != written:
+            raise Rejected(f"{place}: {fact} is written at {written}, not {producer}")
+        if (kind, subtask, step) != place or known is None or (known == value) is not positive:
+            raise Rejected(f"the links do not give {place}")
+        return fact, value, positive, written
+
+    def _note(self, clause: Clause, fact: Fact, producer: int) -> None:
+        """Note that an assumption is needed, if without it no alternative of the clause is known to hold."""
+        assumption, statements = self.statements[fact, producer]
+        without = self._without(self.run.value, assumption, statements)
+        if truth_of((clause,), without, self.objects) is not True:
+            self.unneeded.pop(assumption, None)
+
+    def _settle(self, place: Place, wanted: Needed) -> None:
+        """Check a need that takes more than one link a clause: a formula, or a distinction of cases."""
+        linked: dict[Fact, int] = {}
+        while tuple(self.links[-1][:3]) == place:
+            fact, _, _, producer = self._link(place)
+            linked[fact] = producer
+        tree, value = self.cases.pop(place, None), self.run.value
+        require(tree != [], f"{place} was decided by a solver alone: it has too many cases to list")
+
+        def read(fact: Fact) -> Any:
+            return value(fact) if tree is not None or fact in linked else None
+
+        require(self._truth(wanted, tree, read) is True, f"the links do not give {place}")
+        for write in set(linked.items()) & self.statements.keys() if self.unneeded else ():
+            assumption, statements = self.statements[write]
+            without = self._without(read, assumption, statements)
+            if assumption in self.unneeded and not self._holds_without(wanted, tree, without):
+                del self.unneeded[assumption]
+
+    def _without(self, read: Reader, assumption: _Write, statements: tuple[Fact, ...]) -> Reader:
+        """Return a reader in which the facts of an assumption are what they were before it."""
+        run, time = self.run, assumption[1]
+        return with_values(read, {fact: run.before[fact, time] for fact in statements if run.last(fact)[0] == time})
+
+    def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
+        """Return whether a formula holds for a reader, by a distinction of cases if there is one."""
+        if tree is None:
+            return truth_of(wanted, read, self.objects)
+        return truth_by_cases(wanted, tree, read, self.objects)
+
+    def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool:
+        """Decide whether a formula is shown for a reader without an assumption."""
+        try:
+            return self._truth(wanted, tree, read) is True
+        except Rejected:
+            return False

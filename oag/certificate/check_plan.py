@@ -1,0 +1,573 @@
+"""The plan of a certificate, read and followed by the independent checker.
+
+The form is checked by the part of JSON Schema that `oag/certificate/certificate.schema.json` uses. Conditions are lists
+of literals, or formulas as the language prints them. Formulas are read strictly by a reader of its own: the formula,
+printed again, must be the text, word by word. The plan is followed from its start: what is needed where, and what every
+step writes.
+
+Part of the independent check: it knows the language and the table of primitives, and nothing of `verify`.
+
+Source: docs/semantics.md, Certificates; docs/bddl.md has the forms of formulas.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import bddl
+from bddl.grounding import count_ground_parts
+from oag.model.symbols import (
+    ANY,
+    ARTICULATIONS,
+    EEF,
+    EMPTY,
+    HAND,
+    HOME,
+    NEAR,
+    ROBOT_FACTS,
+    Fact,
+    Parameter,
+    Primitive,
+    Value,
+    condition_of,
+    condition_on,
+    gripping,
+    holding,
+    parameter_problem,
+)
+from oag.primitives.table import (
+    Clause,
+    Context,
+    Needed,
+    Rows,
+    excluded,
+    impossible,
+    needed,
+    open_at_top,
+    placement_among,
+    placement_of,
+    with_consequences,
+)
+
+_SCHEMA = Path(__file__).parents[1] / "certificate" / "certificate.schema.json"
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "string": (str,),
+    "integer": (int,),
+    "number": (int, float),
+    "boolean": (bool,),
+    "null": (type(None),),
+}
+# Returns the place inside a value that deviates from its form; None when none does.
+_RuleCheck = Callable[[Any], str | None]
+
+
+@cache
+def schema_check() -> _RuleCheck:
+    """Return the check by the schema: the place of the first deviation, None when there is none."""
+    schema = json.loads(_SCHEMA.read_text(encoding="utf-8"))
+    return _rule_check(schema, schema["$defs"])
+
+
+def _rule_check(rule: Mapping[str, Any], defs: Mapping[str, Any]) -> _RuleCheck:
+    if "$ref" in rule:
+        return _rule_check(defs[rule["$ref"].rpartition("/")[2]], defs)
+    if "anyOf" in rule:
+        return _choice([_rule_check(part, defs) for part in rule["anyOf"]])
+    if "const" in rule or "enum" in rule:
+        legal = rule.get("enum", [rule.get("const")])
+        return lambda value: None if type(value) is str and value in legal else ""
+    if rule["type"] in ("array", "object"):
+        return (_array if rule["type"] == "array" else _object)(rule, defs)
+    names = [rule["type"]] if isinstance(rule["type"], str) else rule["type"]
+    return _scalar(rule, frozenset(kind for name in names for kind in _TYPES[name]))
+
+
+def _choice(choices: list[_RuleCheck]) -> _RuleCheck:
+    def check(value: Any) -> str | None:
+        for choice in choices:
+            if choice(value) is None:
+                return None
+        return ""
+
+    return check
+
+
+def _scalar(rule: Mapping[str, Any], types: frozenset[type]) -> _RuleCheck:
+    if "pattern" in rule:
+        pattern = re.compile(rule["pattern"])
+        return lambda value: None if type(value) is str and pattern.search(value) else ""
+    if "minLength" in rule:
+        shortest = rule["minLength"]
+        return lambda value: None if type(value) is str and len(value) >= shortest else ""
+    if "minimum" in rule:
+        low, high = rule["minimum"], rule.get("maximum", math.inf)
+        return lambda value: None if type(value) in types and low <= value <= high else ""
+    return lambda value: None if type(value) in types else ""
+
+
+def _array(rule: Mapping[str, Any], defs: Mapping[str, Any]) -> _RuleCheck:
+    first = [_rule_check(part, defs) for part in rule.get("prefixItems", ())]
+    rest = _rule_check(rule["items"], defs) if rule["items"] else None
+    low = rule.get("minItems", 0)
+    high = len(first) if rest is None else rule.get("maxItems", math.inf)
+
+    def check(value: Any) -> str | None:
+        if type(value) not in (list, tuple) or not low <= len(value) <= high:
+            return ""
+        for index, part in enumerate(value):
+            fault = (rest or first[index])(part)
+            if fault is not None:
+                return f"[{index}]{fault}"
+        return None
+
+    return check
+
+
+def _object(rule: Mapping[str, Any], defs: Mapping[str, Any]) -> _RuleCheck:
+    named = {key: _rule_check(part, defs) for key, part in rule.get("properties", {}).items()}
+    like = [(re.compile(key), _rule_check(part, defs)) for key, part in rule.get("patternProperties", {}).items()]
+    other = _rule_check(rule["additionalProperties"], defs) if rule.get("additionalProperties") else None
+    required, free = rule.get("required", ()), "additionalProperties" not in rule
+    low, high = rule.get("minProperties", 0), rule.get("maxProperties", math.inf)
+
+    def check(value: Any) -> str | None:
+        if type(value) is not dict or not low <= len(value) <= high:
+            return ""
+        for key in required:
+            if key not in value:
+                return f".{key}"
+        for key, part in () if free else value.items():
+            each = named.get(key) or next((found for pattern, found in like if pattern.search(key)), other)
+            fault = "" if each is None else each(part)
+            if fault is not None:
+                return f".{key}{fault}"
+        return None
+
+    return check
+
+
+# Kind, subtask and step of what is needed.
+Place = tuple[str, int, int]
+# Most reads of facts for one distinction of cases; the writer of certificates gives up earlier.
+MOST_READS = 400_000
+Reader = Callable[[Fact], Value]
+
+
+class Rejected(Exception):
+    """A certificate does not show its verdict."""
+
+
+def require(condition: bool, reason: str) -> None:
+    """Raise Rejected with a reason unless a condition is met."""
+    if not condition:
+        raise Rejected(reason)
+
+
+def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool | None:
+    """Return whether clauses or a formula hold for a reader of facts; None when what is known does not decide it."""
+    if not isinstance(wanted, tuple):
+
+        def known(atom: bddl.Atom) -> bool | None:
+            condition = condition_of(atom, True)
+            return condition.grade(read(condition.fact))
+
+        return bddl.evaluate(wanted, known, objects)
+    grades = [[condition.grade(read(condition.fact)) for condition in clause] for clause in wanted]
+    if any(all(grade is False for grade in clause) for clause in grades):
+        return False
+    return all(True in clause for clause in grades) or None
+
+
+def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mapping[str, str]) -> bool | None:
+    """Return the one value that clauses or a formula have in every case of a distinction.
+
+    Args:
+        wanted: What is needed.
+        tree: The cases in preorder: an unknown fact stands before its case true and its case false, null ends a case.
+        read: What is known.
+        objects: Category of each object.
+
+    Raises:
+        Rejected: A fact that is known is distinguished, or one that is not true or false; a case is missing; or the
+            cases disagree.
+    """
+    reads = 0
+
+    def counted(fact: Fact) -> Value:
+        nonlocal reads
+        reads += 1
+        return read(fact)
+
+    pending: list[dict[Fact, bool] | None] = [{}]
+    results: set[bool | None] = set()
+    for split in tree:
+        require(bool(pending), "a case distinction has too many cases")
+        case = pending.pop()
+        if split is not None:
+            fact = tuple(split)
+            two_cases = fact not in ROBOT_FACTS and ANY not in fact
+            require(two_cases, f"{fact} is the robot's, or a pattern: it has no two cases")
+            known = with_values(read, case or {})
+            require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
+            pending.append(None if case is None else {**case, fact: False})
+            # None stands for a case without a state.
+            pending.append(None if case is None or excluded(fact, known) else {**case, fact: True})
+        elif case is not None:
+            results.add(truth_of(wanted, with_values(counted, case), objects))
+            require(reads <= MOST_READS, "a case distinction takes too long to look at")
+    require(not pending and len(results) == 1, "the cases of a distinction disagree, or one is missing")
+    return results.pop()
+
+
+def with_values(read: Reader, case: Mapping[Fact, Value]) -> Reader:
+    """Return a reader in which some facts have other values: those of a case, or None for facts to ignore."""
+    return lambda fact: case[fact] if fact in case else read(fact)
+
+
+# Parts that the formulas of a plan may have, with every quantifier spelled out over the objects.
+MOST_PARTS = 20_000
+
+_WORDS = re.compile(r"[()]|[^\s()]+")
+_CONNECTIVES: dict[str, Any] = {"not": bddl.Not, "imply": bddl.Imply}
+_QUANTIFIERS: dict[str, Any] = {
+    "forall": bddl.ForAll,
+    "exists": bddl.Exists,
+    "forn": bddl.ForN,
+    "forpairs": bddl.ForPairs,
+    "fornpairs": bddl.ForNPairs,
+}
+
+
+def needed_of(condition: Any) -> Needed:
+    """Return the clauses of a list of [atom, value], or the formula of a text.
+
+    Raises:
+        Rejected: It contains a pattern, or a variable of the robot as an atom.
+    """
+    if isinstance(condition, str):
+        formula = read_formula(condition)
+        require(all((atom.predicate, *atom.args) not in ROBOT_FACTS for atom in bddl.atoms(formula)), "no formula")
+        return needed(formula)
+    clauses: list[Clause] = []
+    for names, value in condition:
+        fact = tuple(names)
+        # The robot's variables alone are about nothing.
+        if type(value) is not bool or len(fact) < 2 or ANY in "".join(fact):
+            raise Rejected(f"{names} is no literal")
+        clauses.append((condition_on(fact, value),))
+    return tuple(clauses)
+
+
+def check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
+    """Check that the plan's formulas, spelled out over the objects, are not too large to be evaluated."""
+    left = MOST_PARTS
+    for condition in (plan["goal"], *(s[field] for s in plan["subtasks"] for field in ("init", "goal"))):
+        # Without a variable there is no quantifier.
+        if isinstance(condition, str) and "?" in condition:
+            left -= count_ground_parts(read_formula(condition), objects, left)
+            require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
+
+
+def read_formula(text: str) -> bddl.Formula:
+    """Return the formula of a text of any depth.
+
+    Raises:
+        ValueError: The text is not the printed form of any formula.
+
+    Example:
+        >>> read_formula("(exists (?x - cup) (not (inside ?x box_0)))")
+        <Exists (exists (?x - cup) (not (inside ?x box_0)))>
+    """
+    words = _WORDS.findall(text)
+    open_forms: list[list[Any]] = [[]]
+    try:
+        for word in words:
+            if word == "(":
+                open_forms.append([])
+            elif word == ")":
+                form = open_forms.pop()
+                open_forms[-1].append(_built(form))
+            else:
+                open_forms[-1].append(word)
+        ((formula,),) = open_forms
+    except (ValueError, TypeError, IndexError, AttributeError):
+        formula = None
+    if not isinstance(formula, bddl.Formula) or _WORDS.findall(str(formula)) != words:
+        raise ValueError(f"{text!r:.60} is no formula as the language prints it")
+    return formula
+
+
+def _built(form: list[Any]) -> Any:
+    """Return the formula of a form whose operands are formulas; parenthesised variables and numbers are kept."""
+    word, *rest = form
+    if word.startswith("?") or word.isdecimal():
+        return form
+    if word in ("and", "or"):
+        return (bddl.And if word == "and" else bddl.Or)(tuple(rest))
+    if word in _CONNECTIVES:
+        return _CONNECTIVES[word](*rest)
+    if word in _QUANTIFIERS:
+        count = {"count": int(rest.pop(0)[0])} if word in ("forn", "fornpairs") else {}
+        *binders, body = rest
+        names = [name.removeprefix("?") for variable, _, category in binders for name in (variable, category)]
+        return _QUANTIFIERS[word](*names, body, **count)
+    spec = bddl.PREDICATES.get(word)
+    if spec is None or spec.arity != len(rest):
+        raise ValueError(f"{word!r} is no predicate of {len(rest)} arguments")
+    return bddl.Atom(word, tuple(name.removeprefix("?") for name in rest))
+
+
+NEVER: tuple[int, Value] = (-1, None)
+_BY_TIME = itemgetter(0)
+
+
+class Impossible(Rejected):
+    """An assumption breaks an invariant, so that no state satisfies it."""
+
+
+class PlanRun:
+    """A plan followed from its start.
+
+    Attributes:
+        context: The objects of the current subtask.
+        given: Assumptions still to be made, the next one last.
+        time: Time of the current place; earlier writes count.
+        latest: The last write of each fact or pattern: when, and what.
+        before: What was known of a fact before an assumption was written about it, by the fact and the time.
+    """
+
+    def __init__(self, data: Mapping[str, Any], given: Sequence[Any] = (), *, complete: bool = False) -> None:
+        """Start at the start of the plan.
+
+        Args:
+            data: The certificate.
+            given: Triples (time, fact, value) to assume of unknown facts.
+            complete: Follow one run. Whatever is unknown and not given is false, from where it became unknown. Known
+                facts may be given too.
+
+        Raises:
+            Rejected: The start is invalid, the reset supplies what it cannot, or an entry of `given` has another form.
+        """
+        # Stable by time: a later entry may follow from an earlier one of the same time, not the other way round.
+        self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME)[::-1] if given else []
+        self.time = 1
+        self.before: dict[tuple[Fact, int], Value] = {}
+        self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
+        self.latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
+        for fact in [fact for fact, (_, value) in self.latest.items() if value is True]:
+            for stated, known in with_consequences(fact, True):
+                if self.last(stated)[1] is None:
+                    self.latest[stated] = (0, known)
+                elif self.last(stated)[1] != known:
+                    raise Rejected(f"the start breaks an invariant: {fact}")
+
+    def last(self, fact: Fact) -> tuple[int, Value]:
+        """Return when a fact was last written (-1 for never) and what; at one time the most specific write counts."""
+        latest = self.latest
+        best = latest.get(fact, NEVER)
+        if len(fact) == 3:
+            name, first, second = fact
+            for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
+                if pattern in latest and latest[pattern][0] > best[0]:
+                    best = latest[pattern]
+        elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
+            best = latest[fact[0], ANY]
+        return best
+
+    def value(self, fact: Fact) -> Value:
+        """Return what a fact is known to be. None is unknown; in a complete run only the robot's facts can be."""
+        value = self.last(fact)[1]
+        return False if value is None and self._complete and fact not in ROBOT_FACTS else value
+
+    def places(self) -> Iterator[tuple[Place, Needed]]:
+        """Yield the needs of each place in order, while the steps in between write what the table says.
+
+        A subtask without a flow yields its goal at the place ("no-flow", subtask, -1).
+
+        Raises:
+            Rejected: The caller continued after such a subtask, or the state of the hand is unknown.
+        """
+        require(HAND in self.latest, "what the hand does is unknown: neither the scene nor the reset says so")
+        articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
+        vessels = tuple(key for key in self._scene["items"] if open_at_top(self._scene["objects"][key]))
+        latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
+        for index, subtask in enumerate(self._plan["subtasks"]):
+            target, goal = subtask["target"], needed_of(subtask["goal"])
+            placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+            key = (target, subtask["support_goal"], placement)
+            context = Context(*key, target in items, articulated, vessels)
+            rows = tables.setdefault(key, Rows(context))
+            self.context = context
+            if given:
+                self._take()
+            yield ("init", index, -1), needed_of(subtask["init"])
+            if subtask["flow"] is None:
+                yield ("no-flow", index, -1), goal
+                raise Rejected(f"subtask {index} has no flow, and nothing shows that it can have none")
+            for position, item in enumerate(subtask["flow"]):
+                if given:
+                    self._take()
+                primitive, parameter = (PRIMITIVES[item], None) if type(item) is int else action_of(item)
+                wanted, written = rows.row(primitive, latest[HAND][1], parameter)
+                if wanted:
+                    yield ("precondition", index, position), wanted
+                now = time + 1
+                for fact, value in written:
+                    latest[fact] = (now, value)
+                self.time = time = now + 1
+            if given:
+                self._take()
+            yield ("goal", index, -1), goal
+        self._take()
+        yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
+
+    def take(self, time: int, fact: Fact, value: bool) -> None:
+        """Assume a value of a fact.
+
+        Raises:
+            Impossible: It breaks an invariant.
+            Rejected: It is known; or a complete run gives it another value than it had before.
+        """
+        since, held = self.last(fact)
+        if self._complete and held is value:
+            return
+        require(held is None, f"{fact} is assumed though it is known")
+        require(not self._complete or time == max(since, 0), f"a run changes {fact} at {time}, where nothing does")
+        if value and excluded(fact, self.value):
+            raise Impossible(f"{fact} is assumed against an invariant")
+        for stated, known in with_consequences(fact, value):
+            self.before[stated, time] = self.last(stated)[1]
+            self.latest[stated] = (time, known)
+
+    def _take(self) -> None:
+        while self.given and self.given[-1][0] <= self.time:
+            self.take(*self.given.pop())
+
+
+# Value of an unknown fact: time, fact, and value.
+Given = tuple[int, Fact, bool]
+
+
+def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
+    """Return what is known of the start: by the kinds of objects, by the scene, and by the listed reset.
+
+    Raises:
+        Rejected: The start is invalid, or the reset supplies what it cannot.
+    """
+    scene, subtasks = data["scene"], data["plan"]["subtasks"]
+    start: dict[Fact, Value] = {}
+    for names, value in scene["start"]:
+        fact = tuple(names)
+        if fact in ROBOT_FACTS:
+            hands = (EMPTY, *map(holding, scene["items"]), *map(gripping, scene["articulated"]))
+            fits = fact == HAND and value in hands
+        else:
+            fits = type(value) is bool and not (value and ANY in fact)
+        if not fits or fact in start:
+            raise Rejected(f"the start gives {fact} the value {value!r}, or gives it twice")
+        start[fact] = value
+    supplied: dict[Fact, Value] = {EEF: HOME, HAND: EMPTY, NEAR: subtasks[0]["target"] if subtasks else None}
+    for entry in data["assumptions"]:
+        if entry["kind"] == "reset":
+            fact, value = tuple(entry["fact"]), entry["value"]
+            if fact in start or value is None or supplied.get(fact) != value:
+                raise Rejected(f"the reset does not supply {fact}")
+            start[fact] = value
+    never: dict[Fact, Value] = dict.fromkeys(impossible(scene["objects"], set(scene["articulated"])), False)
+    for fact, value in start.items():
+        if value is True and (fact in never or (fact[0], ANY, fact[-1]) in never):
+            raise Rejected(f"the start says {fact}, which cannot be for the kinds of things")
+    return never | start
+
+
+def check_contents(data: Mapping[str, Any]) -> None:
+    """Check that a plan can be read to its end, beyond a failure, and that its objects exist and have one kind.
+
+    Raises:
+        Rejected: A subtask's objects are not the scene's, or the kinds of the scene's objects are ambiguous.
+    """
+    plan, scene = data["plan"], data["scene"]
+    objects, items, articulated = scene["objects"], set(scene["items"]), set(scene["articulated"])
+    require(ANY not in "".join(objects.keys()), "the objects have no names")
+    require(items | articulated <= objects.keys() and not items & articulated, "an object is of two kinds, or of none")
+    for index, subtask in enumerate(plan["subtasks"]):
+        support = subtask["support_goal"]
+        if subtask["target"] not in objects or (support is not None and support not in objects):
+            raise Rejected(f"subtask {index} is about something that the scene does not have")
+        check_flow(index, subtask, items, articulated)
+    check_size(plan, objects)
+    if data["failure"] is None:
+        return
+    needed_of(plan["goal"])
+    for subtask in plan["subtasks"]:
+        needed_of(subtask["init"]), needed_of(subtask["goal"])
+
+
+# Kind, subtask and step; a fact, its value, and whether it is that; and when it was written.
+_LINKS = frozenset((str, int, int, list, value, bool, int) for value in (bool, str))
+
+
+def is_link(link: Any) -> bool:
+    """Return whether something has the form of a link."""
+    return type(link) is list and tuple(map(type, link)) in _LINKS and set(map(type, link[3])) == {str} and all(link[3])
+
+
+def given_of(entry: Any) -> Given:
+    """Return one assumption, if it is a fact about the scene's objects."""
+    time, fact, value = entry[0], tuple(entry[1]), entry[2]
+    require(type(time) is int and time >= 0 and type(value) is bool, f"{fact} cannot be given as {value!r} at {time!r}")
+    require(fact not in ROBOT_FACTS and "*" not in "".join(fact), f"{fact} is the robot's, or a pattern: not to assume")
+    return time, fact, value
+
+
+# A flow has primitives by number, or as the one key of a mapping.
+PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
+
+
+def action_of(item: Any) -> tuple[Primitive, Parameter]:
+    """Return the primitive of an action of a flow, with its number."""
+    ((key, value),) = ((item, None),) if type(item) is int else item.items()
+    return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
+
+
+def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], articulated: Collection[str]) -> None:
+    """Check that every action of a subtask's flow fits the kinds of its objects and has a valid parameter.
+
+    Args:
+        index: Of the subtask, for the reason.
+        subtask: As the certificate has it.
+        items, articulated: Objects that can be taken, and that have a joint.
+
+    Raises:
+        Rejected: One does not.
+    """
+    fixture, item = subtask["target"] in articulated, subtask["target"] in items
+    illegal: dict[Primitive, str] = {} if fixture else dict.fromkeys(ARTICULATIONS, "what has no joint")
+    if not (fixture or item):
+        illegal[Primitive.GRASP] = "furniture"
+    if subtask["support_goal"] is None:
+        illegal[Primitive.NAVIGATE_TO_SUPPORT] = "no support"
+    for action in subtask["flow"] or ():
+        ((key, value),) = ((action, None),) if type(action) is int else action.items()
+        _check_parameter(primitive := PRIMITIVES[key], value)
+        if primitive in illegal:
+            raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
+
+
+def _check_parameter(primitive: Primitive, value: Any) -> None:
+    """Check that a primitive takes a number, or a pair of numbers; null leaves it to the executor."""
+    if value is None:
+        return
+    numbers = value if type(value) is list else [value]
+    # A value that is no number, such as a truth value, becomes NaN, which no primitive takes.
+    parameter = [float(number) if type(number) in (int, float) else math.nan for number in numbers]
+    require(len(parameter) == (2 if type(value) is list else 1), f"{primitive.name} takes no such list: {value!r:.60}")
+    problem = parameter_problem(primitive, (parameter[0], parameter[1]) if type(value) is list else parameter[0])
+    require(problem is None, f"{primitive.name} {problem}")

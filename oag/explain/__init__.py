@@ -1,1 +1,0 @@
-"""What a report says beside the verdict: findings, and why something fails."""

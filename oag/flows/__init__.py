@@ -1,1 +1,0 @@
-"""Action flows for subtasks that have none, or the proof that there is none."""

@@ -1,1 +1,0 @@
-"""One form for all the ways in which one decomposition can be written down."""

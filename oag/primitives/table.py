@@ -1,0 +1,413 @@
+"""The symbolic table of the 21 primitives: their preconditions and intended effects, and the invariants of states.
+
+Everything that reasons about plans (`verify`, `recheck`, regression, the docs) reads this one table. An effect is a map
+from facts to values: a primitive cannot both delete and add a fact. What is not written keeps its value.
+
+Invariants: `ontop` and `inside` are irreflexive and antisymmetric; what has no joint is not open; what has no inside
+contains nothing. That hand, arm and base have one state each follows from the form of facts (`oag.model.symbols`).
+
+Source: the paper's primitive library (Module 5, 3.1 to 3.4). The departures are explained in docs/semantics.md, The
+primitives: GRASP needs the fixture that holds the item to be open. UNGRASP drops nothing outside its subtask. Carrying
+an item makes `nextto`, `touching` and `under` of it unknown. Numbers can say that nothing moves. Invariants: States.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import bddl
+from oag.model.symbols import (
+    ANY,
+    ARTICULATIONS,
+    EEF,
+    EMPTY,
+    FREE,
+    GRIPPER,
+    HAND,
+    HOME,
+    MAX_JOINT_LIMIT,
+    NEAR,
+    Condition,
+    Fact,
+    Parameter,
+    Primitive,
+    Value,
+    condition_of,
+    gripping,
+    has_inside,
+    held_by,
+    holding,
+)
+
+# One alternative must hold; most clauses have exactly one.
+Clause = tuple[Condition, ...]
+# Clauses that must all hold (of one condition each, for a conjunction of literals), or a formula beyond that.
+Needed = tuple[Clause, ...] | bddl.Formula
+Effect = tuple[tuple[Fact, Value], ...]
+# What a primitive needs, and what it writes.
+Row = tuple[tuple[Clause, ...], Effect]
+
+# Where an item rests, and relations that motion of an item makes unknown.
+RESTING = ("ontop", "inside")
+VAGUE = ("nextto", "touching", "under")
+NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+# A fixture is open from this fraction of its joint's range on, which is how the detectors read it.
+OPEN_FRACTION = 0.05
+# Items out of which a lift takes things; a drinking glass holds nothing that is taken out.
+_OPEN_AT_TOP = frozenset(["bowl", "cup", "mug", "box", "basket", "bucket", "pan", "pot", "tray"])
+
+# Primitives that keep the hand in place, or move it with a handle, which is no held item.
+_IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
+_EMPTY_HAND: Clause = (Condition(HAND, EMPTY),)
+_AT_HOME: tuple[Fact, Value] = (EEF, HOME)
+_FREED: Effect = ((EEF, FREE),)
+_EMPTIED: Effect = ((HAND, EMPTY),)
+
+
+class Placement(NamedTuple):
+    """Where a goal wants the target: `relation` is ontop or inside."""
+
+    relation: str
+    support: str
+
+
+class Context(NamedTuple):
+    """Objects of a subtask that decide, with the state, what a primitive needs and writes.
+
+    Attributes:
+        target: The subtask's target (o_t).
+        support_goal: Its goal support (o_s2), or None.
+        placement: Where its goal wants the target, or None.
+        target_is_item: True when GRASP takes the target into the hand, False when it grips a fixture's handle.
+        articulated: Ids of the scene's articulated fixtures, in order.
+        vessels: Ids of its items that are open at the top, in order.
+    """
+
+    target: str
+    support_goal: str | None
+    placement: Placement | None
+    target_is_item: bool
+    articulated: tuple[str, ...]
+    vessels: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The objects that the subtask is about."""
+        return (self.target,) if self.support_goal is None else (self.target, self.support_goal)
+
+
+class Rows:
+    """The rows of the table for one context, each computed once.
+
+    Attributes:
+        context: The objects that they are about.
+    """
+
+    __slots__ = ("_known", "context")
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self._known: dict[tuple[Primitive, Value, Parameter], Row] = {}
+
+    def row(self, primitive: Primitive, hand: Value, parameter: Parameter = None) -> Row:
+        """Return the needs and the writes of a primitive with its number, for a value of the hand before it."""
+        key = (primitive, hand, parameter)
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = _row(primitive, self.context, hand, parameter)
+        return known
+
+
+def needed(formula: bddl.Formula) -> Needed:
+    """Return a formula's literals as clauses, or the formula when it is no conjunction of literals."""
+    literals = bddl.literals(formula)
+    return formula if literals is None else clauses_of(literals)
+
+
+def clauses_of(literals: Iterable[bddl.Literal]) -> tuple[Clause, ...]:
+    """Return literals as clauses of one condition each."""
+    return tuple((condition_of(literal.atom, literal.value),) for literal in literals)
+
+
+def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
+    """Return where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
+    goal_literals = (literal for part in bddl.conjuncts(goal) for literal in bddl.literals(part) or ())
+    return placement_among(clauses_of(goal_literals), target)
+
+
+def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
+    """Return the place of the target in a goal of these clauses; being in the gripper is no place."""
+    for (fact, _, positive), *_ in clauses:
+        if positive and len(fact) == 3 and fact[0] in RESTING and fact[1] == target and fact[2] != GRIPPER:
+            return Placement(fact[0], fact[2])
+    return None
+
+
+def open_at_top(category: str) -> bool:
+    """Decide whether a lift takes things out of an item of a category, such as a bowl."""
+    return category.lower().split(".", 1)[0].replace("-", "_").rpartition("_")[2] in _OPEN_AT_TOP
+
+
+def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[Clause, ...]:
+    """Return the clauses that must all hold before a primitive runs.
+
+    Args:
+        primitive: What is to run.
+        context: The subtask's objects.
+        hand: Value of the hand before it, None when unknown; only UNGRASP depends on it.
+    """
+    return _TABLE[primitive](context, hand)[0]
+
+
+def carries(primitive: Primitive, parameter: Parameter = None) -> bool:
+    """Decide whether a primitive carries what the hand holds; all do that move the hand or the base.
+
+    Args:
+        primitive: What runs.
+        parameter: Its number; None for one that takes none, or whose number the executor fills in.
+    """
+    return primitive not in _IN_PLACE and parameter != 0.0
+
+
+def effect(primitive: Primitive, context: Context, hand: Value, parameter: Parameter = None) -> Effect:
+    """Return what the intended outcome of a primitive writes.
+
+    Args:
+        primitive: What runs.
+        context: The subtask's objects.
+        hand: Value of the hand before it; None when unknown, which makes every resting place unknown where the
+            primitive would have moved what is held.
+        parameter: Metres, degrees or joint limits; None for none, and for what the executor fills in.
+
+    Returns:
+        Pairs (fact or pattern, value), no fact twice; a pattern does not touch a fact that is listed itself.
+    """
+    return _row(primitive, context, hand, parameter)[1]
+
+
+def _row(primitive: Primitive, context: Context, hand: Value, parameter: Parameter) -> Row:
+    """Return the row of the table for a primitive with its number."""
+    if parameter is None:
+        return _TABLE[primitive](context, hand)
+    if primitive in ARTICULATIONS and isinstance(parameter, tuple):
+        return _TABLE[primitive](context, hand)[0], _articulated(primitive, context.target, *parameter)
+    # A motion by 0 moves nothing.
+    return _TABLE[primitive](context, hand) if parameter != 0.0 or primitive in _IN_PLACE else ((), ())
+
+
+def _articulated(primitive: Primitive, target: str, low: float, high: float) -> Effect:
+    """Return the writes of moving a joint to limits: OPEN ends at the upper one, CLOSE shuts by their distance.
+
+    CLOSE does not go below the lower limit, and does nothing when the two are equal.
+
+    Source: docs/departures.md, Primitives and flows; the executor reads the numbers in the same way.
+    """
+    ends_open = _is_open(high, high) if primitive is Primitive.ARTICULATE_OPEN else _is_open(low, high)
+    stays = primitive is Primitive.ARTICULATE_CLOSE and low == high and ends_open is False
+    return () if stays else ((("open", target), ends_open),)
+
+
+def _is_open(limit: float, upper: float) -> bool | None:
+    """Decide whether a joint at a limit is open: None when that depends on its range, which is unknown here.
+
+    Args:
+        limit: Position of the joint: a fraction of its range, or radians or metres.
+        upper: The upper limit given with it; both are fractions when it is at most 1.
+    """
+    if upper <= 1.0 or limit <= 0.0:
+        return limit > OPEN_FRACTION
+    return True if limit > OPEN_FRACTION * MAX_JOINT_LIMIT else None
+
+
+def _navigate_to_target(context: Context, hand: Value) -> Row:
+    return (), ((NEAR, context.target), _AT_HOME) + _carried(hand)
+
+
+def _navigate_to_support(context: Context, hand: Value) -> Row:
+    return (), ((NEAR, context.support_goal), _AT_HOME) + _carried(hand)
+
+
+def _approach(context: Context, hand: Value) -> Row:
+    target = context.target
+    return ((Condition(NEAR, target),),), ((EEF, f"before {target}"),) + _moved(context, hand)
+
+
+def _converge(context: Context, hand: Value) -> Row:
+    target = context.target
+    return ((Condition(EEF, f"before {target}"),),), ((EEF, f"at {target}"),) + _moved(context, hand)
+
+
+def _grasp(context: Context, _hand: Value) -> Row:
+    target = context.target
+    needs = ((Condition(EEF, f"at {target}"),), _EMPTY_HAND)
+    if context.target_is_item:
+        return needs + _reachable(context), ((HAND, holding(target)),)
+    return needs, ((HAND, gripping(target)),)
+
+
+def _reachable(context: Context) -> tuple[Clause, ...]:
+    """Return the clauses that an item is in no closed fixture."""
+    return tuple(
+        (Condition(("inside", context.target, fixture), True, False), Condition(("open", fixture), True))
+        for fixture in context.articulated
+    )
+
+
+def _articulate_open(context: Context, _hand: Value) -> Row:
+    target = context.target
+    return ((Condition(HAND, gripping(target)),),), ((("open", target), True),)
+
+
+def _articulate_close(context: Context, _hand: Value) -> Row:
+    target = context.target
+    return ((Condition(HAND, gripping(target)),),), ((("open", target), False),)
+
+
+def _ungrasp(context: Context, hand: Value) -> Row:
+    written = _EMPTIED + _released(context, hand)
+    kept = _kept(context, hand)
+    if context.placement is None or not (hand is None or held_by(hand) == context.target):
+        return kept, written
+    relation, support = context.placement
+    # For an unknown hand, it is needed only if the hand holds the target.
+    other: Clause = (Condition(HAND, holding(context.target), False),) if hand is None else ()
+    near: Clause = (*other, Condition(NEAR, support))
+    if relation == "inside" and support in context.articulated:
+        return (*kept, near, (*other, Condition(("open", support), True))), written
+    return (*kept, near), written
+
+
+def _kept(context: Context, hand: Value) -> tuple[Clause, ...]:
+    """Return the clauses that the hand holds no object outside the subtask: it would fall."""
+    if hand is None:
+        handles = dict.fromkeys((context.target, *context.articulated))
+        return (tuple(Condition(HAND, v) for v in (EMPTY, holding(context.target), *map(gripping, handles))),)
+    held = held_by(hand)
+    return () if held is None or held == context.target else ((Condition(HAND, holding(held), False),),)
+
+
+def _retreat(_context: Context, hand: Value) -> Row:
+    return (), (_AT_HOME,) + _carried(hand)
+
+
+def _move(context: Context, hand: Value) -> Row:
+    return (), _FREED + _moved(context, hand)
+
+
+def _drive(_context: Context, hand: Value) -> Row:
+    return (), _FREED + _carried(hand)
+
+
+def _moved(context: Context, hand: Value) -> Effect:
+    """Return the writes of a motion of the hand alone about the held item.
+
+    It takes an item off a table and out of a bowl. In a compartment of furniture the item may stay `inside`: detectors
+    read that until the hand has backed out.
+    """
+    item = held_by(hand)
+    if item is None:
+        return _carried(hand)
+    risen = tuple(entry for entry in _carried_item(item) if entry[0][0] != "inside")
+    return risen + tuple((("inside", item, vessel), False) for vessel in context.vessels if vessel != item)
+
+
+def _carried(hand: Value) -> Effect:
+    """Return the writes of a motion of the hand about the held item; a fixture's handle is not held."""
+    if hand is None:
+        return tuple(((predicate, ANY, ANY), None) for predicate in (*RESTING, *VAGUE))
+    item = held_by(hand)
+    return () if item is None else _carried_item(item)
+
+
+@cache
+def _carried_item(item: str) -> Effect:
+    """Return the writes of carrying an item: it rests nowhere, and its neighbours are unknown."""
+    nowhere: list[tuple[Fact, Value]] = [((predicate, item, ANY), False) for predicate in RESTING]
+    for predicate in VAGUE:
+        nowhere.extend((((predicate, item, ANY), None), ((predicate, ANY, item), None)))
+    return tuple(nowhere)
+
+
+def _released(context: Context, hand: Value) -> Effect:
+    """Return the writes of a release about the held item."""
+    if hand is None:
+        return tuple(((predicate, ANY, ANY), None) for predicate in RESTING)
+    if context.placement is None or held_by(hand) != context.target:
+        # It falls to the floor, or stays where it was if it was never lifted: no resting place is gained.
+        return ()
+    relation, support = context.placement
+    # The converse cannot hold as well (antisymmetry), whatever was known of it.
+    return (((relation, context.target, support), True), ((relation, support, context.target), False))
+
+
+# By the number of the primitive; the default is plain motion, and 0 is no primitive.
+_TABLE: list[Callable[[Context, Value], Row]] = [_move] * (len(Primitive) + 1)
+_TABLE[Primitive.APPROACH] = _approach
+_TABLE[Primitive.CONVERGE] = _converge
+_TABLE[Primitive.GRASP] = _grasp
+_TABLE[Primitive.ARTICULATE_OPEN] = _articulate_open
+_TABLE[Primitive.ARTICULATE_CLOSE] = _articulate_close
+_TABLE[Primitive.UNGRASP] = _ungrasp
+_TABLE[Primitive.RETREAT] = _retreat
+for _driving in (
+    Primitive.MOVE_BASE_FORWARD,
+    Primitive.MOVE_BASE_BACKWARD,
+    Primitive.MOVE_BASE_LEFT,
+    Primitive.MOVE_BASE_RIGHT,
+):
+    _TABLE[_driving] = _drive
+_TABLE[Primitive.NAVIGATE_TO_TARGET] = _navigate_to_target
+_TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
+
+
+@cache
+def library_sha() -> str:
+    """Return the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
+    digest = hashlib.sha256(repr(sorted(_OPEN_AT_TOP)).encode())
+    placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
+    samples: tuple[Parameter, ...] = (0.0, 0.2, (0.0, 0.0), (0.0, 0.6), (0.5, 1.0), (0.1, 1.5))
+    for is_item, placement in product((True, False), placements):
+        context = Context("t", "s", placement, is_item, ("s",), ("t", "x", "y"))
+        for primitive, hand in product(Primitive, (None, EMPTY, holding("t"), holding("x"), gripping("t"))):
+            row = (int(primitive), is_item, placement, hand)
+            table = (requirements(primitive, context, hand), effect(primitive, context, hand))
+            numbered = tuple(effect(primitive, context, hand, number) for number in samples)
+            digest.update(repr((row, table, numbered)).encode())
+    return digest.hexdigest()
+
+
+def impossible(objects: Mapping[str, str], articulated: Container[str]) -> Iterator[Fact]:
+    """Yield the facts and patterns that no state makes true: `open` without a joint, `inside` what has no inside.
+
+    Args:
+        objects: Category of each object.
+        articulated: Ids of those that have a joint.
+    """
+    for name, category in objects.items():
+        if name not in articulated:
+            yield "open", name
+        if not has_inside(category):
+            yield "inside", ANY, name
+
+
+def converse(fact: Fact) -> Fact | None:
+    """Return the fact that excludes this one (itself, for an object on itself); None if there is none."""
+    if len(fact) == 3 and fact[0] in RESTING:
+        return fact[0], fact[2], fact[1]
+    return None
+
+
+def excluded(fact: Fact, read: Callable[[Fact], Value]) -> bool:
+    """Decide whether what is known excludes a fact: nothing is on itself, and no two objects are on each other."""
+    other = converse(fact)
+    return other is not None and (other == fact or read(other) is True)
+
+
+def with_consequences(fact: Fact, value: Value) -> Effect:
+    """Return what is known once a fact of the start is stated or assumed: the fact, and what it excludes."""
+    other = converse(fact)
+    return ((fact, value),) if other is None or value is not True else ((fact, value), (other, False))

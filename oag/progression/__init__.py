@@ -1,1 +1,0 @@
-"""A plan followed through what is known, obligation by obligation."""

@@ -1,1 +1,0 @@
-"""Small changes to a refuted plan, each verified before it is offered."""

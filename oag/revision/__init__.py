@@ -1,1 +1,0 @@
-"""What a self-evolution records, and which revisions it may run."""

@@ -1,0 +1,210 @@
+"""Sizes of objects and of the hand: the widest grasp, the factor that scales an item to it, and the longest motion.
+
+Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
+the opening of the robot's gripper. Widths are drawn from a seed, and nothing loses more than two fifths of its size
+(docs/departures.md). A robot of full size takes most things as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from random import Random
+from typing import Self
+
+from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
+from oag.model.scene_rules import PAPER_SCALE
+from oag.model.symbols import Primitive, has_rim
+from oag.task import Task
+
+GRIP_CLEARANCE_M = 0.003
+_SPARE_M = 0.001  # Extra clearance of the fingers for a scaled object.
+
+LEAST_SCALE = 0.6
+"""Least factor: an object scaled by less would be another thing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gripper:
+    """Widths that a robot's hand takes; the simulated robots are tested against it.
+
+    Attributes:
+        opening_m: Opening of the fingers [m]: a Panda's 0.08 m at full size.
+        aim_m: The width that is aimed at where nothing is drawn, the paper's 0.05 m for its robot.
+        least_m: Least width of a scaled object [m]: narrower ones would be toys.
+    """
+
+    opening_m: float
+    aim_m: float
+    least_m: float
+
+    @classmethod
+    def of(cls, robot: RobotPose) -> Self:
+        """Return the hand of a robot, by its size."""
+        larger = robot.scale / PAPER_SCALE
+        return cls(round(0.056 * larger, 4), round(0.05 * larger, 3), round(0.035 * larger, 3))
+
+    @property
+    def widest_m(self) -> float:
+        """The widest object [m] that the fingers close around."""
+        return self.opening_m - GRIP_CLEARANCE_M
+
+    @property
+    def most_m(self) -> float:
+        """Largest width [m] of a scaled object: more leaves no room to close the fingers."""
+        return round(self.widest_m - _SPARE_M, 4)
+
+    @property
+    def widest_scaled_m(self) -> float:
+        """The widest object [m] that can be scaled to a width that the fingers close around."""
+        return self.most_m / LEAST_SCALE
+
+
+PAPER_GRIPPER = Gripper.of(RobotPose())
+"""The hand of the paper's robot; a robot of full size takes everything that it takes."""
+
+_SIDEWAYS = frozenset(
+    (
+        Primitive.MOVE_EEF_FORWARD,
+        Primitive.MOVE_EEF_BACKWARD,
+        Primitive.MOVE_EEF_LEFT,
+        Primitive.MOVE_EEF_RIGHT,
+    )
+)
+_MOUNT_M = 0.30  # Of the arm on the base, whatever its size.
+_SHOULDER_M = 0.333  # Above the mount; this and the next at full size.
+_STRETCHED_M = 0.96  # From the shoulder to between the fingertips: a Panda's 0.855 m and the hand.
+
+
+def longest_motion_m(primitive: Primitive, robot: RobotPose) -> float | None:
+    """Return the longest distance [m] by which a primitive can move a robot's hand; None where it moves no hand.
+
+    Vertically it reaches from the floor to the height of the stretched arm, else from one side of the shoulder to the
+    other.
+    """
+    if primitive in (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN):
+        return round(_MOUNT_M + (_SHOULDER_M + _STRETCHED_M) * robot.scale, 2)
+    return round(2 * _STRETCHED_M * robot.scale, 2) if primitive in _SIDEWAYS else None
+
+
+@dataclass(frozen=True, slots=True)
+class Sizing:
+    """Rule for the sizes of the objects that a plan handles.
+
+    Attributes:
+        seed: Seed of the widths; None for the paper's aim, as far as possible.
+        keep: Whether everything keeps its size.
+    """
+
+    seed: int | None = None
+    keep: bool = False
+
+    def factor(self, thing: SceneObject, gripper: Gripper) -> float:
+        """Return the factor S of an object, 1.0 where it keeps its size."""
+        return 1.0 if self.keep else scale_factor(thing, gripper, self.seed)
+
+    def unfit(self, thing: SceneObject, gripper: Gripper) -> str | None:
+        """Return why the hand cannot take an object at any allowed size, in words that follow "it"; else None."""
+        width_m = min(thing.extent_m[:2])
+        if self.keep and thing.role == "B" and width_m > gripper.widest_m and not has_rim(thing.category):
+            return "is to keep its size"
+        return too_small(self.factor(thing, gripper))
+
+
+def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) -> float:
+    """Return the factor S of the size adjustment, however small it is.
+
+    It is 1.0 for fixtures, for items that fit the gripper, and for items too wide to be scaled that have a rim.
+
+    Args:
+        thing: The object; its size is that of its bounding box with the scale it has in the scene.
+        gripper: The gripper that it must fit.
+        seed: Seed of the width, drawn uniformly over the allowed range; by default the width is the aim, or near it.
+    """
+    width_m = min(thing.extent_m[:2])
+    if thing.role != "B" or width_m <= gripper.widest_m:
+        return 1.0
+    low, high = max(gripper.least_m / width_m, LEAST_SCALE), gripper.most_m / width_m
+    if low > high:
+        return 1.0 if has_rim(thing.category) else float(f"{high:.2g}")
+    if seed is None:
+        return float(f"{max(gripper.aim_m / width_m, low):.2g}")
+    return round(Random(f"{seed} {thing.id}").uniform(low, high), 3)
+
+
+TO_THE_AIM = Sizing()
+"""Scale objects that are too wide to the paper's aim."""
+
+
+def graspable_items(scene: Scene, sizing: Sizing) -> tuple[str, ...]:
+    """Return the ids of a scene's items that its robot's hand takes, at their adjusted sizes."""
+    gripper, things = Gripper.of(scene.robot), scene.objects.values()
+    return tuple(thing.id for thing in things if thing.role == "B" and sizing.unfit(thing, gripper) is None)
+
+
+def too_small(factor: float) -> str | None:
+    """Return why an object must not be scaled by a factor, in words that follow the object's name; None if it may."""
+    if factor >= LEAST_SCALE:
+        return None
+    return f"would be scaled by {factor:g}, and nothing is scaled by less than {LEAST_SCALE:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Resizing:
+    """One object that does not have its original size.
+
+    Attributes:
+        object_id: Its id.
+        factors: What its size is multiplied by along its own axes.
+        before_m, after_m: Size of its bounding box along its own axes [m].
+    """
+
+    object_id: str
+    factors: Vector3
+    before_m: Vector3
+    after_m: Vector3
+
+    @property
+    def by(self) -> str:
+        """The factor in words, one where it is the same along all axes."""
+        different = self.factors if len(set(self.factors)) > 1 else self.factors[:1]
+        return " x ".join(f"{factor:g}" for factor in different)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the change as plain data."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Return the change in words."""
+        sides = (" x ".join(f"{1000 * side:.0f}" for side in extent) for extent in (self.before_m, self.after_m))
+        return f"{self.object_id} is scaled by {self.by}, from {' to '.join(sides)} mm"
+
+
+def planned_resizings(scales: Mapping[str, float], scene: Scene) -> tuple[Resizing, ...]:
+    """Return the changes of a scene's sizes by a task, in the order of the factors.
+
+    Args:
+        scales: Object id -> factor, as a task has them; factors of 1 and of unknown objects change nothing.
+        scene: The scene that the task is planned in.
+    """
+    known = ((scene.objects[name], factor) for name, factor in scales.items() if name in scene.objects)
+    return tuple(
+        Resizing(thing.id, (factor,) * 3, thing.extent_m, thing.scaled(factor).extent_m)
+        for thing, factor in known
+        if factor != 1.0
+    )
+
+
+def resized_targets(task: Task, scene: Scene) -> tuple[Resizing, ...]:
+    """Return the targets of a task that a scene has at another scale than 1."""
+    targets = {subtask.target for subtask in task.subtasks}
+    return tuple(change for change in scaled_objects(scene) if change.object_id in targets)
+
+
+def scaled_objects(scene: Scene) -> tuple[Resizing, ...]:
+    """Return the objects that a scene has at another scale than 1, such as after a task's factors were applied."""
+    return tuple(
+        Resizing(thing.id, thing.scale, thing.bbox_extent, thing.extent_m)
+        for thing in scene.objects.values()
+        if thing.scale != (1.0, 1.0, 1.0)
+    )

@@ -1,0 +1,469 @@
+"""Simple tasks and tasks: what a planner proposes.
+
+Mistakes in a file's formulas and flows are kept as diagnostics of the task; in memory they are errors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Annotated, NamedTuple, Self
+
+import bddl
+from bddl.terminal import pluralize
+from oag.goals import default_goal
+from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json, flow_to_json
+from oag.model.codec import Document, ReadBy, Source, load, missing, number, shown
+from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene, SceneError, TaskError
+from oag.model.scene import Scene
+from oag.model.scene_rules import SCALES
+from oag.model.symbols import GRIPPER
+from oag.primitives.table import RESTING, placement_of
+
+# Stands for an unreadable formula; the task then carries the reason as an issue.
+UNREADABLE: bddl.Formula = bddl.And(())
+# A thousand literals have some 30,000 characters; no real plan has longer ones, and refusing them takes seconds.
+LONGEST_CONDITION = 40_000
+
+_CODES = {
+    "unknown-predicate": "bddl/unknown-predicate",
+    "unknown-object": "bddl/unknown-object",
+    "unknown-category": "bddl/unknown-category",
+    "wrong-arity": "bddl/arity",
+}
+_FIELDS = {"init": "init", "goal": "goal", TASK_GOAL: "goal"}
+
+
+@dataclass(frozen=True, slots=True)
+class TaskForm:
+    """Form of a task's file; the subtasks may also be under `sub_task_1`, `sub_task_2`, ..."""
+
+    sub_tasks: list[object] | None = None
+    task_activity_name: str | None = None
+    task_detail_message: str | None = None
+    task_message_detail: str | None = None
+    goal: str | None = None
+    scales: dict[str, Annotated[float, ReadBy(partial(number, low=SCALES[0], high=SCALES[1]))]] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SubtaskForm:
+    """Form of a subtask in a task's file; its texts and its flow are judged later."""
+
+    init: str
+    goal: str
+    task_activity_name: str | None = None
+    task_detail_message: str | None = None
+    task_message_detail: str | None = None
+    target: str | None = None
+    support_init: str | None = None
+    support_goal: str | None = None
+    flow: list[object] | None = None
+
+
+def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, ...]]:
+    """Return the paths of the subtasks in order: in the list `sub_tasks`, or at `sub_task_1`, `sub_task_2`, ...
+
+    Raises:
+        InputError: There are neither, or both, of which one would be lost.
+    """
+    matches = (re.fullmatch(r"sub_task_(\d{1,9})", key) for key in document.at())
+    numbered = [(int(match[1]), match[0]) for match in matches if match is not None]
+    if form.sub_tasks is None and not numbered:
+        raise document.fail((), *missing("sub_tasks", document.at()))
+    if form.sub_tasks is None:
+        return [(key,) for _, key in sorted(numbered, key=lambda pair: pair[0])]
+    if numbered:
+        problem = f"the subtasks are listed here, and {numbered[0][1]} stands beside the list"
+        hint = "write all of them under sub_tasks, or each under sub_task_1, sub_task_2, ..."
+        raise document.fail(("sub_tasks",), problem, hint)
+    return [("sub_tasks", index) for index in range(len(form.sub_tasks))]
+
+
+def read_formula(text: str, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+    """Return a formula and no issue, or a stand-in and what is wrong with the text."""
+    if len(text) > LONGEST_CONDITION:
+        message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
+        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, field=_FIELDS[place]),)
+    try:
+        return bddl.parse_formula(text), ()
+    except bddl.BDDLError as problem:
+        return UNREADABLE, syntax_issues(problem, place)
+
+
+def formula_of(given: object, place: str) -> bddl.Formula:
+    """Return a formula, or the formula of a text, where a task is built in memory.
+
+    Raises:
+        TaskError: It is neither, or the text is no formula.
+    """
+    if isinstance(given, bddl.Formula):
+        return given
+    if not isinstance(given, str):
+        raise TaskError(f"expected a formula or its text, got {shown(given)}", source="(argument)", place=place)
+    try:
+        return bddl.parse_formula(given)
+    except bddl.BDDLError as problem:
+        raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
+
+
+def flow_of(given: object) -> ActionFlow:
+    """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory.
+
+    Raises:
+        FlowError: It is no list, or an item is no action.
+    """
+    if not isinstance(given, list | tuple):
+        return flow_from_json(given)
+    return tuple(
+        item if isinstance(item, Action) else action_from_json(item, index) for index, item in enumerate(given)
+    )
+
+
+def syntax_issues(problem: bddl.BDDLError, place: str) -> tuple[Diagnostic, ...]:
+    """Return the diagnostics of a parser as diagnostics of the plan."""
+    return tuple(_syntax_issue(found, place) for found in problem.diagnostics)
+
+
+def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
+    """Return a parser's diagnostic as one of the plan's; codes without a counterpart here are syntax."""
+    code = _CODES.get(found.code, "bddl/syntax")
+    return Diagnostic(
+        code=code,
+        severity="error",
+        message=f"{found.message} (line {found.line}, column {found.column}; {found.code})",
+        place=place,
+        hint=found.hint or None,
+        excerpt=found.excerpt or None,
+        field=_FIELDS.get(place),
+    )
+
+
+def unreadable_step(problem: FlowError, place: str, subtask: int | None, step: int | None) -> Diagnostic:
+    """Return the finding for an action, or a whole flow, that cannot be read."""
+    hint = f"did you mean {' or '.join(problem.near)}?" if problem.near else None
+    return Diagnostic(problem.code, "error", problem.problem, place, subtask, step, hint=hint, meant=problem.meant)
+
+
+def read_flow(items: list[object] | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+    """Return the actions that can be read, and one issue for each that cannot; None for a missing flow."""
+    if items is None:
+        return None, ()
+    actions: list[Action] = []
+    issues: list[Diagnostic] = []
+    for index, item in enumerate(items):
+        try:
+            actions.append(action_from_json(item))
+        except FlowError as problem:
+            issues.append(unreadable_step(problem, f"step {index + 1}", None, index))
+    return tuple(actions), tuple(issues)
+
+
+# Stands for a target that could not be inferred; the task then carries the reason as an issue.
+NO_TARGET = ""
+
+
+class Roles(NamedTuple):
+    """The three objects of a simple task; `problem` says why the target is unknown, and is empty if it is known."""
+
+    target: str
+    support_init: str | None
+    support_goal: str | None
+    problem: str = ""
+
+
+def infer_roles(init: bddl.Formula, goal: bddl.Formula, target: str | None = None) -> Roles:
+    """Return the roles that an initial state and a goal imply.
+
+    Args:
+        init: Where the subtask starts.
+        goal: Where it ends.
+        target: The target, where it is known.
+
+    Returns:
+        The target is the first argument of the goal's literals beyond the initial state, if that is one object.
+        Otherwise `target` is empty and `problem` gives the reason.
+
+    Example:
+        >>> import bddl
+        >>> infer_roles(bddl.parse_formula("(ontop cup_0 table_0)"), bddl.parse_formula("(not (ontop cup_0 table_0))"))
+        Roles(target='cup_0', support_init='table_0', support_goal=None, problem='')
+    """
+    if target is None:
+        subjects = _subjects(init, goal)
+        if len(subjects) != 1:
+            return Roles(NO_TARGET, None, None, _ambiguous(subjects))
+        target = subjects[0]
+    placement = placement_of(goal, target)
+    return Roles(target, _support_before(init, goal, target), None if placement is None else placement.support)
+
+
+def _subjects(init: bddl.Formula, goal: bddl.Formula) -> tuple[str, ...]:
+    """Return the first arguments of the goal's new literals; if there are none, of all its literals."""
+    literals = bddl.literals(goal)
+    if literals is None:
+        ordered = sorted(bddl.atoms(goal), key=str)
+        return tuple(dict.fromkeys(atom.args[0] for atom in ordered if atom.args and not atom.args[0].startswith("?")))
+    before = {(literal.atom, literal.value) for literal in bddl.literals(init) or ()}
+    spoken = dict.fromkeys(literal.atom.args[0] for literal in literals if literal.atom.args)
+    fresh = [literal for literal in literals if (literal.atom, literal.value) not in before]
+    return tuple(dict.fromkeys(literal.atom.args[0] for literal in fresh if literal.atom.args)) or tuple(spoken)
+
+
+def _ambiguous(subjects: tuple[str, ...]) -> str:
+    if not subjects:
+        return "the goal speaks of no object, so it cannot be told what the subtask is about"
+    named = f"{', '.join(subjects[:-1])} and {subjects[-1]}"
+    return f"the goal changes {named}, so it cannot be told which of them the subtask is about"
+
+
+def _support_before(init: bddl.Formula, goal: bddl.Formula, target: str) -> str | None:
+    """Return what the target rests on or in at first, from the initial state, or from what the goal takes away."""
+    for formula, value in ((init, True), (goal, False)):
+        for literal in bddl.literals(formula) or ():
+            atom = literal.atom
+            rests = atom.predicate in RESTING and len(atom.args) == 2 and atom.args[1] != GRIPPER
+            if rests and atom.args[0] == target and literal.value is value:
+                return atom.args[1]
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class SimpleTask:
+    """One subtask: the roles of its objects, where it starts, where it ends, and how.
+
+    Attributes:
+        name: Its activity, such as `open_refrigerator`.
+        detail: What to do, for people and models.
+        target: Id of the object it acts on (o_t).
+        support_init: Id of the object that the initial state relates the target to (o_s1), or None.
+        support_goal: Id of the object that the goal relates the target to (o_s2), or None.
+        init: What must hold when it starts; its text is accepted and read.
+        goal: What must hold when it ends, likewise.
+        flow: Its actions; None when none is planned yet. A list in the JSON form is accepted and read.
+        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
+            is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
+
+    Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
+    """
+
+    name: str
+    detail: str
+    target: str
+    support_init: str | None
+    support_goal: str | None
+    init: bddl.Formula
+    goal: bddl.Formula
+    flow: ActionFlow | None = None
+    issues: tuple[Diagnostic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Read what is given as a text or in the JSON form.
+
+        Raises:
+            TaskError: A condition is no formula and no text of one, or a role is no id.
+            FlowError: The flow is no list of actions.
+        """
+        for role in ("target", "support_init", "support_goal"):
+            name: object = getattr(self, role)
+            if not isinstance(name, str) and (name is not None or role == "target"):
+                raise TaskError(f"expected the id of an object, got {shown(name)}", source="(argument)", place=role)
+        for field_name in ("init", "goal"):
+            object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
+        if self.flow is not None:
+            object.__setattr__(self, "flow", flow_of(self.flow))
+
+    @property
+    def roles(self) -> tuple[str, str | None, str | None]:
+        """The target, and the supports of the initial state and of the goal."""
+        return self.target, self.support_init, self.support_goal
+
+    def to_json(self) -> dict[str, object]:
+        """Return the subtask as task files have it."""
+        written: dict[str, object] = {
+            "task_activity_name": self.name,
+            "task_detail_message": self.detail,
+            "target": self.target,
+            "support_init": self.support_init,
+            "support_goal": self.support_goal,
+            "init": bddl.format(self.init),
+            "goal": bddl.format(self.goal),
+        }
+        if self.flow is not None:
+            written["flow"] = flow_to_json(self.flow)
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """An ordered sequence of subtasks with the goal that the query asks for.
+
+    Attributes:
+        name: Its activity.
+        detail: What to do, for people and models.
+        goal: The task goal G, judged after the last subtask.
+        goal_given: True when G was given apart from the decomposition; False when it was derived from the subtasks,
+            which cannot detect a dropped subtask.
+        subtasks: In order.
+        scales: Object id -> factor of the size adjustment.
+        scene: The scene it was planned for, if known.
+        issues: Mistakes found while it was read that belong to no subtask.
+        source: The JSON it was read from when that has mistakes which the fields above cannot hold.
+
+    Source: the paper's Definition of a complex long-horizon task; G is a departure (docs/proposition.md).
+    """
+
+    name: str
+    detail: str
+    goal: bddl.Formula
+    goal_given: bool
+    subtasks: tuple[SimpleTask, ...]
+    scales: Mapping[str, float] = field(default_factory=dict)
+    scene: Scene | None = None
+    issues: tuple[Diagnostic, ...] = ()
+    source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Read a goal that is given as a text.
+
+        Raises:
+            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
+        """
+        object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
+        object.__setattr__(self, "subtasks", tuple(self.subtasks))
+        listed: tuple[object, ...] = self.subtasks
+        for index, subtask in enumerate(listed):
+            if not isinstance(subtask, SimpleTask):
+                place = f"subtasks[{index}]"
+                raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
+
+    def __repr__(self) -> str:
+        return f"<Task {self.name!r}: {pluralize(len(self.subtasks), 'subtask')}, goal {bddl.format(self.goal)}>"
+
+    @classmethod
+    def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
+        """Return the task that a JSON file, or a mapping of the same form, describes.
+
+        Args:
+            source: Path or mapping; subtasks under `sub_tasks` (a list) or `sub_task_1`, `sub_task_2`, ...
+            scene: The scene it is for; its objects serve to suggest near names later.
+
+        Raises:
+            TaskError: Malformed JSON, a missing field or a wrong type. Mistakes of the plan itself (an unknown
+                object or primitive, a wrong arity, an unbalanced parenthesis) are kept and reported by `verify`.
+        """
+        document = load(source, TaskError)
+        form = document.read(TaskForm)
+        places = subtask_places(document, form)
+        subtasks = tuple(_read_subtask(index, document, place) for index, place in enumerate(places))
+        issues: tuple[Diagnostic, ...] = ()
+        if form.goal is None:
+            goal = default_goal(subtasks)
+        else:
+            goal, issues = read_formula(form.goal, TASK_GOAL)
+        broken = bool(issues) or any(subtask.issues for subtask in subtasks)
+        return cls(
+            name="task" if form.task_activity_name is None else form.task_activity_name,
+            detail=form.task_detail_message or form.task_message_detail or "",
+            goal=goal,
+            goal_given=form.goal is not None,
+            subtasks=subtasks,
+            scales=form.scales or {},
+            scene=scene,
+            issues=issues,
+            source=document.at() if broken else None,
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Return the mapping that `from_json` reads back into an equal task (its scene is not part of it).
+
+        A goal that was derived from other subtasks is written out, and counts as given when it is read again.
+        """
+        if self.source is not None:
+            return dict(self.source)
+        written: dict[str, object] = {"task_activity_name": self.name, "task_detail_message": self.detail}
+        if self.goal_given or set(bddl.conjuncts(self.goal)) != set(bddl.conjuncts(default_goal(self.subtasks))):
+            written["goal"] = bddl.format(self.goal)
+        if self.scales:
+            written["scales"] = dict(self.scales)
+        written["sub_tasks"] = [subtask.to_json() for subtask in self.subtasks]
+        return written
+
+
+def _read_subtask(index: int, document: Document, place: Sequence[str | int]) -> SimpleTask:
+    """Return one subtask; `index` counts from 0 and gives it a name when it has none."""
+    form = document.read(SubtaskForm, *place)
+    given = document.at(*place)
+    init, init_issues = read_formula(form.init, "init")
+    goal, goal_issues = read_formula(form.goal, "goal")
+    flow, flow_issues = read_flow(form.flow)
+    roles = infer_roles(init, goal, form.target)
+    role_issues = () if init_issues or goal_issues else _role_issue(roles)
+    return SimpleTask(
+        name=f"subtask_{index + 1}" if form.task_activity_name is None else form.task_activity_name,
+        # The paper's outputs call it task_detail_message, its text task_message_detail.
+        detail=form.task_detail_message or form.task_message_detail or "",
+        target=roles.target,
+        # A written role counts, null included.
+        support_init=form.support_init if "support_init" in given else roles.support_init,
+        support_goal=form.support_goal if "support_goal" in given else roles.support_goal,
+        init=init,
+        goal=goal,
+        flow=flow,
+        issues=(*init_issues, *goal_issues, *role_issues, *flow_issues),
+    )
+
+
+def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
+    if not roles.problem:
+        return ()
+    hint = "name it under target, or split the subtask so that each part changes one object"
+    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint),)
+
+
+_ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path or a mapping"
+
+
+def chosen_scene(task: Task, scene: Scene | None) -> Scene:
+    """Return the scene to judge a task in: the one given, else the one that the task carries.
+
+    Raises:
+        TaskError: The task is no `Task`.
+        SceneError: The scene is no `Scene`.
+        MissingScene: There is none.
+    """
+    if not isinstance(task, Task):
+        raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
+    chosen = scene if scene is not None else task.scene
+    if chosen is None:
+        raise MissingScene(task.name)
+    return required_scene(chosen)
+
+
+def required_scene(scene: object) -> Scene:
+    """Return a scene.
+
+    Raises:
+        SceneError: It is none, but the name of one, for example.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"expected a Scene, got {shown(scene)}", source=_ARGUMENT, hint=_READ.format("Scene"))
+    return scene
+
+
+def label(subtask: int, step: int) -> str:
+    """Return the short name of a step, such as `T3.4`; both indices count from 0."""
+    return f"T{subtask + 1}.{step + 1}"
+
+
+def subtask_place(task: Task, subtask: int) -> str:
+    """Return the name of a subtask with its number."""
+    return f"T{subtask + 1} {task.subtasks[subtask].name}"
+
+
+def step_place(task: Task, subtask: int, step: int) -> str:
+    """Return the full name of a step."""
+    flow = task.subtasks[subtask].flow or ()
+    return f"{subtask_place(task, subtask)}, step {step + 1} {flow[step].primitive.name}"

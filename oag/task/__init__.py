@@ -1,1 +1,0 @@
-"""Tasks: read, named, checked for form, and edited."""

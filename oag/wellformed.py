@@ -1,0 +1,362 @@
+"""Well-formedness of a task: names, arities, roles, kinds, parameters and sizes, before anything is progressed.
+
+Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The flows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import bddl
+from bddl.ast import Quantified
+from bddl.ast import affirmed as affirmed_in
+from bddl.grounding import count_ground_parts
+from oag.model.actions import Action
+from oag.model.codec import did_you_mean
+from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
+from oag.model.scene import ROBOT, Scene, SceneObject
+from oag.model.scene_rules import FREE_PARAMETERS
+from oag.model.symbols import (
+    ANY,
+    ARTICULATIONS,
+    GRIPPER,
+    Kind,
+    Primitive,
+    applicable,
+    has_inside,
+    has_rim,
+    parameter_problem,
+)
+from oag.primitives.state import contradictions
+from oag.primitives.table import NAVIGATION, placement_of
+from oag.sizes import Gripper, longest_motion_m, scale_factor, too_small
+from oag.task import NO_TARGET, SimpleTask, Task, step_place, subtask_place
+
+# Other places of one mistake that are listed; further ones are only counted.
+_SHOWN_PLACES = 3
+# Most parts of a task's conditions with every quantifier spelled out; evaluating them takes milliseconds.
+MOST_INSTANCES = 10_000
+_HANDLING = (Primitive.GRASP, *ARTICULATIONS)
+
+
+def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
+    """Return everything that is wrong with a task's form, each cause once, in order of place.
+
+    The only warning is that the task is too large to be decided.
+    """
+    found = _Findings(task, scene)
+    found.extend(task.issues)
+    _check_scene(found)
+    for index, subtask in enumerate(task.subtasks):
+        found.extend(_placed(task, index, issue) for issue in subtask.issues)
+        _check_roles(found, index, subtask)
+        for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
+            if not found.sound(formula):
+                _check_formula(found, formula, index, which)
+        _check_flow(found, index, subtask)
+    # A default goal repeats the mistakes of the subtask goals.
+    if (task.goal_given or not found) and not found.sound(task.goal):
+        _check_formula(found, task.goal, None, "goal")
+    _check_scales(found)
+    return found.diagnostics()
+
+
+class _Findings:
+    """Diagnostics of a task; a repeated mistake is counted with its first place."""
+
+    def __init__(self, task: Task, scene: Scene) -> None:
+        self.task = task
+        self.scene = scene
+        self.names = dict.fromkeys((*scene.objects, GRIPPER, ROBOT))
+        self._found: dict[object, Diagnostic] = {}
+        self._repeats: dict[object, list[str]] = {}
+        self._sound: set[bddl.Atom] = set()
+        # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
+        self.instances = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def sound(self, formula: bddl.Formula) -> bool:
+        """Decide whether a formula is a conjunction of literals without any mistake.
+
+        Nearly every formula is, and this takes a fraction of the time of naming a mistake.
+        """
+        literals = bddl.literals(formula)
+        if literals is None:
+            return False
+        for literal in literals:
+            if literal.atom not in self._sound:
+                if not self._sound_atom(literal.atom):
+                    return False
+                self._sound.add(literal.atom)
+        return contradictions(literals) is None
+
+    def _sound_atom(self, atom: bddl.Atom) -> bool:
+        """Decide whether an atom has a known predicate and arguments of the right number and kind."""
+        spec = bddl.PREDICATES.get(atom.predicate)
+        if spec is None or spec.arity != len(atom.args):
+            return False
+        for name, parameter in zip(atom.args, spec.parameters, strict=True):
+            if name not in self.names and parameter not in FREE_PARAMETERS:
+                return False
+        return kind_problem(atom, self.scene) is None
+
+    def extend(self, issues: Iterable[Diagnostic]) -> None:
+        """Add findings that were made earlier."""
+        for issue in issues:
+            self._found[(len(self._found), issue)] = issue
+
+    def add(
+        self,
+        code: str,
+        message: str,
+        place: str,
+        subtask: int | None,
+        *,
+        step: int | None = None,
+        hint: str | None = None,
+        field: str | None = None,
+        cause: tuple[str, ...] = (),
+        severity: Severity = "error",
+    ) -> None:
+        """Add one finding; findings with an equal `cause`, a kind of mistake with its object, are one mistake."""
+        key: object = cause or len(self._found)
+        if key in self._found:
+            if place != self._found[key].place:
+                self._repeats.setdefault(key, []).append(place)
+            return
+        about = cause[1:]
+        self._found[key] = Diagnostic(
+            code, severity, message, place, subtask, step, hint=hint, field=field, about=about
+        )
+
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Return the findings, each with the other places where the same mistake stands."""
+        for key, places in self._repeats.items():
+            others = list(dict.fromkeys(places))
+            more = [f"and {len(others) - _SHOWN_PLACES} more"] if len(others) > _SHOWN_PLACES else []
+            finding, also = self._found[key], "; ".join(others[:_SHOWN_PLACES] + more)
+            self._found[key] = replace(finding, message=f"{finding.message}\nalso in {also}")
+        return tuple(self._found.values())
+
+    def add_step(
+        self, code: str, message: str, at: tuple[int, int], *, hint: str | None = None, cause: tuple[str, ...] = ()
+    ) -> None:
+        """Add one finding about a step, given as the indices of its subtask and of itself."""
+        self.add(code, message, step_place(self.task, *at), at[0], step=at[1], hint=hint, cause=cause)
+
+    def check_name(self, name: str, place: str, subtask: int | None, field: str | None = None) -> bool:
+        """Return whether the scene has an object, and reports it once when it has not."""
+        if name in self.names:
+            return True
+        message = f"the scene {self.scene.name} has no object {name!r}"
+        hint = did_you_mean(name, self.names, f"the scene has {', '.join(self.scene.objects) or 'no objects'}")
+        self.add("bddl/unknown-object", message, place, subtask, hint=hint, field=field, cause=("object", name))
+        return False
+
+
+def _placed(task: Task, index: int, issue: Diagnostic) -> Diagnostic:
+    """Return a mistake found while a subtask was read, with the subtask's present place."""
+    return replace(issue, place=", ".join(filter(None, (subtask_place(task, index), issue.place))), subtask=index)
+
+
+def _check_scene(found: _Findings) -> None:
+    """Report scene facts that contradict each other, or that are impossible for a kind."""
+    literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
+    broken, place = contradictions(literals), f"facts of scene {found.scene.name}"
+    if broken is not None:
+        found.add("task/contradictory", broken, place, None)
+    for atom, value in literals:
+        if value:
+            _check_kind(found, atom, None, place, None)
+
+
+def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Report unknown roles, and roles that do not fit each other or the goal."""
+    target, supports, objects = subtask.target, (subtask.support_init, subtask.support_goal), found.scene.objects
+    placement = placement_of(subtask.goal, target)
+    known = target in objects and all(name is None or name in objects for name in supports)
+    if known and target not in supports and (placement is None or placement.support == supports[1]):
+        return
+    place = subtask_place(found.task, index)
+    roles = tuple(zip(("target", "support_init", "support_goal"), subtask.roles, strict=True))
+    for role, name in roles:
+        # An unknown target was reported before.
+        reported = role == "target" and name == NO_TARGET and subtask.issues
+        if name is None or reported or not found.check_name(name, f"{place}, {role}", index):
+            continue
+        if name in (GRIPPER, ROBOT):
+            found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
+    for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
+        # A condition that puts the target onto itself is reported as what it is.
+        onto_itself = any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
+        if name == subtask.target and not onto_itself:
+            found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", str(index)))
+    if placement is None or placement.support in (target, supports[1]) or placement.support not in found.names:
+        return
+    # A support without an inside is reported as such.
+    if kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None:
+        where = f"{'on' if placement.relation == 'ontop' else placement.relation} {placement.support}"
+        message = f"the goal puts {target} {where}, but support_goal is {supports[1] or 'null'}"
+        hint = f"set support_goal to {placement.support}"
+        found.add("task/role-scope", message, place, index, hint=hint, cause=("roles", str(index)))
+
+
+def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, field: str) -> None:
+    """Report unknown predicates and objects, wrong arities, wrong kinds and contradictions of one formula."""
+    place = TASK_GOAL if index is None else f"{subtask_place(found.task, index)}, {field}"
+    binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
+    for binder in binders:
+        _check_category(found, binder.category, index, place, field)
+    if binders:
+        _check_size(found, formula, index, place, field)
+    bound = frozenset(binder.variable for binder in binders)
+    affirmed = frozenset(affirmed_in(formula))
+    for atom in sorted(bddl.atoms(formula), key=str):
+        spec = bddl.PREDICATES.get(atom.predicate)
+        if spec is None:
+            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+            cause = ("predicate", atom.predicate)
+            found.add("bddl/unknown-predicate", message, place, index, hint=hint or None, field=field, cause=cause)
+        elif spec.arity != len(atom.args):
+            message = f"{atom.predicate} takes {spec.arity} arguments, as in {spec.shape}, got {len(atom.args)}"
+            found.add("bddl/arity", message, place, index, field=field)
+        else:
+            for name, parameter in zip(atom.args, spec.parameters, strict=True):
+                if name not in bound and parameter not in FREE_PARAMETERS:
+                    found.check_name(name, place, index, field)
+            # A denied impossible atom holds anyway; a formula that names the robot means the gripper.
+            if atom in affirmed or ROBOT in atom.args:
+                _check_kind(found, atom, index, place, field)
+    broken = contradictions(bddl.literals(formula) or ())
+    if broken is not None:
+        found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
+
+
+def _check_category(found: _Findings, category: str, index: int | None, place: str, field: str) -> None:
+    legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
+    if category not in legal:
+        message = f"the scene {found.scene.name} has no object of category {category!r}"
+        hint = did_you_mean(category, legal, f"its categories are {', '.join(legal)}")
+        found.add("bddl/unknown-category", message, place, index, hint=hint, field=field, cause=("category", category))
+
+
+def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
+    """Warn of the condition that makes a task too large to be decided: nested quantifiers multiply."""
+    within = found.instances <= MOST_INSTANCES
+    found.instances += count_ground_parts(formula, found.scene.categories, MOST_INSTANCES)
+    if within and found.instances > MOST_INSTANCES:
+        found.add(
+            "bddl/too-many-instances",
+            f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
+            f"the task's quantifiers say more than {MOST_INSTANCES} things: nothing of the plan was decided",
+            place,
+            index,
+            field=field,
+            hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+            severity="warning",
+        )
+
+
+def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str, field: str | None) -> None:
+    problem = kind_problem(atom, found.scene)
+    if problem is not None:
+        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, field=field, cause=problem.cause)
+
+
+class KindProblem(NamedTuple):
+    """What an object cannot be by its kind: message, hint, and what distinguishes the mistake."""
+
+    message: str
+    hint: str
+    cause: tuple[str, str]
+
+
+def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
+    """Decide whether an atom is impossible for a kind: `open` without a joint, or `inside` what has no inside."""
+    if atom.predicate == "open":
+        thing = scene.objects.get(atom.args[0])
+        if thing is not None and thing.kind is not Kind.ARTICULATED:
+            message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
+            return KindProblem(message, _openable(scene), ("kind", thing.id))
+    elif atom.predicate == "inside" and len(atom.args) == 2:
+        if atom.args[1] == ROBOT:
+            hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
+            return KindProblem(f"nothing can be inside {ROBOT}", hint, ("inside", ROBOT))
+        thing = scene.objects.get(atom.args[1])
+        if thing is not None and not has_inside(thing.category):
+            message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
+            hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
+            return KindProblem(message, hint, ("inside", thing.id))
+    return None
+
+
+def _openable(scene: Scene) -> str:
+    names = [thing.id for thing in scene.objects.values() if thing.kind is Kind.ARTICULATED]
+    return f"what opens in this scene: {', '.join(names) or 'nothing'}"
+
+
+def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Report parameters out of range, and primitives that cannot act on the subtask's objects."""
+    if subtask.flow is None or subtask.issues:
+        return
+    target = found.scene.objects.get(subtask.target)
+    kind = None if target is None else target.kind
+    for position, action in enumerate(subtask.flow):
+        problem = parameter_problem(action.primitive, action.parameter)
+        if problem is not None:
+            found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
+        elif (longest_m := longest_motion_m(action.primitive, found.scene.robot)) is not None:
+            _check_motion(found, (index, position), action, longest_m)
+        if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
+            message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
+            found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
+        if target is None or kind is None or action.primitive not in _HANDLING:
+            continue
+        if applicable(action.primitive, kind):
+            if action.primitive is Primitive.GRASP and kind is Kind.ITEM:
+                _check_width(found, (index, position), target)
+            continue
+        # A target that is its own support was named wrongly, so its kind is no further mistake.
+        own_support = target.id in (subtask.support_init, subtask.support_goal)
+        cause = ("roles", str(index)) if own_support else ("kind", target.id)
+        what, hint = f"{target.id} ({target.category})", None
+        message = f"{action.primitive.name} cannot take {what}: it is furniture"
+        if action.primitive in ARTICULATIONS:
+            message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
+        found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
+
+
+def _check_motion(found: _Findings, at: tuple[int, int], action: Action, longest_m: float) -> None:
+    """Report a motion of the hand that is longer than the robot's arm allows between any two poses."""
+    if isinstance(action.parameter, float) and action.parameter > longest_m:
+        message = f"{action.primitive.name} moves the hand at most {longest_m:g} m with this robot's arm"
+        found.add_step("flow/parameter", f"{message}, got {action.parameter:g} m", at)
+
+
+def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> None:
+    """Report an item without a rim whose smaller horizontal side does not fit the gripper.
+
+    Source: the paper's object size adjustment.
+    """
+    width_m = min(target.extent_m[:2]) * found.task.scales.get(target.id, 1.0)
+    gripper = Gripper.of(found.scene.robot)
+    if width_m <= gripper.widest_m or has_rim(target.category):
+        return
+    factor = scale_factor(target, gripper)
+    unfit = too_small(factor)
+    message = f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {gripper.widest_m:.3f} m"
+    hint = f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}'
+    found.add_step("task/size", message, at, hint=hint, cause=("size", target.id))
+
+
+def _check_scales(found: _Findings) -> None:
+    """Report scales of unknown objects, and scales that make an object another thing."""
+    for name, factor in found.task.scales.items():
+        unfit = too_small(factor)
+        if found.check_name(name, SCALES, None) and unfit:
+            hint = "name a smaller object, or give it the size that it really has in the scene"
+            found.add("task/size", f"{name} {unfit}", SCALES, None, hint=hint, cause=("size", name))
