@@ -1,4 +1,4 @@
-"""The contracts of import-linter in `pyproject.toml` hold, modules import without circles, and light imports stay light."""
+"""The contracts of import-linter in `pyproject.toml` hold, no circle of imports exists, light imports stay light."""
 
 from __future__ import annotations
 
