@@ -18,6 +18,7 @@ from typing import IO, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bddl.errors import Scene2DemoError
 from bddl.files import open_plain
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.system.files import read_json, write_json
@@ -32,7 +33,7 @@ RUNNING = "running"
 LOCK = ".lock"
 
 
-class BenchBusy(RuntimeError):
+class BenchBusy(Scene2DemoError):
     """Another run works on some of the same units."""
 
 
@@ -121,7 +122,7 @@ RESULTS = ("summary.json", "report.html")
 """Files of a benchmark's folder that every run rewrites."""
 
 
-class NotABench(ValueError):
+class NotABench(Scene2DemoError, ValueError):
     """A folder has no benchmark, or not the requested unit."""
 
 

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any
 
+from bddl.errors import Scene2DemoError
 from oag import Task, flow_from_json
 
 _DATA = resources.files(__package__) / "data"
 
 
-class NoPaperFlow(ValueError):
+class NoPaperFlow(Scene2DemoError, ValueError):
     """The paper prints no flows for this family, or for a decomposition of this length."""
 
 

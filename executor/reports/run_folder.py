@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
+from bddl.errors import Scene2DemoError
 from executor.data.episode import Episode
 from executor.data.robomimic import write_robomimic
 from executor.records import Rollout, captions_of
@@ -59,7 +60,7 @@ WORDS = (EXCHANGES, "conversation.json", "conversations.json")
 """Those of them that hold a model's answers."""
 
 
-class ResultsExist(FileExistsError):
+class ResultsExist(Scene2DemoError, FileExistsError):
     """The folder has results of an earlier run."""
 
     def __init__(self, folder: Path, found: Iterable[str]) -> None:
@@ -75,7 +76,7 @@ class ResultsExist(FileExistsError):
         )
 
 
-class FolderUnusable(OSError):
+class FolderUnusable(Scene2DemoError, OSError):
     """The output folder cannot be made or written."""
 
     def __init__(self, folder: Path, reason: str) -> None:

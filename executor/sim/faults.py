@@ -13,10 +13,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from executor.geometry import Array, rotation_z
 
 
-class FaultUnfit(ValueError):
+class FaultUnfit(Scene2DemoError, ValueError):
     """A fault does not apply to a scene, such as a blocked door where there is none."""
 
 

@@ -189,6 +189,8 @@ class AnswersRefused(LlmError):
         insists: True when the model repeated an answer that had been refused.
     """
 
+    exit_code = 1
+
     def __init__(
         self, conversation: Conversation, module: int, findings: Sequence[Diagnostic], *, insists: bool = False
     ) -> None:

@@ -10,12 +10,12 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 
 _NONE: Mapping[int, str] = MappingProxyType({})
 
 
-class OagError(PicklableError):
+class OagError(Scene2DemoError):
     """Every exception that this package raises on purpose."""
 
 
