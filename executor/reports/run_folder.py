@@ -8,7 +8,7 @@ certificate.json  the evidence for the verdict on task.json: `scene2demo recheck
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
-evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after evolution
+evolution.json    every attempt with its critiques and the revision made of it (docs/models.md); only after evolution
 pairs.jsonl       failures and their corrections as training examples, a line each; only after evolution
 frames/           pictures of the steps that failed, where they were drawn
 episode.hdf5      the demonstration (robomimic's layout)
