@@ -3,7 +3,7 @@
 A wrong plan is data: `verify` says which step needs what, who last changed it and since when, and gives a start from
 which the plan fails. Here the subtask that opens the refrigerator is forgotten.
 
-    python examples/02_counterexample.py
+    python examples/09_counterexample.py
 """
 
 import copy
@@ -11,7 +11,7 @@ import importlib
 
 import oag
 
-first = importlib.import_module("01_compose_and_verify")
+first = importlib.import_module("01_verify")
 
 if __name__ == "__main__":
     scene = oag.Scene.from_json(first.SCENE)

@@ -3,7 +3,7 @@
 Every subtask begins at a checkpoint. Resuming from it ends in the same state hash as the run that made it, so another
 flow can be tried from the very state in which the first one failed.
 
-    python examples/07_resume_from_a_checkpoint.py
+    python examples/12_resume.py
 """
 
 import llm

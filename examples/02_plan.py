@@ -3,7 +3,7 @@
 The offline planner expands the query, decomposes it, writes the BDDL, adjusts sizes and proposes flows whose numbers
 are left open: the executor fills them in against the geometry. What it does not understand it says, with near readings.
 
-    python examples/05_from_a_sentence.py
+    python examples/02_plan.py
 """
 
 import llm

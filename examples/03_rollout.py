@@ -3,7 +3,7 @@
 The numbers that the flow left open come back filled in. The same seed gives the same states, bit by bit: run it twice
 and compare the hash. Needs the extra `sim`; no renderer, no graphics card.
 
-    python examples/06_rollout.py
+    python examples/03_rollout.py
 """
 
 import llm

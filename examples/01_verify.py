@@ -4,7 +4,7 @@ A task is a list of simple tasks, each with a target, two supports, a start and 
 IDs. `compose` joins them into one object-action graph; `verify` decides whether the plan reaches the task's goal from
 every state that fits what is known. The flows here are the paper's for "put the glass into the refrigerator".
 
-    python examples/01_compose_and_verify.py
+    python examples/01_verify.py
 """
 
 import oag

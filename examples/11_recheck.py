@@ -4,7 +4,7 @@ A certificate lists, for every requirement of every step, who made it true. The 
 shares with the prover only the language, the primitives' table and the facts. A certificate that was tampered with is
 rejected.
 
-    python examples/04_certificate_recheck.py
+    python examples/11_recheck.py
 """
 
 import importlib
@@ -12,7 +12,7 @@ import json
 
 import oag
 
-first = importlib.import_module("01_compose_and_verify")
+first = importlib.import_module("01_verify")
 
 if __name__ == "__main__":
     scene = oag.Scene.from_json(first.SCENE)

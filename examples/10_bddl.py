@@ -2,7 +2,7 @@
 
 Evaluation is three-valued: a fact that the state does not mention is unknown, not false.
 
-    python examples/03_bddl_round_trip.py
+    python examples/10_bddl.py
 """
 
 import bddl
