@@ -310,7 +310,8 @@ def photographs(folder: Path, rooms: int, kitchens: int) -> Items:
 def _without_times(value: Any) -> Any:
     """Return JSON values without what a clock measured, or the program's version."""
     if isinstance(value, Mapping):
-        return {k: _without_times(v) for k, v in value.items() if not re.search(r"(wall|cpu|took)_s$|^version$|^id$", k)}
+        kept = {key: entry for key, entry in value.items() if not re.search(r"(wall|cpu|took)_s$|^version$|^id$", key)}
+        return {key: _without_times(entry) for key, entry in kept.items()}
     return [_without_times(entry) for entry in value] if isinstance(value, list) else value
 
 

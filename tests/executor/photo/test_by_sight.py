@@ -195,7 +195,9 @@ def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
     assert room.is_in_air(1), "what is moved so little moves what stands on it, by sight"
 
 
-@pytest.mark.parametrize(("beside_box", "cost", "nothing"), [(1.0, 20.0, False), (9.0, 20.0, True), (1.0, 80.0, True)])
+@pytest.mark.parametrize(
+    ("outline_misfit", "cost", "nothing"), [(1.0, 20.0, False), (9.0, 20.0, True), (1.0, 80.0, True)]
+)
 def test_what_hardly_looks_so_on_the_floor_stands_on_nothing(
     outline_misfit: float, cost: float, *, nothing: bool
 ) -> None:

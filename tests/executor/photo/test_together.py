@@ -113,7 +113,7 @@ def test_a_room_does_without_what_is_hardly_seen_and_cannot_be_in_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bend_share", "explained", "cost", "doubtful"),
+    ("depth_distortion", "explained", "cost", "doubtful"),
     [(0.0, 0.6, 0.0, True), (0.02, 0.6, 0.0, False), (0.02, 0.6, 90.0, True), (0.02, 0.3, 0.0, True)],
 )
 def test_where_depths_are_bent_what_looks_right_is_not_doubted_for_being_elsewhere(
