@@ -11,7 +11,7 @@ BASELINES ?= unchecked checked repaired constraint-pose sampled-grasp one-demons
 EPISODES ?= 20
 SEED ?= 68000
 
-.PHONY: help setup demo test test-all golden lint conformance interop baselines reference doctor repair clean
+.PHONY: help setup demo test test-all golden lint conformance interop baselines docs doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -62,8 +62,9 @@ baselines: setup-all  ## Measures what others do in our rooms (BASELINES, EPISOD
 	$(BIN)/python -m benchmarks.baselines runs/baselines
 	@if [ -n "$(ROBOGEN)" ]; then $(BIN)/python -m benchmarks.robogen_plans "$(ROBOGEN)"; fi
 
-reference: setup-test  ## Writes the API reference, from the docstrings, to build/reference/index.html.
-	$(BIN)/pdoc -d google -o build/reference bddl oag llm executor
+docs: setup-test  ## Builds the documentation, with its generated pages, in build/site/index.html.
+	$(BIN)/python scripts/build_docs.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 doctor: setup-demo  ## Tells what this machine can do.
 	$(BIN)/scene2demo doctor

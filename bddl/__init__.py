@@ -37,6 +37,7 @@ from bddl.errors import (
     CountedWildcard,
     IllegalName,
     ObjectsRequired,
+    Scene2DemoError,
     SearchLimit,
     SolverMissing,
     UnknownPairSemantics,
@@ -73,10 +74,10 @@ __all__ = [
     "CompiledGoal", "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate",
     "Exists", "ForAll", "ForN", "ForNPairs", "ForPairs", "Formula", "GoalProgress", "Ground", "GroundNode",
     "IllegalName", "Imply", "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired", "Option", "Or",
-    "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region", "SceneStyle", "SearchLimit",
-    "Slip", "SolverMissing", "Span", "State", "TotalState", "TypedObject", "UnknownPairSemantics", "UnknownProfile",
-    "WrongState", "analyse", "atoms", "check", "compile_goal", "conjuncts", "correct", "evaluate", "format",
-    "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain", "parse_formula",
+    "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region", "Scene2DemoError", "SceneStyle",
+    "SearchLimit", "Slip", "SolverMissing", "Span", "State", "TotalState", "TypedObject", "UnknownPairSemantics",
+    "UnknownProfile", "WrongState", "analyse", "atoms", "check", "compile_goal", "conjuncts", "correct", "evaluate",
+    "format", "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain", "parse_formula",
 ]  # fmt: skip
 
 # What most programs that read BDDL never use is loaded when it is first asked for.

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from bddl.ast import Span
+from bddl.errors import Scene2DemoError
 from bddl.terminal import display_width, escape_control
 
 Code: TypeAlias = Literal[
@@ -293,7 +294,7 @@ class Diagnostic:
         return f"line {self.line}, column {self.column}: {self.message} [{self.code}]\n{self.excerpt}{hint}"
 
 
-class BDDLError(ValueError):
+class BDDLError(Scene2DemoError, ValueError):
     """Raised when a text is not legal BDDL; its message shows every mistake that was found.
 
     Args:

@@ -5,8 +5,8 @@ Mistakes in a text are diagnostics instead.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 
 @dataclass(eq=False, repr=False)
@@ -133,18 +133,24 @@ class SearchLimit(RuntimeError):
         )
 
 
-class PicklableError(Exception):
-    """An exception that survives pickling, whatever its constructor takes.
+class Scene2DemoError(Exception):
+    """Base of every exception that says what to do about bad input, or about work that failed.
 
-    Python copies an exception by calling the constructor with the message, which most of our constructors do not take.
+    A command shows its message and ends with its exit code. Its copies by `pickle` and `copy` are equal to it, whatever
+    its constructor takes. Whatever else leaves a command is a mistake of this program.
+
+    Attributes:
+        exit_code: Exit code of a command that it ends: 2 for bad input, 1 for work that ran and failed.
     """
 
-    def __reduce__(self) -> tuple[Callable[..., PicklableError], tuple[object, ...]]:
-        """Return the function that makes a copy, with the class, the message and the attributes."""
-        return _rebuild, (type(self), self.args, self.__dict__)
+    exit_code: ClassVar[int] = 2
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return the function that makes a copy without the constructor, its arguments, and the attributes."""
+        return _restore, (type(self), self.args), *super().__reduce__()[2:]
 
 
-def _rebuild(kind: type[PicklableError], args: tuple[object, ...], attributes: Mapping[str, object]) -> PicklableError:
+def _restore(kind: type[Scene2DemoError], args: tuple[object, ...]) -> Scene2DemoError:
     error = kind.__new__(kind, *args)
-    error.__dict__.update(attributes)
+    BaseException.__init__(error, *args)  # OSError's `__new__` leaves the message to its constructor.
     return error

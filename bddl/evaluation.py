@@ -417,7 +417,7 @@ def compile_goal(
 ) -> CompiledGoal:
     """Return a formula prepared for repeated evaluation; arguments and exceptions are those of `evaluate`.
 
-    Source: docs/bddl.md, Goals that are asked often.
+    Source: docs/bddl.md, Grounding and compiled goals.
 
     Example:
         >>> import bddl

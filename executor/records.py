@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.geometry import Array
 from executor.system.files import plain
@@ -327,15 +328,17 @@ def ignore(event: Event) -> None:
     """Ignore an event; the default listener."""
 
 
-class PlanRefused(ValueError):
+class PlanRefused(Scene2DemoError, ValueError):
     """A plan that `verify` does not prove is not executed; `report` says why."""
+
+    exit_code = 1
 
     def __init__(self, report: Report) -> None:
         super().__init__(f"the plan is not proved, nothing was moved:\n{report}")
         self.report = report
 
 
-class MissingFlow(ValueError):
+class MissingFlow(Scene2DemoError, ValueError):
     """A subtask without an action flow cannot be executed."""
 
 

@@ -6,7 +6,7 @@
 The built-in offline planner needs no model. A query that it cannot place raises `QueryError`, which says what was
 understood, what stands in the way and what would work; it never guesses silently (`Proposal.notes` says what was
 taken on trust). With `model="openai:gpt-5.2"` or another configuration the five modules are asked of that model, and
-the graph decides which of its answers are taken (docs/modules.md).
+the graph decides which of its answers are taken (docs/models.md).
 """
 
 import importlib

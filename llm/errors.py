@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 from bddl.terminal import escape_control
 
 RefusalCode = Literal[
@@ -34,7 +34,7 @@ RefusalCode = Literal[
 _MOST_LISTED = 12
 
 
-class LlmError(PicklableError):
+class LlmError(Scene2DemoError):
     """Base of every exception that this package raises on purpose.
 
     Attributes:
@@ -99,13 +99,19 @@ class ModelConfigError(ModelError, ValueError):
 class ModelUnavailable(ModelError):
     """The server could not be reached, was busy or failed, also after the last attempt."""
 
+    exit_code = 1
+
 
 class ModelTimeout(ModelError):
     """No whole reply came in time."""
 
+    exit_code = 1
+
 
 class ModelRefused(ModelError):
     """The server rejected the request (a 4xx status): sending it again would not help."""
+
+    exit_code = 1
 
 
 class ModelCancelled(ModelError):
@@ -115,6 +121,8 @@ class ModelCancelled(ModelError):
 class BadReply(ModelError):
     """The server answered, but not with a chat completion."""
 
+    exit_code = 1
+
 
 class ReplyTooLong(BadReply):
     """The answer exceeds the limit in bytes; reading stopped there."""
@@ -122,6 +130,8 @@ class ReplyTooLong(BadReply):
 
 class BudgetSpent(ModelError):
     """A run's budget allows no further request; the advice states what was used."""
+
+    exit_code = 1
 
 
 class CassetteError(ModelError):

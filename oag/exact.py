@@ -7,7 +7,7 @@ asked which obligation no run meets, or which assumptions are needed, as few lit
 
 A counterexample is a complete start state, and the states after it up to the failure.
 
-Source: docs/semantics.md, Exact decisions.
+Source: docs/semantics.md, Exact decision.
 """
 
 from __future__ import annotations

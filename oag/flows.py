@@ -8,7 +8,7 @@ Planning (ICAPS 2017).
 
 Missing flows are chosen so that the rest of the plan can still go through.
 
-Source: docs/semantics.md, Flows that are searched; the paper's primitive completeness assumes that a flow exists.
+Source: docs/semantics.md, Searched flows; the paper's primitive completeness assumes that a flow exists.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ are ordered by the Foata normal form of the trace that the plan is a word of. It
 where the hand is empty and the next step navigates. There the robot's pose does not matter, so two parts without common
 facts can be exchanged.
 
-Source: docs/canonical.md; the paper's repeated decomposition study, which this makes a statement about formulas.
+Source: docs/semantics.md, Canonical form; the paper's repeated decomposition study, which this makes a statement about
+formulas.
 Cartier and Foata, Problemes combinatoires de commutation et rearrangements (1969).
 """
 
@@ -461,7 +462,7 @@ def canonical(task: Task, scene: Scene | None = None) -> Task:
         MissingScene: There is no scene, neither here nor with the task.
         TaskError, SceneError: An argument is no `Task`, or no `Scene`.
 
-    Source: docs/canonical.md.
+    Source: docs/semantics.md, Canonical form.
     """
     chosen = chosen_scene(task, scene)
     named = _named(task, chosen)

@@ -2,7 +2,7 @@
 
 In the normal form conjunctions are flat, sorted and without repetition, and variables are named by depth.
 
-Source: docs/canonical.md, Formulas.
+Source: docs/semantics.md, Canonical form.
 """
 
 from __future__ import annotations

@@ -312,7 +312,7 @@ class Task:
         issues: Mistakes found while it was read that belong to no subtask.
         source: The JSON it was read from when that has mistakes which the fields above cannot hold.
 
-    Source: the paper's Definition of a complex long-horizon task; G is a departure (docs/proposition.md).
+    Source: the paper's Definition of a complex long-horizon task; G is a departure (docs/semantics.md).
     """
 
     name: str

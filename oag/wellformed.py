@@ -1,6 +1,6 @@
 """Well-formedness of a task: names, arities, roles, kinds, parameters and sizes, before anything is progressed.
 
-Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The flows.
+Source: docs/semantics.md, Verdicts; docs/codes.md, The subtasks and The flows.
 """
 
 from __future__ import annotations

@@ -13,11 +13,21 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 MOST_LINES = 90
-NEEDS_PHYSICS = ("06", "07")
+MARKS = {
+    "03": (pytest.mark.physics,),
+    "05": (pytest.mark.render, pytest.mark.slow),
+    "06": (pytest.mark.physics, pytest.mark.slow),
+    "07": (pytest.mark.physics, pytest.mark.slow),
+    "08": (pytest.mark.physics, pytest.mark.slow),
+    "12": (pytest.mark.physics,),
+}
+# One for each thing that a user does.
+TOPICS = ("verify", "plan", "rollout", "own_scene", "photograph", "demonstrations", "train", "evaluate")
 
 
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 7
+def test_examples_are_numbered_and_show_what_users_do() -> None:
+    assert [path.name[:2] for path in EXAMPLES] == [f"{number:02}" for number in range(1, len(EXAMPLES) + 1)]
+    assert tuple(path.stem[3:] for path in EXAMPLES[: len(TOPICS)]) == TOPICS
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
@@ -28,15 +38,24 @@ def test_an_example_is_short_and_explains_itself(path: Path) -> None:
     assert page is not None and f"python examples/{path.name}" in page
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(p, marks=pytest.mark.physics) if p.name.startswith(NEEDS_PHYSICS) else p for p in EXAMPLES],
-    ids=lambda path: path.stem,
-)
-def test_an_example_runs(path: Path) -> None:
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return one folder for the results of all examples: later ones go on from earlier ones."""
+    return tmp_path_factory.mktemp("examples")
+
+
+@pytest.mark.parametrize("path", [pytest.param(p, marks=MARKS.get(p.name[:2], ()), id=p.stem) for p in EXAMPLES])
+def test_an_example_runs(path: Path, results: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    takes_folder = "sys.argv" in path.read_text(encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, str(path)], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600, check=False
+        [sys.executable, str(path), *([str(results)] if takes_folder else [])],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()

@@ -1,7 +1,7 @@
 """The model library, the geometry of a scene object, and the resistance of its doors and drawers.
 
-Models come from their families in `executor.assets.families`. A scene object without a model is built by the family of
-its category. A model `imported/NAME` is an imported asset.
+Models come from their families in `executor.assets.families`; a file there may bring models of its own. A scene object
+without a model is built by the family of its category. A model `imported/NAME` is an imported asset.
 
 Doors and drawers resist with dry friction, and refrigerators with a gasket over the first degrees. Both are given as
 forces at the handle, perpendicular to its path, as a spring balance would read. The handle's lever turns them into
@@ -16,13 +16,16 @@ rule 404.2.9 allows for an interior door. A refrigerator resists with friction a
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import import_module
 from types import MappingProxyType
 
 import numpy as np
 
 from bddl import near_names
+from executor.assets import families
 from executor.assets.asset_geometry import scaled
 from executor.assets.families import appliances, furniture, items
 from executor.assets.families import appliances as cold_storage
@@ -188,7 +191,10 @@ _ENTRIES = (
            _BEAR_LENGTH, (0.090, 0.150), _BEAR_HEIGHT, items.FUR),
 )
 # fmt: on
-LIBRARY: Mapping[str, ModelEntry] = MappingProxyType({entry.model: entry for entry in _ENTRIES})
+# A module of `families` may declare models of its own (`MODELS`), and builders of categories (`FAMILIES`).
+_MODULES = [import_module(f"{families.__name__}.{found.name}") for found in pkgutil.iter_modules(families.__path__)]
+_ADDED = [entry for module in _MODULES for entry in getattr(module, "MODELS", ())]
+LIBRARY: Mapping[str, ModelEntry] = MappingProxyType({entry.model: entry for entry in (*_ENTRIES, *_ADDED)})
 """Every model by its name."""
 FAMILIES: Mapping[str, Builder] = MappingProxyType(
     {
@@ -220,6 +226,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "table": furniture.table,
         "wall": furniture.wall,
         "wardrobe": cabinets.wardrobe,
+        **{word: build for module in _MODULES for word, build in getattr(module, "FAMILIES", {}).items()},
     }
 )
 """Last known word of a category -> builder of its objects without a model."""

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 from executor.assets.model import Asset, Vector
 from oag import SceneObject
 
 _DIGITS = 3  # Drawn lengths are whole millimetres.
 
 
-class AssetError(PicklableError, ValueError):
+class AssetError(Scene2DemoError, ValueError):
     """A scene object cannot be built: no family accepts its category, its size or a parameter."""
 
     def __init__(self, obj: SceneObject, problem: str, legal: str = "") -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import result_of
@@ -21,7 +22,7 @@ RESULTS = ("summary.json", "report.html")
 """Files of a benchmark's folder that every run rewrites."""
 
 
-class NotABench(ValueError):
+class NotABench(Scene2DemoError, ValueError):
     """A folder has no benchmark, or not the requested unit."""
 
 

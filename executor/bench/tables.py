@@ -17,8 +17,8 @@ from bddl.terminal import pluralize
 from executor.bench.paper import main_table
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
-from executor.records import action_text, describe_peaks, readable
-from executor.reports.html import badge, card, document, facts, fold, measurements, soft, style, text
+from executor.records import describe_peaks
+from executor.reports.html import render
 from executor.reports.page import versions
 from executor.scenes.generators.families import FAMILIES
 from executor.scenes.generators.household import VARIATIONS
@@ -395,70 +395,19 @@ def bench_page(cells: Sequence[Cell], folder: Path) -> str:
         cells: The results.
         folder: Folder of the benchmark, for the commands that replay units.
     """
-    failed = [_failure_html(result, folder) for cell in cells for result in cell.failed]
-    body = [
-        "<header><h1>Benchmark</h1><p class='lead'>Success rates, with everything that failed.</p></header>",
-        f"<h2>Main table</h2>{card(_main_table_html(cells), soft(text(FOOTNOTE)), kind='scroll')}",
-        f"<h2>Success by family</h2>{card('<div class=bars>', *_success_bars(cells), '</div>')}",
-        "<h2>What stands behind each number</h2>",
-        *(
-            card(f"<h3>{_cell_name(cell)}</h3>", facts((name, text(value)) for name, value in detail_rows(cell)))
-            for cell in cells
-        ),
-        f"<h2>What failed</h2>{card(*(failed or ['<p>Nothing failed.</p>']))}",
-        soft(text(versions())),
-    ]
-    return document("Benchmark", body, style("page", "bench"))
-
-
-def _cell_name(cell: Cell) -> str:
-    return f"{cell.series.family}, {text(cell.series.setting.label.removeprefix('here: '))}"
-
-
-def _main_table_html(cells: Sequence[Cell]) -> str:
-    head = "".join(f"<th class='n'>{family}</th>" for family in FAMILIES)
-    rows = "".join(
-        f"<tr{' class=ours' if row[0].startswith('here') else ''}><td>{text(row[0])}</td>"
-        + "".join(f"<td class='n'>{text(cell)}</td>" for cell in row[1:])
-        + "</tr>"
-        for row in main_rows(cells)
+    return render(
+        "bench.html",
+        families=FAMILIES,
+        rows=list(main_rows(cells)),
+        footnote=FOOTNOTE,
+        cells=cells,
+        number=number,
+        detail_rows=detail_rows,
+        failed=[(result, _replay_command(result, folder)) for cell in cells for result in cell.failed],
+        versions=versions(),
     )
-    return f"<table><thead><tr><th>Method</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
 
-def _success_bars(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield one bar per cell: its length is the success rate, the thin line in it the 95 % interval."""
-    for cell in cells:
-        rate, interval = cell.all.percent, cell.all.interval_percent
-        if rate is None or interval is None:
-            yield f"<span>{_cell_name(cell)}</span><span class='soft'>nothing run yet</span><span>{DASH}</span>"
-            continue
-        low, high = interval
-        yield (
-            f"<span>{_cell_name(cell)}</span><div class='bar' title='95 % interval {low:.1f} to {high:.1f} %'>"
-            f"<i style='width:{rate:.2f}%'></i><u style='left:{low:.2f}%;width:{high - low:.2f}%'></u></div>"
-            f"<span>{number(rate)} % of {cell.all.trials}</span>"
-        )
-
-
-def _failure_html(result: Mapping[str, Any], folder: Path) -> str:
-    failure = result.get("failure") or {}
-    where = ""
-    if failure.get("primitive") is not None:
-        step = action_text(failure["primitive"], failure["action"])
-        where = (
-            f"<p>Subtask {failure['subtask'] + 1}, {text(readable(failure['subtask_name']))}, step "
-            f"{failure['step'] + 1}: <span class='name'>{text(step)}</span> at {failure['time_s']:.1f} s</p>"
-        )
-    name, trace = result["name"], "".join(f"{line}\n" for line in result.get("traceback", ()))
-    command = shlex.join(["scene2demo", "bench", "replay", str(folder), name, "--out", f"replay-{name}"])
-    return fold(
-        f"<span class='name'>{text(name)}</span>{badge(str(failure.get('kind', result['ended'])), 'bad')}"
-        f"<span>{text(failure.get('message', ''))}</span>",
-        soft(text(result.get("query", ""))),
-        where,
-        measurements(failure.get("measurements", {})),
-        f"<pre>{text(trace)}</pre>" if trace else "",
-        f"<pre>{text(command)}</pre>",
-        kind="step",
-    )
+def _replay_command(result: Result, folder: Path) -> str:
+    name = result["name"]
+    return shlex.join(["scene2demo", "bench", "replay", str(folder), name, "--out", f"replay-{name}"])

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from bddl.errors import Scene2DemoError
 from bddl.files import open_plain
 
 try:
@@ -25,7 +26,7 @@ RUNNING = "running"
 LOCK = ".lock"
 
 
-class BenchBusy(RuntimeError):
+class BenchBusy(Scene2DemoError):
     """Another run works on some of the same units."""
 
 

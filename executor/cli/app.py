@@ -9,12 +9,14 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import pkgutil
 import re
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stderr, suppress
 from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -24,6 +26,7 @@ from typing import Annotated, Any, TextIO, Union, cast, get_args, get_origin, ge
 import tyro
 
 import executor
+import executor.cli.commands
 from executor.cli.command_options import BddlOptions, BddlSubCommand, SubCommand
 from executor.cli.data_options import DatasetOptions, DatasetSubCommand
 from executor.cli.options import Read
@@ -35,11 +38,43 @@ _POSITIONAL = get_args(tyro.conf.Positional[str])[1]
 _OF_ALL = ("--help",)
 _OF_THE_PROGRAM = ("--help", "--version")
 _BELOW: Mapping[type, object] = {BddlOptions: BddlSubCommand, DatasetOptions: DatasetSubCommand}
+# Commands whose file has another name.
+_FILES = {
+    "check": "bddl",
+    "fmt": "bddl",
+    "benchreplay": "bench",
+    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "dataset"),
+    "benchphoto": "bench_photo",
+    "runphoto": "run_photo",
+    "scenes": "catalog",
+    "assets": "catalog",
+    "import": "catalog",
+}
 
 
-def commands(union: object = SubCommand) -> dict[str, type]:
-    """Return the options of each sub-command, by its name."""
-    return {get_args(choice)[1].name: get_args(choice)[0] for choice in get_args(union)}
+def commands(union: object = None) -> dict[str, type]:
+    """Return the options of each sub-command, by its name; by default of all commands."""
+    return {get_args(choice)[1].name: get_args(choice)[0] for choice in get_args(union or all_commands())}
+
+
+@cache
+def all_commands() -> Any:
+    """Return the union of all commands' options: those of `SubCommand`, then those that stand in their command's file.
+
+    The latter are files of `executor.cli.commands` with a class `Options`; `_` in a file's name becomes `-`.
+    """
+    unions = (SubCommand, *_BELOW.values())
+    served = {*_FILES.values(), *(_short_name(options) for one in unions for options in commands(one).values())}
+    union: Any = SubCommand
+    for found in pkgutil.iter_modules(executor.cli.commands.__path__):
+        if found.name not in served:
+            options = import_module(f"executor.cli.commands.{found.name}").Options
+            union |= Annotated[options, tyro.conf.subcommand(found.name.replace("_", "-"))]
+    return union
+
+
+def _short_name(options: type) -> str:
+    return options.__name__.removesuffix("Options").lower()
 
 
 def option_names(options: type) -> tuple[str, ...]:
@@ -144,18 +179,6 @@ def _metadata(hint: Any) -> tuple[Any, ...]:
     return tuple(found for part in parts for found in _metadata(part))
 
 
-# Commands whose file has another name.
-_FILES = {
-    "check": "bddl",
-    "fmt": "bddl",
-    "benchreplay": "bench",
-    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "dataset"),
-    "benchphoto": "bench_photo",
-    "runphoto": "run_photo",
-    "scenes": "catalog",
-    "assets": "catalog",
-    "import": "catalog",
-}
 _DESCRIPTION = (
     "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves.\n\n"
     "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C.\n"
@@ -225,10 +248,11 @@ def run(arguments: list[str]) -> int:
         return _refuse(problem, "FileNotFoundError", as_json=options.json)
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
-        name = type(options).__name__.removesuffix("Options").lower()
+        name = _short_name(type(options))
         name += "photo" if getattr(options, "photo", None) is not None else ""
+        own = type(options).__module__ if not name else f"executor.cli.commands.{_FILES.get(name, name)}"
         with _show_begin(options.begins, quiet=options.json):
-            module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
+            module = importlib.import_module(own)
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
@@ -275,7 +299,7 @@ def _print_parser_message(arguments: list[str]) -> None:
 
 def _parse(arguments: list[str]) -> SubCommand:
     chosen: SubCommand = tyro.cli(
-        SubCommand,
+        all_commands(),
         prog="scene2demo",
         description=_DESCRIPTION,
         args=arguments,

@@ -10,61 +10,10 @@ from __future__ import annotations
 import errno
 from dataclasses import dataclass
 
+from bddl.errors import Scene2DemoError
 from bddl.files import is_disk_full
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
-
-# By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
-BAD_INPUT_ERRORS = frozenset(
-    {
-        "bddl.diagnostics.BDDLError",
-        "executor.assets.importers.files.ImportRefused",
-        "executor.assets.parameters.AssetError",
-        "executor.scenes.generators.families.NoPaperFlow",
-        "executor.campaign.claims.BenchBusy",
-        "executor.bench.folder.NotABench",
-        "executor.data.formats.export.ExportExists",
-        "executor.data.formats.selection.NothingToExport",
-        "executor.data.store.NotADataset",
-        "executor.rollouts.checkpoint.CheckpointError",
-        "executor.cli.errors.BadOption",
-        "executor.learn.policy_record.NotAPolicy",
-        "executor.sim.detectors.UnknownObject",
-        "executor.system.vulkan.RendererNotFound",
-        "executor.system.extras.MissingExtra",
-        "executor.photo.errors.PhotoRefused",
-        "executor.cli.commands.evolve.BadFault",
-        "executor.sim.faults.FaultUnfit",
-        "executor.sim.render.pool.BadPictureSize",
-        "executor.sim.robot.description.RobotDataMissing",
-        "executor.records.MissingFlow",
-        "executor.reports.run_folder.FolderUnusable",
-        "executor.reports.run_folder.ResultsExist",
-        "executor.scenes.library.SceneNotFound",
-        "executor.scenes.vary.SeedError",
-        "executor.scenes.vary.VariationError",
-        "llm.errors.LlmError",
-        "oag.model.diagnostics.OagError",
-    }
-)
-FAILURE_ERRORS = frozenset(
-    {
-        "executor.data.work.NotPlannable",
-        "executor.photo.errors.RoomRefused",
-        "executor.sim.render.pool.RenderFailed",
-        "executor.records.PlanRefused",
-        "executor.scenes.pair.NotDrawn",
-        "executor.sim.render.frames.VideoFailed",
-        "executor.system.workers.WorkersUnusable",
-        "llm.structured.conversation.AnswersRefused",
-        "llm.errors.BadReply",
-        "llm.errors.BudgetSpent",
-        "llm.errors.ModelRefused",
-        "llm.errors.ModelTimeout",
-        "llm.errors.ModelUnavailable",
-    }
-)
-
 
 # By the system's number: what helps is not the same.
 _ADVICE = {
@@ -74,7 +23,7 @@ _ADVICE = {
 }
 
 
-class BadOption(ValueError):
+class BadOption(Scene2DemoError, ValueError):
     """An option has a value that cannot be used."""
 
     def __init__(self, option: str, value: object, expected: str) -> None:
@@ -114,18 +63,14 @@ def explain(error: BaseException) -> Ending:
         return Ending(INTERRUPTED, "interrupted", str(error) or "interrupted")
     if isinstance(error, BrokenPipeError):
         return Ending(UNREAD, "unread", "")
-    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
         notes = "".join(f". {note}" for note in getattr(error, "__notes__", ()))
         advice = f"{_ADVICE[full.errno or 0]}, and type the same command again"
         return Ending(DISK_FULL, "disk-full", f"{where}; {advice}{notes}")
-    # Failures first: they are the narrower kinds of what else would count as bad input.
-    if names & FAILURE_ERRORS:
-        return Ending(FAILED, kind, str(error))
-    if names & BAD_INPUT_ERRORS:
-        return Ending(BAD_INPUT, kind, str(error))
+    if isinstance(error, Scene2DemoError):
+        return Ending(error.exit_code, kind, str(error))
     if isinstance(error, OSError) and error.filename is not None:
         return Ending(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
     words = f"{kind}: {error}" if str(error) else kind

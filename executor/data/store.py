@@ -26,6 +26,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from bddl.errors import Scene2DemoError
 from bddl.files import open_input
 from executor.campaign.claims import exclusive_lock
 from executor.campaign.engine import UNFINISHED, result_of
@@ -44,7 +45,7 @@ _TOKEN_BYTES = 4
 _BEGIN_BYTES = 1 << 16  # Begin of a file of samples: the maximum size of its header.
 
 
-class NotADataset(ValueError):
+class NotADataset(Scene2DemoError, ValueError):
     """A folder is no store of episodes, or an episode in it is unreadable."""
 
 

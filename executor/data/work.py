@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import bddl
 import llm
+from bddl.errors import Scene2DemoError
 from executor.assets import library
 from executor.assets.library import asset_for
 from executor.campaign.versions import LIBRARIES, library_versions
@@ -127,8 +128,10 @@ _SENTENCE_REFUSALS: tuple[RefusalCode, ...] = ("empty", "too-long", "not-underst
 _SEEDS_COMPARED = 16
 
 
-class NotPlannable(ValueError):
+class NotPlannable(Scene2DemoError, ValueError):
     """A sentence cannot be planned, whatever the seed."""
+
+    exit_code = 1
 
 
 class NotNeeded(RuntimeError):

@@ -7,7 +7,7 @@ In an installation, importing Gymnasium registers them (`scripts/scene2demo_gymn
 installed, use the name "executor.envs:scene2demo/T1-v0", which imports this module.
 
 There is `scene2demo/T1-v0` to `scene2demo/T6-v0`, whose seeds are those of the benchmark, and `scene2demo/Task-v0`,
-which takes a `scene` and a `query`. docs/environment.md has their actions, observations, rewards and arguments.
+which takes a `scene` and a `query`. docs/datasets.md has their actions, observations, rewards and arguments.
 """
 
 from __future__ import annotations

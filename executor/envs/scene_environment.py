@@ -179,7 +179,7 @@ _DRAWS = 5  # Own seeds that are tried where no room can be drawn for one.
 
 
 class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """Mobile robot in a room with a task; docs/environment.md has observations and actions.
+    """Mobile robot in a room with a task; docs/datasets.md has observations and actions.
 
     Args:
         family: "T1" to "T6": seeds draw the benchmark's scenes.

@@ -23,6 +23,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
 from executor.data.state_readers import LARGEST
 from executor.learn.action_chunks import action_size
@@ -55,7 +56,7 @@ MOST_DEVIATIONS = 5.0
 """Clipping of normalised observations: demonstrations hardly exceed it, and nothing was learned beyond it."""
 
 
-class NotAPolicy(ValueError):
+class NotAPolicy(Scene2DemoError, ValueError):
     """A folder has no complete policy."""
 
 

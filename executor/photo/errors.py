@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bddl.errors import Scene2DemoError
 
-class PhotoRefused(ValueError):
+
+class PhotoRefused(Scene2DemoError, ValueError):
     """A photograph or one of its auxiliary inputs cannot be used.
 
     Attributes:
@@ -18,8 +20,10 @@ class PhotoRefused(ValueError):
         super().__init__(f"{source}: {problem}" + (f"; {hint}" if hint else ""))
 
 
-class RoomRefused(ValueError):
+class RoomRefused(Scene2DemoError, ValueError):
     """A reconstruction is physically impossible, or leaves no room for the robot."""
+
+    exit_code = 1
 
     def __init__(self, source: str | Path, reason: str, folder: Path) -> None:
         super().__init__(f"{source}: what was reconstructed is no scene to work in: {reason}; {folder} has its report")

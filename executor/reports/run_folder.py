@@ -8,7 +8,7 @@ certificate.json  the evidence for the verdict on task.json: `scene2demo recheck
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
-evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after evolution
+evolution.json    every attempt with its critiques and the revision made of it (docs/models.md); only after evolution
 pairs.jsonl       failures and their corrections as training examples, a line each; only after evolution
 frames/           pictures of the steps that failed, where they were drawn
 episode.hdf5      the demonstration (robomimic's layout)
@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
+from bddl.errors import Scene2DemoError
 from executor.data.episode import Episode
 from executor.data.robomimic import write_robomimic
 from executor.records import Rollout, captions_of
@@ -59,7 +60,7 @@ WORDS = (EXCHANGES, "conversation.json", "conversations.json")
 """Those of them that hold a model's answers."""
 
 
-class ResultsExist(FileExistsError):
+class ResultsExist(Scene2DemoError, FileExistsError):
     """The folder has results of an earlier run."""
 
     def __init__(self, folder: Path, found: Iterable[str]) -> None:
@@ -75,7 +76,7 @@ class ResultsExist(FileExistsError):
         )
 
 
-class FolderUnusable(OSError):
+class FolderUnusable(Scene2DemoError, OSError):
     """The output folder cannot be made or written."""
 
     def __init__(self, folder: Path, reason: str) -> None:

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from executor.assets.asset_geometry import rolls_freely
 from executor.geometry import transform_from_quaternion
 from executor.sim.belief import weaken_grip
@@ -26,7 +27,7 @@ from executor.skills.trajectories import NoiseStream
 from oag import Scene, SceneError
 
 
-class CheckpointError(ValueError):
+class CheckpointError(Scene2DemoError, ValueError):
     """The bytes are no checkpoint of this version."""
 
 

@@ -1,4 +1,4 @@
-"""Record of one run for its report and its folder, its JSON, and the files of an evolution (docs/evolution.md).
+"""Record of one run for its report and its folder, its JSON, and the files of an evolution (docs/models.md).
 
 `evolution_json` has all attempts of an episode. `pairs` has one line for each revision, fit for training a
 failure-aware model: the input of a corrector (context, failing flow, measured failure, critiques, frames), its

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import cast
 
 from bddl import near_names
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 from bddl.files import read_bounded_text
 from oag import Scene, SceneError
 from oag.model.codec import load as load_json
@@ -22,7 +22,7 @@ _DATA = resources.files(__package__) / "data"
 _DRAWN = ("generators.by_name", "draw_named")
 
 
-class SceneNotFound(PicklableError, LookupError):
+class SceneNotFound(Scene2DemoError):
     """The package has no scene of this name."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import llm
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 from executor.assets.parameters import AssetError
 from executor.scenes.room import Draws, NoRoom, Perturbation, Room
 from executor.scenes.validation import Unsettled, settle
@@ -66,8 +66,10 @@ class Misplanned(ValueError):
     """The planner understood a query otherwise than its layout intends."""
 
 
-class NotDrawn(PicklableError, RuntimeError):
+class NotDrawn(Scene2DemoError):
     """None of the layouts drawn for a pair holds; `reasons` has the reason for each."""
+
+    exit_code = 1
 
     def __init__(self, pair_id: str, reasons: list[str]) -> None:
         super().__init__(f"{pair_id}: none of {len(reasons)} layouts holds; the last one: {reasons[-1]}")

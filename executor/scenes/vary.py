@@ -26,6 +26,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 import bddl
+from bddl.errors import Scene2DemoError
 from executor.assets.footprint import EDGES
 from executor.assets.library import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
@@ -50,7 +51,7 @@ class VariationError(InputError, ValueError):
     what = "scene"
 
 
-class SeedError(ValueError):
+class SeedError(Scene2DemoError, ValueError):
     """A seed outside of the allowed range."""
 
 

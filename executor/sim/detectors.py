@@ -20,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 
 from bddl import Atom, literals, near_names
+from bddl.errors import Scene2DemoError
 from executor.assets.asset_geometry import bounds
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
@@ -45,7 +46,7 @@ _EDGE_M = 0.005
 _REST_IMPULSE_NS = 1e-5
 
 
-class UnknownObject(LookupError):
+class UnknownObject(Scene2DemoError):
     """An atom names something that the world does not have."""
 
     def __init__(self, atom: Atom, name: str, known: tuple[str, ...]) -> None:

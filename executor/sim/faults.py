@@ -1,7 +1,7 @@
 """Faults for experiments: wrong beliefs of the robot, and drives that do not do what they should.
 
 Faults are plain data and part of an experiment's description; no contact, friction or mass is ever changed.
-`docs/evolution.md` explains each fault and what can correct it. `belief` applies them to planning.
+`docs/models.md` explains each fault and what can correct it. `belief` applies them to planning.
 
 Source: the paper's reasons for initial failures, "imperfect scene reconstruction, object-size mismatch, navigation
 offsets".
@@ -13,10 +13,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from executor.geometry import Array, rotation_z
 
 
-class FaultUnfit(ValueError):
+class FaultUnfit(Scene2DemoError, ValueError):
     """A fault does not apply to a scene, such as a blocked door where there is none."""
 
 

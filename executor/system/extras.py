@@ -10,7 +10,7 @@ from importlib import metadata
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -33,7 +33,7 @@ def install_command(extra: str) -> str:
     return f"pip install -e '.[{extra}]'"
 
 
-class MissingExtra(PicklableError, ImportError):
+class MissingExtra(Scene2DemoError, ImportError):
     """An optional library is not installed, or cannot be loaded."""
 
     def __init__(self, module: str, extra: str, reason: str = "") -> None:

@@ -19,6 +19,8 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
+from bddl.errors import Scene2DemoError
+
 LAVAPIPE_MINIMUM = (24, 3)
 MANIFEST_NAME = "renderer.json"
 _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
@@ -64,7 +66,7 @@ class Renderer:
         return self.kind != "none"
 
 
-class RendererNotFound(RuntimeError):
+class RendererNotFound(Scene2DemoError):
     """Nothing on this machine can draw.
 
     Its only argument is its message, so that it passes between processes unchanged.

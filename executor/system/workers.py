@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
+from bddl.errors import Scene2DemoError
 from bddl.files import is_disk_full
 
 _STDERR_LINES = 5
@@ -199,8 +200,10 @@ START_LIMIT_S = 300.0
 Ending = Literal["finished", "error", "crashed", "timed-out"]
 
 
-class WorkersUnusable(RuntimeError):
+class WorkersUnusable(Scene2DemoError):
     """Worker processes end or hang before they take a request, or refuse the request; no work is done."""
+
+    exit_code = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ Module 1's decisive part is here: the intents of a query, grounded in the scene,
 off the query and the scene, not off the subtasks, so that a decomposition that drops one is detected.
 `other_readings` compares a task's own sentences with its goal.
 
-Source: the paper's Semantic Expansion; G is a departure (docs/proposition.md).
+Source: the paper's Semantic Expansion; G is a departure (docs/semantics.md).
 """
 
 from __future__ import annotations

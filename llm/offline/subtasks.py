@@ -4,7 +4,7 @@ An intent is feasible if the objects afford it, one hand can do it, and it is no
 are also what a refusal suggests instead. Modules 2 to 5 without a model, and the task goal G, follow.
 
 Source: the paper's Subtask Decomposition and BDDL Generation, with the table of initial and goal states for T1
-to T4. The task goal G is a departure (docs/proposition.md).
+to T4. The task goal G is a departure (docs/semantics.md).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Modules 1 to 5 as questions to a model: for each the prompt, the schema and check of its answer, and the result.
 
 Module 1 (Semantic Expansion) gives the task goal G, which no later module can change; G is a departure
-(docs/proposition.md). Module 2 (Subtask Decomposition) gives the simple tasks with the roles of their objects,
+(docs/semantics.md). Module 2 (Subtask Decomposition) gives the simple tasks with the roles of their objects,
 in order. Module 3 (BDDL Generation) gives initial state and goal of each as formulas; objects and categories are
 added from the scene. See the paper's table of initial and goal states for T1 to T4. Module 4 (Object Size
 Adjustment) gives scale factors of targets: aim about 0.05 m, type A always 1.0. The limit is the gripper's, and

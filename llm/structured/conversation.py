@@ -121,7 +121,7 @@ class Conversation:
         return sum(first for first, _ in counted), sum(second for _, second in counted)
 
     def to_json(self) -> dict[str, object]:
-        """Return the whole record as JSON values; documented in docs/modules.md."""
+        """Return the whole record as JSON values; documented in docs/models.md."""
         return {
             "schema": "scene2demo/conversation/1",
             "model": self.model,
@@ -156,7 +156,7 @@ def finding(
 ) -> Diagnostic:
     """Return a finding about an answer: a `Diagnostic` like those about plans, so that a model reads one form only.
 
-    Its code is listed in docs/modules.md, or one of `oag`'s own.
+    Its code is listed in docs/models.md, or one of `oag`'s own.
     """
     return Diagnostic(code, severity, message, place, subtask, hint=hint)
 
@@ -188,6 +188,8 @@ class AnswersRefused(LlmError):
         findings: The findings about the last answer.
         insists: True when the model repeated an answer that had been refused.
     """
+
+    exit_code = 1
 
     def __init__(
         self, conversation: Conversation, module: int, findings: Sequence[Diagnostic], *, insists: bool = False

@@ -10,12 +10,12 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
-from bddl.errors import PicklableError
+from bddl.errors import Scene2DemoError
 
 _NONE: Mapping[int, str] = MappingProxyType({})
 
 
-class OagError(PicklableError):
+class OagError(Scene2DemoError):
     """Every exception that this package raises on purpose."""
 
 
@@ -131,7 +131,7 @@ class Diagnostic:
     """One finding of `verify`, with everything that a person or a revising model needs to act.
 
     Attributes:
-        code: Stable code; `docs/codes/` has a page for each.
+        code: Stable code; `docs/codes.md` explains each.
         severity: "error" refutes the plan, "warning" does not, "note" is information.
         message: The finding in words, without the place.
         place: Where, in words: `T3 put_glass_into_refrigerator, step 4 UNGRASP`.

@@ -2,7 +2,7 @@
 
 Root failures and assumptions are explained in words: what is needed, what is the case instead, and which step wrote it.
 
-Source: docs/codes/.
+Source: docs/codes.md.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ class Explainer:
     def goal_gaps(self) -> Iterator[Diagnostic]:
         """Yield one note for each subtask whose goal omits what the rest of the plan needs of its flow.
 
-        Source: docs/codes/context/goal-gap.md: such a boundary holds by the flow, but not by the goal.
+        Source: docs/codes.md, context/goal-gap: such a boundary holds by the flow, but not by the goal.
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
         steps = self.trace.steps
@@ -467,7 +467,7 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     A subtask may change facts about its target and support. Undoing another subtask's goal, without being meant to, is
     clobbering. Changing other facts of the scene is outside the scope.
 
-    Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
+    Source: docs/codes.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
 
     Args:
         runs: Whether the plan may succeed; in a plan that cannot, the failure already names the step that undid it.

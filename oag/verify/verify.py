@@ -1,6 +1,6 @@
 """Decision of a plan: obligations in order, their grades, and the verdict with its diagnostics.
 
-Source: docs/semantics.md, Verdicts; docs/proposition.md, Proposition 1'.
+Source: docs/semantics.md, Verdicts and Proposition 1'.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from tests.source_tree import ROOT
 ITS_IMPORT = re.compile(r"^\s*(?:import|from) sapien\b", re.MULTILINE)
 SCRIPT = """
 import warnings
-from executor.machine import vulkan
+from executor.system import vulkan
 from executor.scenes import library
 from executor.scenes.layout import *
 from executor.sim.world import World

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.reports.run_folder import ResultsExist
 from executor.scenes.library import SceneNotFound
 from executor.scenes.pair import NotDrawn
 from executor.system import extras
@@ -40,6 +41,7 @@ def test_a_library_that_cannot_be_loaded_is_not_called_missing(tmp_path: Path, m
     [
         extras.MissingExtra("sapien.render", "sim", "libX11.so.6: cannot open"),
         NotDrawn("T1-000007", ["no room for the table", "the glass fell"]),
+        ResultsExist(Path("run"), ["rollout.json", "video.mp4"]),
         SceneNotFound("kitchen_t11", ("kitchen_t1", "kitchen_t2")),
         SceneError("no such object", source="room.json", place="objects.glass_0", hint="it has cup_0"),
         QueryError("unknown-object", "take the moon", "there is no moon", suggestions=("take the glass",)),

@@ -302,14 +302,17 @@ def photographs(folder: Path, rooms: int, kitchens: int) -> Items:
     for path in sorted(folder.rglob("*.json")):
         room = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(room, dict) and "room" in room:
-            found[str(path.relative_to(folder))] = Item(None, digest(_without_times(room)))
+            things = [thing["thing"] for thing in room["things"]]
+            found[path.stem] = Item({"things": things, "refused": bool(room["refused"])}, digest(_without_times(room)))
     return found
 
 
 def _without_times(value: Any) -> Any:
     """Return JSON values without what a clock measured, or the program's version."""
     if isinstance(value, Mapping):
-        return {k: _without_times(v) for k, v in value.items() if not re.search(r"(wall|cpu)_s$|^version$|^id$", k)}
+        return {
+            k: _without_times(v) for k, v in value.items() if not re.search(r"(wall|cpu|took)_s$|^version$|^id$", k)
+        }
     return [_without_times(entry) for entry in value] if isinstance(value, list) else value
 
 

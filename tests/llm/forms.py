@@ -314,6 +314,6 @@ FORMS: dict[str, Form] = {
 
 
 def answer_codes() -> frozenset[str]:
-    """Return the codes of findings about answers that the page about modules lists."""
-    page = (ROOT / "docs" / "modules.md").read_text(encoding="utf-8")
+    """Return the codes of findings about answers that the page about models lists."""
+    page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
     return frozenset(re.findall(r"^\| `(answer/[a-z-]+)` \|", page, re.MULTILINE))

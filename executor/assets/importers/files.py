@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bddl import near_names
+from bddl.errors import Scene2DemoError
 from executor.assets.importers.raw import GREY, AssetMesh
 from executor.system.extras import require
 from oag.model.forms import first_mistake
@@ -46,7 +47,7 @@ _SCHEMES = ("package://", "file://", "model://")
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
 
 
-class ImportRefused(ValueError):
+class ImportRefused(Scene2DemoError, ValueError):
     """An asset cannot be read, or the robot could do nothing with it; the message has a remedy."""
 
     def __init__(self, path: Path, problem: str, hint: str) -> None:

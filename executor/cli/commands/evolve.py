@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bddl import near_names
+from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.cli.command_options import EvolveOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
@@ -37,7 +38,7 @@ _DRAWN_SIZE = "size_m"
 _DRAWN = ("pose", "navigation")
 
 
-class BadFault(ValueError):
+class BadFault(Scene2DemoError, ValueError):
     """The typed fault cannot be made."""
 
     def __init__(self, text: str, problem: str) -> None:

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
+from bddl.errors import Scene2DemoError
 from bddl.files import read_bounded_text
 from executor.data.card import CARD, card, page_in
 from executor.data.formats.lerobot import ABOUT, read_lerobot, write_lerobot
@@ -40,7 +41,7 @@ _UNREADABLE = (
 )
 
 
-class ExportExists(FileExistsError):
+class ExportExists(Scene2DemoError, FileExistsError):
     """The folder of a new data set is not empty."""
 
     def __init__(self, folder: Path) -> None:

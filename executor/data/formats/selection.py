@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from bddl.errors import Scene2DemoError
 from executor.data.views import DEPTH, SEGMENTATION
 
 NO_VIEWS = "none"
@@ -27,7 +28,7 @@ _LEGAL = {"ended": (SUCCEEDED, FAILED), "channels": (DEPTH, SEGMENTATION)}
 """Legal values of keys, whatever the store."""
 
 
-class NothingToExport(ValueError):
+class NothingToExport(Scene2DemoError, ValueError):
     """A store has no demonstrations that make one data set."""
 
 

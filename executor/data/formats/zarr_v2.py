@@ -8,7 +8,8 @@
     meta/episode_ends                            (E,) the row after the last of each episode
     .zattrs, episodes.jsonl                      metadata that the format has no place for
 
-Format 2 is a folder of small JSON files and zlib-compressed chunks. It is written and read here directly.
+Format 2 is a folder of small JSON files and zlib-compressed chunks. It is written and read here directly:
+zarr 3.1 reads a missing chunk as zeros, and unpacks a chunk without a limit (2 GB of memory for one of 1 MB).
 
 Source: the specification of zarr's storage format 2; `diffusion_policy/common/replay_buffer.py`.
 """

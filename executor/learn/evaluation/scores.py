@@ -21,7 +21,7 @@ from executor.data.work import drawn_values
 from executor.envs.episodes import DrawnEpisode
 from executor.geometry import wrap_angle
 from executor.learn.evaluation.outcomes import EpisodeOutcome
-from executor.reports.html import badge, card, document, soft, style, table, text
+from executor.reports.html import render
 
 PARTS = 3
 """Thirds: of fifty episodes about seventeen each, with correspondingly wide intervals."""
@@ -239,10 +239,6 @@ def by_training(
     return tuple(scores)
 
 
-_WIDTH, _HEIGHT, _LEFT, _BOTTOM = 640, 220, 52, 26
-_COLOURS = ("var(--accent)", "var(--good)", "var(--bad)", "var(--warn)", "var(--soft)")
-
-
 @dataclass(frozen=True, slots=True)
 class Curve:
     """A line of a diagram.
@@ -284,23 +280,16 @@ class EvaluationReport:
 
 def evaluation_page(report: EvaluationReport) -> str:
     """Return the whole page as text."""
-    body = [
-        f"<header><h1>Policies</h1><p class='lead'>{text(report.what)}</p></header>",
-        f"<h2>Success</h2>{card(_scores(report.scores), soft('Intervals are exact, 95 %.'), kind='scroll')}",
-        f"<h2>By training</h2>{card(_trainings(report.trainings), kind='scroll')}",
-    ]
-    if report.tests:
-        body.append(f"<h2>In pairs</h2>{card(_pairs(report.tests), kind='scroll')}")
-    if report.losses:
-        body.append(f"<h2>Loss by step of training</h2>{card(diagram(report.losses))}")
-    if report.successes:
-        body.append(f"<h2>Success by step of training</h2>{card(diagram(report.successes, top=1.0))}")
-    for name, scores in report.axes.items():
-        body.append(f"<h2>By what varied: {text(name)}</h2>{card(_axes(scores), kind='scroll')}")
-    rows = [(text(name), text(seed), badge(kind, "bad")) for name, seed, kind in report.failed]
-    failures = table(rows, ("policy", "seed", "failure")) if rows else "<p>Nothing failed.</p>"
-    body.append(f"<h2>What failed</h2>{card(failures, kind='scroll')}")
-    return document("Policies", body, style("page", "bench"))
+    return render(
+        "evaluation.html",
+        report=report,
+        rate_words=rate_words,
+        diagrams=[
+            (heading, _drawing(curves, top))
+            for heading, curves, top in (("Loss", report.losses, None), ("Success", report.successes, 1.0))
+            if curves
+        ],
+    )
 
 
 def diagram(curves: Sequence[Curve], top: float | None = None) -> str:
@@ -310,32 +299,13 @@ def diagram(curves: Sequence[Curve], top: float | None = None) -> str:
         curves: The lines; at least one has a point.
         top: The value at the upper edge; by default the maximum.
     """
-    steps = [step for curve in curves for step, _ in curve.points]
-    values = [value for curve in curves for _, value in curve.points]
-    last, most = max(steps, default=1.0) or 1.0, top or max(values, default=1.0) or 1.0
+    return render("diagram.html", drawing=_drawing(curves, top))
 
-    def at(step: float, value: float) -> str:
-        x = _LEFT + step / last * (_WIDTH - _LEFT - 8)
-        return f"{x:.1f},{8 + (1.0 - min(value / most, 1.0)) * (_HEIGHT - _BOTTOM - 8):.1f}"
 
-    drawn, names = [], []
-    for curve, colour in zip(curves, _COLOURS * len(curves), strict=False):
-        if curve.bands:
-            there = [at(step, high) for (step, _), (_, high) in zip(curve.points, curve.bands, strict=True)]
-            back = [at(step, low) for (step, _), (low, _) in zip(curve.points, curve.bands, strict=True)]
-            drawn.append(f"<polygon points='{' '.join(there + back[::-1])}' style='fill:{colour};opacity:.15'/>")
-        line = " ".join(at(step, value) for step, value in curve.points)
-        drawn.append(f"<polyline points='{line}' style='fill:none;stroke:{colour};stroke-width:1.6'/>")
-        drawn += [_dot(at(*point), colour) for point in curve.points] if len(curve.points) < 40 else []
-        names.append(f"<span style='color:{colour}'>{text(curve.name)}</span>")
-    marks = "".join(
-        f"<text x='{_LEFT - 6}' y='{12 + (1.0 - share) * (_HEIGHT - _BOTTOM - 8):.0f}' text-anchor='end'>"
-        f"{share * most:.3g}</text>"
-        for share in (0.0, 0.5, 1.0)
-    )
-    marks += f"<text x='{_WIDTH - 8}' y='{_HEIGHT - 6}' text-anchor='end'>{last:.0f} steps</text>"
-    size = f"viewBox='0 0 {_WIDTH} {_HEIGHT}' style='width:100%;font-size:11px;fill:var(--soft)'"
-    return f"<svg role='img' {size}>{''.join(drawn)}{marks}</svg><p class='row'>{' '.join(names)}</p>"
+def _drawing(curves: Sequence[Curve], top: float | None) -> dict[str, object]:
+    last = max((step for curve in curves for step, _ in curve.points), default=1.0)
+    most = max((value for curve in curves for _, value in curve.points), default=1.0)
+    return {"curves": curves, "last": last or 1.0, "most": top or most or 1.0}
 
 
 def loss_curve(name: str, lines: Iterable[str]) -> Curve | None:
@@ -372,64 +342,3 @@ def rate_words(rate: Rate) -> str:
     """Return a rate with its interval in words."""
     low, high = rate.interval_percent or (0.0, 100.0)
     return f"{rate.successes} of {rate.trials} ({low:.1f} to {high:.1f} %)"
-
-
-def _dot(place: str, colour: str) -> str:
-    x, y = place.split(",")
-    return f"<circle cx='{x}' cy='{y}' r='2.5' style='fill:{colour}'/>"
-
-
-def _scores(scores: Mapping[str, PolicyScore]) -> str:
-    head = ("policy", "once", "at the end", "with help", "failures", "seen by monitors in failures")
-    rows = [
-        (
-            text(name),
-            text(rate_words(score.once)),
-            text(rate_words(score.at_end)),
-            text(rate_words(score.with_help)) if score.with_help is not None else "",
-            text(_counts(score.failures)),
-            text(_counts(score.monitors)),
-        )
-        for name, score in scores.items()
-    ]
-    return table(rows, head)
-
-
-def _counts(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {kind}" for kind, count in counts.items())
-
-
-def _trainings(rows: Sequence[TrainingScore]) -> str:
-    head = ("policies", "seeds", "each", "all together", "spread between seeds")
-    cells = [
-        (
-            text(", ".join(row.names)),
-            text(", ".join(map(str, row.seeds))),
-            text(", ".join(f"{100 * share:.0f} %" for share in row.shares)),
-            text(rate_words(row.once)),
-            "" if row.spread is None else text(f"{100 * row.spread:.1f} %"),
-        )
-        for row in rows
-    ]
-    return table(cells, head)
-
-
-def _pairs(tests: Sequence[PairedTest]) -> str:
-    cells = [
-        (text(one.first), text(one.second), text(one.only_first), text(one.only_second), text(f"{one.p:.3g}"))
-        for one in tests
-    ]
-    return table(cells, ("first", "second", "only the first did", "only the second did", "p (McNemar, exact)"))
-
-
-def _axes(scores: Sequence[AxisScore]) -> str:
-    cells = [
-        (
-            text(score.axis),
-            *(text(f"{low:.3g} to {high:.3g}: {rate_words(rate)}") for low, high, rate in score.parts),
-            *[""] * (3 - len(score.parts)),
-            "" if score.p is None else text(f"{score.p:.3g}"),
-        )
-        for score in scores
-    ]
-    return table(cells, ("axis", "low", "middle", "high", "p (ranks)"))

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictInt
 
+from bddl.errors import Scene2DemoError
 from executor.scenes.generators import household, long_horizon
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
 from executor.scenes.vary import LARGEST_SEED
@@ -77,7 +78,7 @@ def pair_name(seed: int, index: int | None) -> str:
     return f"{seed:06d}" if index is None else f"{seed:06d}-{index:03d}"
 
 
-class NoPaperFlow(ValueError):
+class NoPaperFlow(Scene2DemoError, ValueError):
     """The paper prints no flows for this family, or for a decomposition of this length."""
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
 from executor.records import Caption, StepRecord, Trajectory
 from executor.system.extras import require
@@ -122,8 +123,10 @@ _ACCENT_COLOR = (88, 166, 255)
 _QUALITY = "23"
 
 
-class VideoFailed(RuntimeError):
+class VideoFailed(Scene2DemoError):
     """The video could not be encoded."""
+
+    exit_code = 1
 
 
 def write_video(

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from executor.records import Rollout
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.frames import Frames, Picture, frames_path
@@ -30,14 +31,16 @@ _ATTEMPTS = 2
 """A process that dies is replaced once."""
 
 
-class RenderFailed(RuntimeError):
+class RenderFailed(Scene2DemoError):
     """Pictures could not be drawn although a renderer was found."""
+
+    exit_code = 1
 
     def __init__(self, problem: str) -> None:
         super().__init__(f"drawing pictures failed: {problem}")
 
 
-class BadPictureSize(ValueError):
+class BadPictureSize(Scene2DemoError, ValueError):
     """Pictures of this size cannot be drawn or encoded."""
 
     def __init__(self, size: tuple[int, int]) -> None:

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.sim.robot.meshes import decimated_mesh
 from executor.system.files import cache_dir, content_key
@@ -91,7 +92,7 @@ _IGNORED = {
 }
 
 
-class RobotDataMissing(RuntimeError):
+class RobotDataMissing(Scene2DemoError):
     """The distribution that ships the Panda is not installed, or ships it no longer."""
 
     def __init__(self, problem: str) -> None:

@@ -198,7 +198,7 @@ def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], m
 
 
 def row(entry: ModelEntry) -> str:
-    """Return a model's line of the table in docs/assets.md."""
+    """Return a model's line of the table in docs/scenes.md."""
     size = f"{entry.length}, {entry.width}, {entry.height}"
     parameters = ", ".join(
         f"`{parameter}`" for parameter in entry.parameters if not str(parameter).startswith("handle_")
@@ -208,9 +208,9 @@ def row(entry: ModelEntry) -> str:
 
 
 def test_the_table_of_the_page_is_up_to_date() -> None:
-    page = (ROOT / "docs" / "assets.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
     missing = [row(entry) for entry in LIBRARY.values() if row(entry) not in page]
-    assert not missing, "docs/assets.md lacks:\n" + "\n".join(missing)
+    assert not missing, "docs/scenes.md lacks:\n" + "\n".join(missing)
 
 
 @pytest.mark.parametrize(("model", "depth", "share"), [("bottle", 0.0, 1.0), ("cup", 0.8, 0.6), ("carton", 0.8, 1.0)])

@@ -1,4 +1,4 @@
-"""Every exception that is known by name exists, and means what it should."""
+"""Every expected exception ends a command with its exit code."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from pathlib import Path
 import pytest
 
 from bddl import Atom
+from bddl.errors import Scene2DemoError
 from bddl.files import read_bounded
 from executor.cli.errors import (
     BAD_INPUT,
-    BAD_INPUT_ERRORS,
     DISK_FULL,
     FAILED,
-    FAILURE_ERRORS,
     INTERRUPTED,
     UNREAD,
     explain,
@@ -35,11 +34,56 @@ def report() -> Report:
     return compose(recorded.task, scene=recorded.scene).verify()
 
 
-@pytest.mark.parametrize("name", sorted(BAD_INPUT_ERRORS | FAILURE_ERRORS))
-def test_known_names_are_real(name: str) -> None:
+EXIT_CODES = {
+    "bddl.diagnostics.BDDLError": BAD_INPUT,
+    "executor.assets.importers.files.ImportRefused": BAD_INPUT,
+    "executor.assets.parameters.AssetError": BAD_INPUT,
+    "executor.campaign.claims.BenchBusy": BAD_INPUT,
+    "executor.bench.folder.NotABench": BAD_INPUT,
+    "executor.scenes.generators.families.NoPaperFlow": BAD_INPUT,
+    "executor.cli.commands.evolve.BadFault": BAD_INPUT,
+    "executor.cli.errors.BadOption": BAD_INPUT,
+    "executor.data.formats.export.ExportExists": BAD_INPUT,
+    "executor.data.formats.selection.NothingToExport": BAD_INPUT,
+    "executor.data.store.NotADataset": BAD_INPUT,
+    "executor.learn.policy_record.NotAPolicy": BAD_INPUT,
+    "executor.photo.errors.PhotoRefused": BAD_INPUT,
+    "executor.records.MissingFlow": BAD_INPUT,
+    "executor.reports.run_folder.FolderUnusable": BAD_INPUT,
+    "executor.reports.run_folder.ResultsExist": BAD_INPUT,
+    "executor.rollouts.checkpoint.CheckpointError": BAD_INPUT,
+    "executor.scenes.library.SceneNotFound": BAD_INPUT,
+    "executor.scenes.vary.SeedError": BAD_INPUT,
+    "executor.scenes.vary.VariationError": BAD_INPUT,
+    "executor.sim.detectors.UnknownObject": BAD_INPUT,
+    "executor.sim.faults.FaultUnfit": BAD_INPUT,
+    "executor.sim.render.pool.BadPictureSize": BAD_INPUT,
+    "executor.sim.robot.description.RobotDataMissing": BAD_INPUT,
+    "executor.system.extras.MissingExtra": BAD_INPUT,
+    "executor.system.vulkan.RendererNotFound": BAD_INPUT,
+    "llm.errors.LlmError": BAD_INPUT,
+    "oag.model.diagnostics.OagError": BAD_INPUT,
+    "executor.data.work.NotPlannable": FAILED,
+    "executor.photo.errors.RoomRefused": FAILED,
+    "executor.records.PlanRefused": FAILED,
+    "executor.scenes.pair.NotDrawn": FAILED,
+    "executor.sim.render.frames.VideoFailed": FAILED,
+    "executor.sim.render.pool.RenderFailed": FAILED,
+    "executor.system.workers.WorkersUnusable": FAILED,
+    "llm.errors.BadReply": FAILED,
+    "llm.errors.BudgetSpent": FAILED,
+    "llm.errors.ModelRefused": FAILED,
+    "llm.errors.ModelTimeout": FAILED,
+    "llm.errors.ModelUnavailable": FAILED,
+    "llm.structured.conversation.AnswersRefused": FAILED,
+}
+
+
+@pytest.mark.parametrize("name", EXIT_CODES)
+def test_every_expected_error_has_its_exit_code(name: str) -> None:
     module, _, attribute = name.rpartition(".")
     found = getattr(importlib.import_module(module), attribute)
-    assert issubclass(found, Exception)
+    assert issubclass(found, Scene2DemoError) and found.exit_code == EXIT_CODES[name]
     assert f"{found.__module__}.{found.__qualname__}" == name
 
 

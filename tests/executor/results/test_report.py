@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -99,6 +101,12 @@ def test_words_from_outside_cannot_become_markup() -> None:
     assert not [tag for tag, _ in parsed.elements if tag == "img"]
     assert "<script>alert(1)</script>" in "".join(parsed.words)
     assert "the fingers closed on nothing <where> the glass should be" in "".join(parsed.words)
+
+
+def test_the_library_of_templates_is_loaded_with_the_first_page() -> None:
+    code = "import sys, executor.reports.page, executor.bench.tables; print('jinja2' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_a_failure_is_told_first_with_its_numbers() -> None:

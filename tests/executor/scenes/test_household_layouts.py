@@ -7,8 +7,7 @@ from collections import Counter
 import pytest
 
 from executor.assets.library import LIBRARY, entry, kind
-from executor.scenes.generators import household
-from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, Layout, LayoutError, read
+from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, Layout, LayoutError, layouts, read
 from oag import Kind
 from tests.source_tree import ROOT
 
@@ -35,29 +34,29 @@ PRINTED = (
 
 
 def test_there_are_as_many_rooms_as_in_the_paper() -> None:
-    kinds = Counter(layout.room if layout.room in ("kitchen", "bedroom") else "other" for layout in household())
+    kinds = Counter(layout.room if layout.room in ("kitchen", "bedroom") else "other" for layout in layouts())
     assert kinds == {"kitchen": 16, "bedroom": 10, "other": 8}
-    assert [layout.name for layout in household()] == list(dict.fromkeys(layout.name for layout in household()))
-    assert len(household()) * VARIATIONS == COUNT == 102
+    assert [layout.name for layout in layouts()] == list(dict.fromkeys(layout.name for layout in layouts()))
+    assert len(layouts()) * VARIATIONS == COUNT == 102
 
 
 def test_the_wishes_have_the_proportions_of_the_paper() -> None:
-    wishes = [wish for layout in household() for wish in layout.wishes]
+    wishes = [wish for layout in layouts() for wish in layout.wishes]
     assert Counter(wish.family for wish in wishes) == {"T5": 36, "T6": 66}
-    assert all(len(layout.wishes) == VARIATIONS for layout in household())
+    assert all(len(layout.wishes) == VARIATIONS for layout in layouts())
     deeds = Counter(wish.deed for wish in wishes)
     assert deeds["open"] > deeds["close"] >= 3
     assert all((wish.start_fraction > 0.0) == (wish.deed == "close") for wish in wishes)
 
 
 def test_the_printed_examples_of_the_paper_are_there() -> None:
-    queries = {wish.query for layout in household() for wish in layout.wishes}
+    queries = {wish.query for layout in layouts() for wish in layout.wishes}
     assert set(PRINTED) <= queries
 
 
 def test_everything_that_opens_and_everything_that_fits_a_hand_is_asked_for() -> None:
     models = {deed: set[str]() for deed in ("open", "close", "pick")}
-    for layout in household():
+    for layout in layouts():
         named = {thing.id: thing for thing in layout.things}
         for wish in layout.wishes:
             thing = named[wish.target]
@@ -74,11 +73,11 @@ def test_what_kinds_and_clutter_name_is_in_the_library() -> None:
         assert set(each.single) <= set(each.models) <= set(LIBRARY)
     for models in CLUTTER.values():
         assert set(models) <= set(LIBRARY)
-    assert {layout.room for layout in household()} <= set(CLUTTER)
+    assert {layout.room for layout in layouts()} <= set(CLUTTER)
 
 
 def test_a_thing_that_starts_open_has_one_door() -> None:
-    for layout in household():
+    for layout in layouts():
         kind_of = {thing.id: thing for thing in layout.things}
         for wish in layout.wishes:
             thing = kind_of[wish.target]
@@ -95,7 +94,7 @@ def table_row(layout: Layout) -> str:
 
 def test_the_table_of_the_page_is_up_to_date() -> None:
     page = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    missing = [table_row(layout) for layout in household() if table_row(layout) not in page]
+    missing = [table_row(layout) for layout in layouts() if table_row(layout) not in page]
     assert not missing, "docs/scenes.md lacks:\n" + "\n".join(missing)
 
 
