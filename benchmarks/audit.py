@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 
 from benchmarks.audit_geometry import Snapshot, holds
 from benchmarks.audit_watch import CONTACTS_EVERY, ROBOT, StepLog, watching
-from executor.bench.units import FAMILIES, HOUSEHOLD, BenchSetting, Unit, indices_of, outcome_version
+from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
+from executor.campaign.versions import outcome_version
 from executor.records import Rollout
+from executor.scenes.generators.families import FAMILIES, HOUSEHOLD, indices_of
 from executor.sim.world import World
 
 GRAVITY_M_S2 = 9.81

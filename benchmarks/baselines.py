@@ -14,10 +14,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.bench.campaign import BenchFolder, NotABench
+from executor.bench.folder import BenchFolder, NotABench
 from executor.bench.paper import main_table
-from executor.bench.tables import Cell, Rate, number, rate_text
-from executor.bench.units import FAMILIES, BenchSetting
+from executor.bench.tables import Cell, number, rate_text
+from executor.bench.units import BenchSetting
+from executor.campaign.rate import Rate
+from executor.scenes.generators.families import FAMILIES
 
 OF_THE_PAPER = {"constraint-pose": "M3 GenSim2 (Primitive)", "sampled-grasp": "M4 RoboGen (Primitive)"}
 

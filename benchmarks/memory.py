@@ -13,7 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from executor.bench.campaign import BenchFolder
+from executor.bench.folder import BenchFolder
 from executor.bench.tables import memory_growth, of_one_process
 
 MOST_PERCENT = 10.0

@@ -24,7 +24,8 @@ from typing import Any
 import bddl
 from benchmarks.robogen_plans import Recorded, as_task, recorded
 from executor.bench.baselines.methods import UncheckedRun
-from executor.bench.tables import Rate, rate_text
+from executor.bench.tables import rate_text
+from executor.campaign.rate import Rate
 from executor.records import Rollout, ignore
 from executor.rollouts.rollout import RECORD_HZ, failure_of
 from executor.scenes.vary import vary

@@ -23,9 +23,11 @@ from typing import Any
 
 from bddl.files import write_atomically
 from benchmarks.audit import units
-from executor.bench.units import FAMILIES, Unit, outcome_version
+from executor.bench.units import Unit
 from executor.bench.work import prepare
+from executor.campaign.versions import outcome_version
 from executor.rollouts.rollout import failure_of, rollout
+from executor.scenes.generators.families import FAMILIES
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from oag import clopper_pearson
 

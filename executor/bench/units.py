@@ -4,31 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import cache
-from importlib import metadata
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from executor.scenes.generators import household, long_horizon
-from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
-from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
-from executor.system.files import content_key, json_text
+from executor.scenes.generators.families import LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
+from executor.scenes.generators.household import COUNT
+from executor.scenes.vary import MOST_EPISODES
+from executor.system.files import content_key
 from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-bench-unit/1"
 
-Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
-Flows = Literal["planned", "paper"]
 Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
-Seed = Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)]
-
-
-LONG_HORIZON: tuple[Family, ...] = ("T1", "T2", "T3", "T4")
-HOUSEHOLD: tuple[Family, ...] = ("T5", "T6")
-FAMILIES = LONG_HORIZON + HOUSEHOLD
-
-
 BASELINES: dict[Baseline, str] = {
     "unchecked": "one mistake, unchecked",
     "checked": "one mistake, checked",
@@ -95,14 +83,13 @@ class Unit:
 
     family: Family
     seed: Seed
-    index: Annotated[StrictInt, Field(ge=0, lt=household.COUNT)] | None
+    index: Annotated[StrictInt, Field(ge=0, lt=COUNT)] | None
     setting: BenchSetting
 
     @property
     def name(self) -> str:
         """Human-readable name, unique within one version of the program."""
-        pair = f"{self.seed:06d}" if self.index is None else f"{self.seed:06d}-{self.index:03d}"
-        return f"{self.family}-{pair}-{self.setting.name}"
+        return f"{self.family}-{pair_name(self.seed, self.index)}-{self.setting.name}"
 
     def id(self, version: str) -> str:
         """Return a key that is equal when scene, task, seed, setting and all other inputs of the outcome are.
@@ -149,14 +136,8 @@ class Series:
 
     def units(self) -> Iterator[Unit]:
         """Yield the units in order; those of T5 and T6 go through one set of pairs after the other."""
-        if self.family in LONG_HORIZON:
-            for seed in range(self.seed, self.seed + self.episodes):
-                yield Unit(self.family, seed, None, self.setting)
-            return
-        indices = indices_of(self.family)
-        for number in range(self.episodes):
-            beyond, place = divmod(number, len(indices))
-            yield Unit(self.family, self.seed + beyond, indices[place], self.setting)
+        for seed, index in pairs_from(self.family, self.seed, self.episodes):
+            yield Unit(self.family, seed, index, self.setting)
 
     def to_json(self) -> dict[str, Any]:
         """Return the series as plain data."""
@@ -170,64 +151,3 @@ class Series:
             ValueError: It is no such data.
         """
         return adapter(cls).validate_python(value)
-
-
-def pair_of(
-    family: str,
-    seed: int,
-    index: int | None,
-    *,
-    keep_sizes: bool = False,
-    full_size: bool = False,
-    changes: LayoutChanges = UNCHANGED,
-) -> ScenePair:
-    """Return a scene-task pair; equal arguments give equal pairs.
-
-    Args:
-        family: "T1" to "T6".
-        seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
-        index: Position in the set; None for T1 to T4.
-        keep_sizes: Whether nothing is scaled to the gripper.
-        full_size: Whether the robot is of full size.
-        changes: Deviations from what the seed alone gives.
-
-    Raises:
-        NotDrawn: No room could be drawn for this seed.
-    """
-    if index is None:
-        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
-    return household.pair(seed, index, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
-
-
-@cache
-def indices_of(family: str) -> tuple[int, ...]:
-    """Return the indices of a household family's pairs in a set, in order."""
-    wishes = [wish for layout in household.layouts() for wish in layout.wishes]
-    return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
-
-
-OUTCOME_VERSION = 1
-"""Raised by hand where a change alters how an episode goes; frozen outcomes (`make golden`) fail where it was not."""
-BASELINE_VERSION = 1
-"""Raised by hand whenever a change alters what a baseline does with an episode."""
-EVALUATION_VERSION = 1
-"""Raised by hand whenever a change alters how a policy is evaluated or what a trained one does."""
-_LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
-
-
-@cache
-def outcome_version(*more: object) -> str:
-    """Return 16 hexadecimal digits that change when a stored result may not be repeated exactly.
-
-    Args:
-        more: Further constants that decide a measurement, and not an episode's outcome.
-    """
-    versions = [f"{library} {_version_of(library)}" for library in _LIBRARIES]
-    return content_key(json_text([OUTCOME_VERSION, *more, *versions]))
-
-
-def _version_of(library: str) -> str:
-    try:
-        return metadata.version(library)
-    except metadata.PackageNotFoundError:
-        return "missing"

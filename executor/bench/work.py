@@ -7,16 +7,18 @@ import os
 import resource
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.bench.paper import with_paper_flows
-from executor.bench.units import Unit, outcome_version, pair_of
-from executor.records import PlanRefused, Rollout, SubtaskRecord
+from executor.bench.units import Unit
+from executor.campaign.versions import outcome_version
+from executor.records import PlanRefused, Rollout
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import failure_of, rollout
+from executor.rollouts.rollout import rollout
+from executor.rollouts.run_record import describe_rollout
+from executor.scenes.generators.families import pair_of, with_paper_flows
 from executor.scenes.pair import ScenePair
 from executor.system.files import content_key, json_text
 from oag import ObjectActionGraph, compose
@@ -116,48 +118,6 @@ def run_unit(
     watch.spent_s |= {"planning": planning_s, "physics": physics_s}
     del done, story
     return {**result, "wall_s": watch.spent_s, **_memory()}
-
-
-def describe_rollout(done: Rollout) -> dict[str, Any]:
-    """Return a rollout's entries in a unit's file."""
-    return {
-        "ended": "succeeded" if done.succeeded else "failed",
-        "failure": _failure(done),
-        "subtasks": [_subtask(record) for record in done.subtasks],
-        "state_hash": done.state_hash,
-        "simulated_s": done.simulated_s,
-        "bystanders_moved_m": max((far for record in done.subtasks for far in record.moved_m.values()), default=0.0),
-        "penetration": asdict(done.penetration),
-        "peaks": asdict(done.peaks),
-        "samples": len(done.trajectory.time_s),
-    }
-
-
-def _failure(done: Rollout) -> dict[str, Any] | None:
-    failure = None if done.succeeded else failure_of(done)
-    if failure is None:
-        return None
-    step = next((s for record in done.subtasks for s in record.steps if s.failure is failure), None)
-    where: Mapping[str, Any] = {}
-    if step is not None:
-        where = {
-            "subtask": step.subtask,
-            "subtask_name": done.task.subtasks[step.subtask].name,
-            "step": step.step,
-            "primitive": step.primitive,
-            "action": step.action,
-            "time_s": step.end_s,
-        }
-    return {**failure.to_json(), **where}
-
-
-def _subtask(record: SubtaskRecord) -> dict[str, Any]:
-    return {
-        "name": record.name,
-        "succeeded": record.succeeded,
-        "steps": len(record.steps),
-        "planning_s": sum(step.planning_wall_s for step in record.steps),
-    }
 
 
 def _memory() -> dict[str, Any]:

@@ -6,8 +6,9 @@ import hashlib
 from functools import partial
 from typing import Any
 
-from executor.bench.units import Unit, outcome_version
+from executor.bench.units import Unit
 from executor.bench.work import run_unit
+from executor.campaign.versions import outcome_version
 from executor.records import Rollout
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.stage import SceneRenderer, shared_renderer

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from executor.bench.campaign import Shard
+from executor.campaign.engine import Shard
 from executor.cli.command_options import BenchReplayOptions, RunOptions
 from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene

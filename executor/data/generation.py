@@ -20,7 +20,6 @@ import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -30,16 +29,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
 
 from bddl.files import read_bounded_text
-from executor.bench.campaign import result_of
-from executor.bench.units import HOUSEHOLD, Family, indices_of
+from executor.campaign.engine import Campaign, Job
 from executor.data.store import EpisodeStore
 from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, Variation, View, scene_key
 from executor.scenes.file import scene_for
 from executor.scenes.generators.by_name import varies_with_seed
+from executor.scenes.generators.families import Family, Flows, indices_of
 from executor.scenes.validation import require_valid
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from executor.system.extras import require
-from executor.system.workers import WorkerOutcome, WorkerPool
 from oag.model.codec import Document
 from oag.model.diagnostics import InputError
 from oag.model.forms import Form, first_mistake
@@ -71,7 +69,7 @@ class _SourceOptions(Form):
     segmentation: StrictBool = True
     failures: StrictBool = False
     evolve: StrictBool = False
-    flows: Literal["planned", "paper"] = "planned"
+    flows: Flows = "planned"
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
@@ -161,7 +159,7 @@ def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoS
     variation = Variation(**axes, distractors=wanted.distractors, noise_m=wanted.noise_m)
     recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
     for origin in _origins(wanted, scene_folder):
-        index = indices_of(origin.family)[0] if origin.family in HOUSEHOLD else None
+        index = indices_of(origin.family)[0]
         flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
         yield DemoSeries(DemoUnit(origin, wanted.seed, index, variation, recording, *flags), wanted.episodes)
 
@@ -182,8 +180,6 @@ def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[Origin]:
 
 
 WORKER = "executor.data.worker"
-UNIT_LIMIT_S = 900.0
-"""Wall time after which a unit's process counts as hung."""
 _ROOM_LEFT_BYTES = 200_000_000  # Reserve of disk space: a full disk makes everything else on it fail, too.
 
 
@@ -198,6 +194,9 @@ class Limits:
 
     wall_s: float | None = None
     store_bytes: int | None = None
+
+
+NO_LIMITS = Limits()
 
 
 @dataclass
@@ -245,64 +244,37 @@ EpisodeCallback = Callable[[DemoUnit, Mapping[str, Any]], None]
 
 
 def generate(
-    store: EpisodeStore,
-    units: Sequence[DemoUnit],
-    version: str,
-    workers: int,
+    campaign: Campaign[DemoUnit],
+    jobs: Sequence[Job[DemoUnit]],
     on_progress: EpisodeCallback,
-    *,
     tally: Tally,
-    limits: Limits = Limits(),
-    limit_s: float = UNIT_LIMIT_S,
-    worker: str = WORKER,
-    more: Callable[[DemoUnit], Mapping[str, Any]] = lambda unit: {},
+    limits: Limits = NO_LIMITS,
 ) -> None:
     """Make units; each is completely in the store before it is reported.
 
     Args:
-        store: Destination.
-        units: Missing units, in their order of start; no other run works on them (`claim_units`).
-        version: Hash of the program.
-        workers: Number of processes.
+        campaign: Worker processes, and the destination.
+        jobs: Missing units, in their order of start; no other run works on them (`claimed`).
         on_progress: Called with every unit and its result.
         tally: Counts them.
         limits: Limits of the run.
-        limit_s: Maximum wall time of a unit [s].
-        worker: Module of the worker process.
-        more: Further fields of the request of a unit.
 
     Raises:
-        WorkersUnusable: No worker process can be started, or it runs another version of the program.
-        OSError: The disk is full; finished units are kept.
-        KeyboardInterrupt: Ctrl-C; finished units are kept.
+        WorkersUnusable, OSError, KeyboardInterrupt: As for `Campaign.run`.
     """
-    # Each process's software renderer would use all cores.
-    pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
+    store = EpisodeStore(campaign.store.path)
     # These units are claimed by this run; partial results of other units are judged by age.
-    store.tidy({unit.folder(version) for unit in units}, 2.0 * limit_s)
-    shared = {"store": str(store.path), "version": version}
-    asked = [{"unit": unit.to_json(), **shared, **more(unit)} for unit in units]
-    with closing(pool.run(asked)) as outcomes:
-        for outcome in outcomes:
-            unit = DemoUnit.from_json(outcome.request["unit"])
-            result = _result_of_unit(store, unit, version, outcome)
-            tally.count(result)
-            on_progress(unit, {**result, "elapsed_s": outcome.wall_s})
-            tally.stopped_by = _exhausted_limit(store, tally, limits) if tally.made < len(units) else ""
-            if tally.stopped_by:
-                return
+    store.tidy({unit.folder(version) for unit, version in jobs}, 2.0 * campaign.limit_s)
 
+    def count(unit: DemoUnit, result: Mapping[str, Any]) -> None:
+        tally.count(result)
+        on_progress(unit, result)
 
-def _result_of_unit(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
-    """Return a unit's result; for a process that died or hung, write a folder with that ending."""
-    if outcome.ending == "finished":
-        return outcome.answer
-    # The processor time is lost with the process.
-    result = {**result_of(outcome), "wall_s": outcome.wall_s}
-    store.tidy({unit.folder(version)})  # The process has ended.
-    with store.writing(unit, version) as folder:
-        store.write(unit, version, result, folder)
-    return {"ended": result["ended"], "kind": result["failure"]["kind"], "message": result["failure"]["message"]}
+    def stop() -> bool:
+        tally.stopped_by = _exhausted_limit(store, tally, limits) if tally.made < len(jobs) else ""
+        return bool(tally.stopped_by)
+
+    campaign.run(jobs, count, stop)
 
 
 def _exhausted_limit(store: EpisodeStore, tally: Tally, limits: Limits) -> str:

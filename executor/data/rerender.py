@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from executor.campaign.engine import UNIT_LIMIT_S, Campaign
 from executor.data import samples
-from executor.data.generation import UNIT_LIMIT_S, EpisodeCallback, Tally, generate
+from executor.data.generation import EpisodeCallback, Tally, generate
 from executor.data.store import SAMPLES, EpisodeStore, StoredEpisode
 from executor.data.units import DemoSeries, DemoUnit, View
 from executor.data.views import POSES, render_unit_views
@@ -108,15 +109,9 @@ def rerender(
     Raises:
         WorkersUnusable, OSError, KeyboardInterrupt: As for `generate`; finished episodes are kept.
     """
-    versions = [str(episode.meta["version"]) for episode, _ in left]
-    paths = {unit.id(version): str(episode.path) for (episode, unit), version in zip(left, versions, strict=True)}
-    for one in sorted(set(versions)):
-
-        def more(unit: DemoUnit, version: str = one) -> Mapping[str, Any]:
-            return {"episode": paths[unit.id(version)]}
-
-        units = [unit for (_, unit), version in zip(left, versions, strict=True) if version == one]
-        generate(out, units, one, workers, on_progress, tally=Tally(), limit_s=limit_s, worker=WORKER, more=more)
+    paths = {(unit, str(episode.meta["version"])): str(episode.path) for episode, unit in left}
+    campaign = Campaign(out, WORKER, workers, limit_s, lambda *job: {"episode": paths[job]})
+    generate(campaign, sorted(paths, key=lambda job: job[1]), on_progress, Tally())
 
 
 def rerender_unit(

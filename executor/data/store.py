@@ -28,16 +28,17 @@ from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
 from bddl.files import open_input
-from executor.bench.campaign import WHOLE, Shard, exclusive_lock
+from executor.campaign.claims import exclusive_lock
+from executor.campaign.engine import UNFINISHED, result_of
 from executor.data import samples
-from executor.data.units import SCHEMA, DemoSeries, DemoUnit
+from executor.data.units import SCHEMA, DemoUnit
 from executor.rollouts.checkpoint import Checkpoint
 from executor.system.files import content_key, json_text, plain, read_json, write_json, write_text
+from executor.system.workers import WorkerOutcome
 from oag import Scene, Task
 
 INDEX_SCHEMA = "scene2demo-dataset/1"
 INDEX, UNITS, META, SAMPLES = "dataset.json", "units", "unit.json", "samples.xz"
-_UNFINISHED = ("crashed", "timed-out", "error")
 
 _ASIDE = ".part-"
 _TOKEN_BYTES = 4
@@ -73,7 +74,7 @@ class StoredEpisode:
     @property
     def broken_off(self) -> bool:
         """Whether its process crashed or hung, so that its outcome is unknown."""
-        return self.meta["ended"] in _UNFINISHED
+        return self.meta["ended"] in UNFINISHED
 
     @property
     def has_samples(self) -> bool:
@@ -283,6 +284,27 @@ class EpisodeStore:
         text = json.dumps(plain({**named, "unit": unit.to_json(), **meta}), allow_nan=False)
         write_text(aside / META, text + "\n")
 
+    def ending(self, unit: DemoUnit, version: str) -> str | None:
+        """Return how a unit ended, or None when it is not made yet."""
+        done = self.read(unit, version)
+        return None if done is None else str(done.meta["ended"])
+
+    def request(self, unit: DemoUnit, version: str) -> dict[str, Any]:
+        """Return the request of a unit to its worker process."""
+        return {"unit": unit.to_json(), "store": str(self.path), "version": version}
+
+    def keep(self, unit: DemoUnit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
+        """Return the outcome of a unit's process; for one that died or hung, write a folder with that ending."""
+        if outcome.ending == "finished":
+            return {**outcome.answer, "elapsed_s": outcome.wall_s}
+        # The processor time is lost with the process.
+        result = {**result_of(outcome), "wall_s": outcome.wall_s}
+        self.tidy({unit.folder(version)})  # The process has ended.
+        with self.writing(unit, version) as folder:
+            self.write(unit, version, result, folder)
+        failure = {name: result["failure"][name] for name in ("kind", "message")}
+        return {"ended": result["ended"], **failure, "elapsed_s": outcome.wall_s}
+
     def tidy(self, mine: Container[str], older_than_s: float = math.inf) -> None:
         """Remove partial results of killed processes.
 
@@ -335,23 +357,3 @@ class EpisodeStore:
 
     def _not_one(self, why: str) -> NotADataset:
         return NotADataset(f"{self.path} is not a store of episodes: {why}")
-
-
-def pending(
-    store: EpisodeStore, series: Iterable[DemoSeries], version: str, shard: Shard = WHOLE, *, again: bool = False
-) -> Iterator[DemoUnit]:
-    """Yield the units that are still to be made.
-
-    Args:
-        store: Where episodes are kept.
-        series: The requests.
-        version: Hash of the program.
-        shard: Part of the units.
-        again: Whether to repeat units whose process crashed or hung.
-    """
-    for place, unit in enumerate(unit for one in series for unit in one.units()):
-        if not shard.has(place):
-            continue
-        done = store.read(unit, version)
-        if done is None or (again and done.broken_off):
-            yield unit

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
+from executor.scenes.generators.families import HOUSEHOLD, LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.room import Draws, Perturbation
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from executor.sim.engine import Physics
@@ -189,7 +189,7 @@ class DemoUnit:
     variation: Variation = field(default_factory=Variation)
     recording: Recording = field(default_factory=Recording)
     evolve: StrictBool = False
-    flows: Literal["planned", "paper"] = "planned"
+    flows: Flows = "planned"
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
@@ -206,14 +206,13 @@ class DemoUnit:
     @property
     def name(self) -> str:
         """Human-readable name."""
-        pair = f"{self.seed:06d}" if self.index is None else f"{self.seed:06d}-{self.index:03d}"
-        return f"{self.origin.label}-{pair}"
+        return f"{self.origin.label}-{pair_name(self.seed, self.index)}"
 
     def id(self, version: str) -> str:
         """Return a key that is equal when all inputs of the unit's outcome are, its recording included.
 
         Args:
-            version: Hash of the program (`executor.bench.units.outcome_version`).
+            version: Hash of the program (`executor.campaign.versions.outcome_version`).
         """
         data = self.to_json()
         if self.origin.scene_key:
@@ -310,11 +309,8 @@ class DemoSeries:
 
     def units(self) -> Iterator[DemoUnit]:
         """Yield the units in order; those of T5 and T6 go through one set of pairs after the other."""
-        family = self.first.origin.family
-        indices = indices_of(family) if family in HOUSEHOLD else (None,)
-        for number in range(self.episodes):
-            beyond, place = divmod(number, len(indices))
-            yield replace(self.first, seed=self.first.seed + beyond, index=indices[place])
+        for seed, index in pairs_from(self.first.origin.family, self.first.seed, self.episodes):
+            yield replace(self.first, seed=seed, index=index)
 
     def to_json(self) -> dict[str, Any]:
         """Return the series as plain data."""

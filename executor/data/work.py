@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
-from importlib import metadata
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,9 +23,7 @@ import llm
 from bddl.errors import Scene2DemoError
 from executor.assets import library
 from executor.assets.library import asset_for
-from executor.bench.paper import with_paper_flows
-from executor.bench.units import pair_of
-from executor.bench.work import describe_rollout
+from executor.campaign.versions import LIBRARIES, library_versions
 from executor.data import samples
 from executor.data.store import SAMPLES
 from executor.data.units import (
@@ -44,9 +41,10 @@ from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.recording import repeat_subtask
 from executor.rollouts.rollout import rollout
-from executor.rollouts.run_record import attempt_after, filled_task, pairs
+from executor.rollouts.run_record import attempt_after, describe_rollout, filled_task, pairs
 from executor.scenes.file import scene_for
 from executor.scenes.generators.by_name import scene_name_for_seed, varies_with_seed
+from executor.scenes.generators.families import pair_of, with_paper_flows
 from executor.scenes.generators.long_horizon import PANTRY
 from executor.scenes.layout import Clearance, place
 from executor.scenes.pair import LayoutChanges, NotDrawn
@@ -122,9 +120,6 @@ def _has_top(thing: SceneObject) -> bool:
 def _short_name(category: str) -> str:
     """Return the shortest name of a category: a half apple is an apple."""
     return category.rsplit("_", 1)[-1]
-
-
-_LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 
 
 _SENTENCE_REFUSALS: tuple[RefusalCode, ...] = ("empty", "too-long", "not-understood", "unknown-action")
@@ -350,14 +345,8 @@ def meta_of(made: Made) -> dict[str, Any]:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of the libraries that affect episodes."""
-    found = {}
-    for name in _LIBRARIES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "missing"
-    return found
+    """Return the versions of the program and of the libraries that affect episodes."""
+    return library_versions(("scene2demo", *LIBRARIES))
 
 
 def _subtask(done: Rollout, record: SubtaskRecord) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.data import samples
 from executor.data.store import SAMPLES, EpisodeStore
 from executor.data.units import DemoUnit

@@ -11,13 +11,13 @@ import numpy as np
 import bddl
 from bddl import Atom
 from executor.assets.model import Vector
-from executor.bench.units import HOUSEHOLD, Family, indices_of
 from executor.data.units import UNVARIED, DemoUnit, Origin, Variation
 from executor.data.work import physics_of, prepare_unit
 from executor.geometry import Array, inverse
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import PLACES, judge_at_rest, misses
 from executor.rollouts.rollout import GOAL_HOLDS_S
+from executor.scenes.generators.families import Family, indices_of
 from executor.scenes.room import Perturbation
 from executor.sim.detectors import GRIPPER, read
 from executor.sim.engine import ROBOT, STANDARD, Physics
@@ -77,7 +77,7 @@ def family_source(family: Family, variation: Variation = UNVARIED, *, full_size:
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
-        indices = indices_of(family) if family in HOUSEHOLD else (None,)
+        indices = indices_of(family)
         if index is None:
             index = indices[seed % len(indices)]
         if index not in indices:

@@ -16,7 +16,6 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from executor.bench.units import Family
 from executor.data.state_readers import AGENT, ENVIRONMENT, LARGEST, POINTS, CloudReader, StateReader, named_objects
 from executor.data.units import UNVARIED, Variation
 from executor.envs.episodes import (
@@ -32,6 +31,7 @@ from executor.envs.hand_control import ARM_SPEEDS_RAD_S, Elbow, HandFollower
 from executor.geometry import Array
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.takeover import checkpoint_of
+from executor.scenes.generators.families import Family
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics

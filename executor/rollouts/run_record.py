@@ -315,3 +315,45 @@ def attempt_after(evolution: Evolution, subtask: int, number: int) -> tuple[int,
 
 def _place(iterations: Sequence[Iteration], revision: Revision) -> int | None:
     return next((n for n, (_, made) in enumerate(iterations) if made == revision), None)
+
+
+def describe_rollout(done: Rollout) -> dict[str, Any]:
+    """Return a rollout's entries in the file of a benchmark's or data set's unit."""
+    return {
+        "ended": "succeeded" if done.succeeded else "failed",
+        "failure": _failure_entry(done),
+        "subtasks": [_subtask_entry(record) for record in done.subtasks],
+        "state_hash": done.state_hash,
+        "simulated_s": done.simulated_s,
+        "bystanders_moved_m": max((far for record in done.subtasks for far in record.moved_m.values()), default=0.0),
+        "penetration": asdict(done.penetration),
+        "peaks": asdict(done.peaks),
+        "samples": len(done.trajectory.time_s),
+    }
+
+
+def _failure_entry(done: Rollout) -> dict[str, Any] | None:
+    failure = None if done.succeeded else failure_of(done)
+    if failure is None:
+        return None
+    step = next((s for record in done.subtasks for s in record.steps if s.failure is failure), None)
+    where: Mapping[str, Any] = {}
+    if step is not None:
+        where = {
+            "subtask": step.subtask,
+            "subtask_name": done.task.subtasks[step.subtask].name,
+            "step": step.step,
+            "primitive": step.primitive,
+            "action": step.action,
+            "time_s": step.end_s,
+        }
+    return {**failure.to_json(), **where}
+
+
+def _subtask_entry(record: SubtaskRecord) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "succeeded": record.succeeded,
+        "steps": len(record.steps),
+        "planning_s": sum(step.planning_wall_s for step in record.steps),
+    }

@@ -21,8 +21,9 @@ from bddl import Not, format, parse_formula
 from executor.bench.baselines.constraint_pose import LIBRARY_OF_CONSTRAINTS
 from executor.bench.baselines.one_demonstration import run_one_demonstration
 from executor.bench.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
-from executor.bench.units import BASELINE_VERSION, Baseline, Unit, outcome_version
+from executor.bench.units import Baseline, Unit
 from executor.bench.work import prepare, run_unit
+from executor.campaign.versions import BASELINE_VERSION, outcome_version
 from executor.records import PlanRefused, Rollout, ignore, require_flows
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import Evolution

@@ -22,10 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from executor.bench.units import Unit, pair_of
+from executor.bench.units import Unit
 from executor.bench.work import Stopwatch
 from executor.geometry import Array, heading_of, interpolate_poses, rotation_z, transform_from_quaternion, wrap_angle
 from executor.rollouts.rollout import RECORD_HZ, rollout
+from executor.scenes.generators.families import pair_of
 from executor.sim.robot.actions import actions_between, arm_chain, joint_limits
 from executor.sim.world import World
 from executor.system.extras import require

@@ -19,8 +19,8 @@ import numpy as np
 from executor.assets.footprint import yaw_of
 from executor.assets.importers.importer import import_asset
 from executor.assets.importers.store import ASSETS_VARIABLE, PREFIX, Imported
-from executor.bench.units import LONG_HORIZON, pair_of
 from executor.scenes.generators import household
+from executor.scenes.generators.families import LONG_HORIZON, pair_of
 from executor.scenes.pair import ScenePair
 from executor.system.extras import require
 from executor.system.files import read_json, write_json

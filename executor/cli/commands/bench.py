@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,10 +21,12 @@ from rich.table import Table
 from bddl.terminal import pluralize
 from executor.bench.baselines.methods import baseline_version
 from executor.bench.baselines.one_demonstration import SOURCE_SEEDS, source_seeds_text
-from executor.bench.campaign import WORKER, BenchFolder, Shard, UnitCallback, claim_units, pending, run_units
+from executor.bench.folder import BenchFolder
 from executor.bench.tables import FOOTNOTE, Cell, bench_page, detail_rows, main_rows
-from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, Unit, outcome_version
+from executor.bench.units import BenchSetting, Series, Unit
 from executor.bench.work import replay
+from executor.campaign.engine import Campaign, Shard, claimed, pending
+from executor.campaign.versions import outcome_version
 from executor.cli.command_options import BenchOptions, BenchReplayOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.execution import check_seed, check_unit_limit, check_workers, command_line, read_shard, results_writer
@@ -32,9 +34,11 @@ from executor.cli.output import ERR, OUT, print_json, say, tell
 from executor.cli.rollout_display import print_summary, summary_json
 from executor.reports.run_folder import RunFolder
 from executor.rollouts.run_record import RunRecord, evolution_json
+from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 from executor.sim.render.pool import check_size
 from executor.system.files import write_json, write_text
 
+WORKER = "executor.bench.worker"
 BASELINE_WORKER = "executor.bench.baselines.worker"
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 
@@ -60,13 +64,13 @@ def _measure(options: BenchOptions) -> int:
     if options.baseline == "one-demonstration":
         _check_rooms(options.seed, asked)
     folder.add_series(asked)
-    units = list(pending(folder, asked, shard, again=options.again))
+    jobs = list(pending(folder, [(unit, version) for one in asked for unit in one.units()], shard, again=options.again))
     worker = WORKER if options.baseline is None else BASELINE_WORKER
     interrupted = False
-    with claim_units(folder.path, [unit.id(version) for unit, version in units]):
+    with claimed(folder, jobs):
         try:
-            with _progress(folder, asked, len(units), quiet=options.json) as on_unit_done:
-                run_units(folder, units, options.workers, on_unit_done, limit_s=options.limit_s, worker=worker)
+            with _progress(folder, asked, len(jobs), quiet=options.json) as on_progress:
+                Campaign(folder, worker, options.workers, options.limit_s).run(jobs, on_progress)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -163,7 +167,9 @@ def _check_rooms(seed: int, asked: Sequence[Series]) -> None:
 
 
 @contextmanager
-def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool) -> Iterator[UnitCallback]:
+def _progress(
+    folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool
+) -> Iterator[Callable[[Unit, Mapping[str, Any]], None]]:
     """Provide a callback for every unit's ending that shows it: on a terminal a bar with the success count, else lines.
 
     Args:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from contextlib import closing, suppress
 from dataclasses import replace
 
-from executor.bench.campaign import claim_units
-from executor.bench.units import HOUSEHOLD, indices_of, outcome_version
+from executor.campaign.engine import Campaign
+from executor.campaign.versions import outcome_version
 from executor.cli.commands.evaluate import kind_of
-from executor.cli.commands.generate import finished, show_progress
+from executor.cli.commands.generate import Missing, make_missing
 from executor.cli.data_options import CorrectOptions
 from executor.cli.errors import check
 from executor.cli.execution import check_seed, check_unit_limit, check_workers
-from executor.data.generation import Tally, generate
-from executor.data.store import EpisodeStore, pending
+from executor.data.store import EpisodeStore
 from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Recording, Takeover
 from executor.learn.acting import TrainedPolicy
 from executor.learn.correcting import WORKER
@@ -21,6 +20,7 @@ from executor.learn.demonstrations import EpisodeKind
 from executor.learn.evaluation.trials import environment_for
 from executor.learn.observations import plan_of
 from executor.learn.policy_record import PolicyRecord, policy_key, read_record
+from executor.scenes.generators.families import indices_of
 from executor.scenes.pair import NotDrawn
 
 _MOST_NOISE_M = 0.05
@@ -36,31 +36,10 @@ def execute(options: CorrectOptions) -> int:
     series = _series(options, record)
     if options.task is not None:
         _check_learned(options, series.first)
-    store, version = EpisodeStore(options.out), outcome_version()
-    store.add_requests([series.to_json()])
-    todo = list(pending(store, [series], version))
     # A worker starts wherever it likes.
-    more_fields = {"policy": str(options.policy.resolve()), "step": options.step}
-    tally, interrupted = Tally(), False
-    with (
-        claim_units(store.path, [unit.id(version) for unit in todo]),
-        show_progress(store, [series], version, tally, todo, quiet=options.json) as on_unit_done,
-    ):
-        try:
-            generate(
-                store,
-                todo,
-                version,
-                options.workers,
-                on_unit_done,
-                tally=tally,
-                limit_s=options.limit_s,
-                worker=WORKER,
-                more=lambda unit: more_fields,
-            )
-        except KeyboardInterrupt:
-            interrupted = True
-    return finished(store, tally, interrupted=interrupted, as_json=options.json)
+    fields = {"policy": str(options.policy.resolve()), "step": options.step}
+    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s, lambda *job: fields)
+    return make_missing(campaign, Missing([series], outcome_version()), as_json=options.json)
 
 
 def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
@@ -81,7 +60,7 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
     unit = DemoUnit(
         kind.origin,
         options.seed,
-        indices_of(family)[0] if family in HOUSEHOLD else None,
+        indices_of(family)[0],
         replace(kind.variation, noise_m=options.noise_m),
         Recording(rate_hz=record.rate_hz),
         full_size=kind.full_size,

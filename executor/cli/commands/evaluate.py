@@ -12,7 +12,7 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bddl.files import read_bounded_text
-from executor.bench.units import EVALUATION_VERSION, outcome_version
+from executor.campaign.versions import EVALUATION_VERSION, outcome_version
 from executor.cli.data_options import EvaluateOptions, Family
 from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
 from executor.cli.execution import check_seed

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,17 +16,18 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bddl.terminal import pluralize
-from executor.bench.campaign import claim_units
-from executor.bench.units import FAMILIES, outcome_version
+from executor.campaign.engine import WHOLE, Campaign, Job, Shard, claimed, pending
+from executor.campaign.versions import outcome_version
 from executor.cli.data_options import Channel, GenerateOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
 from executor.cli.output import ERR, print_json, say, tell
-from executor.data.generation import WORKER, EpisodeCallback, Limits, Tally, generate, read_plan, series_of
-from executor.data.store import EpisodeStore, pending
+from executor.data.generation import NO_LIMITS, WORKER, EpisodeCallback, Limits, Tally, generate, read_plan, series_of
+from executor.data.store import EpisodeStore
 from executor.data.units import UNVARIED, DemoSeries, DemoUnit
 from executor.data.views import check_drawable
 from executor.data.work import check_plannable, starts_alike
+from executor.scenes.generators.families import FAMILIES
 from oag import clopper_pearson
 
 _BYTES_PER_GB = 10**9
@@ -41,31 +43,53 @@ def execute(options: GenerateOptions) -> int:
     alike = [one for one in series if starts_alike(one)]
     if not options.json:
         _warn_alike(alike)
-    store, version = EpisodeStore(options.out), outcome_version()
+    store = EpisodeStore(options.out)
+    campaign = Campaign(store, WORKER, options.workers, options.limit_s)
+    unvaried = {"unvaried": [one.first.origin.query for one in alike]}
+    missing = Missing(series, outcome_version(), shard, again=options.again)
+    return make_missing(campaign, missing, _budget(options), unvaried, as_json=options.json)
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """Requested units that a store may not have yet.
+
+    Attributes:
+        series: The requested series.
+        version: Version of the program.
+        shard: Part of the units.
+        again: Whether to repeat units whose process crashed or hung.
+    """
+
+    series: Sequence[DemoSeries]
+    version: str
+    shard: Shard = WHOLE
+    again: bool = False
+
+
+def make_missing(
+    campaign: Campaign[DemoUnit],
+    missing: Missing,
+    limits: Limits = NO_LIMITS,
+    more: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    as_json: bool,
+) -> int:
+    """Make the missing units of a request, print the outcome, and return the exit code."""
+    store, series, version = EpisodeStore(campaign.store.path), missing.series, missing.version
     store.add_requests([one.to_json() for one in series])
-    todo = list(pending(store, series, version, shard, again=options.again))
+    jobs = [(unit, version) for one in series for unit in one.units()]
+    todo = list(pending(store, jobs, missing.shard, again=missing.again))
     tally, interrupted = Tally(), False
     with (
-        claim_units(store.path, [unit.id(version) for unit in todo]),
-        show_progress(store, series, version, tally, todo, quiet=options.json) as on_unit_done,
+        claimed(store, todo),
+        show_progress(store, series, version, tally, todo, quiet=as_json) as on_progress,
     ):
         try:
-            limits, limit_s = _budget(options), options.limit_s
-            generate(
-                store,
-                todo,
-                version,
-                options.workers,
-                on_unit_done,
-                tally=tally,
-                limits=limits,
-                limit_s=limit_s,
-                worker=WORKER,
-            )
+            generate(campaign, todo, on_progress, tally, limits)
         except KeyboardInterrupt:
             interrupted = True
-    unvaried = {"unvaried": [one.first.origin.query for one in alike]}
-    return finished(store, tally, unvaried, interrupted=interrupted, as_json=options.json)
+    return finished(store, tally, more, interrupted=interrupted, as_json=as_json)
 
 
 def _warn_alike(series: Sequence[DemoSeries]) -> None:
@@ -146,7 +170,7 @@ def show_progress(
     series: Sequence[DemoSeries],
     version: str,
     tally: Tally,
-    todo: Collection[DemoUnit],
+    todo: Collection[Job[DemoUnit]],
     *,
     quiet: bool,
 ) -> Iterator[EpisodeCallback]:
@@ -160,7 +184,7 @@ def show_progress(
         todo: What is still to be made here.
         quiet: Shows nothing.
     """
-    before, remaining, made_now = 0, len(todo), frozenset(todo)
+    before, remaining, made_now = 0, len(todo), frozenset(unit for unit, _ in todo)
     for unit in (unit for one in series for unit in one.units()):
         if unit not in made_now and (done := store.read(unit, version)) is not None:
             tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bddl.terminal import pluralize
-from executor.bench.campaign import claim_units
+from executor.campaign.engine import claimed
 from executor.cli.commands.generate import channels_of
 from executor.cli.data_options import RenderOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
@@ -30,8 +30,8 @@ def execute(options: RenderOptions) -> int:
     left = plan_rerender(source, out, wanted)
     broken: list[str] = []
     drawn, interrupted = 0, False
-    ids = [unit.id(str(episode.meta["version"])) for episode, unit in left]
-    with claim_units(out.path, ids), counting("drawing episodes", quiet=options.json) as progress:
+    jobs = [(unit, str(episode.meta["version"])) for episode, unit in left]
+    with claimed(out, jobs), counting("drawing episodes", quiet=options.json) as progress:
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             nonlocal drawn

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest, mannwhitneyu
 
-from executor.bench.tables import Rate
+from executor.campaign.rate import Rate
 from executor.data.work import drawn_values
 from executor.envs.episodes import DrawnEpisode
 from executor.geometry import wrap_angle

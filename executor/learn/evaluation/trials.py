@@ -15,7 +15,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from executor.bench.units import Family
 from executor.data.units import Pushed, Recording, View
 from executor.data.views import Look, footage_path, render_views
 from executor.envs import MOST_STEPS
@@ -28,6 +27,7 @@ from executor.learn.evaluation.scores import drawn_numbers
 from executor.learn.observations import plan_of
 from executor.records import FailureKind, PlanRefused
 from executor.rollouts.takeover import continue_plan
+from executor.scenes.generators.families import Family
 from executor.sim.render.cameras import cameras_for
 from executor.sim.render.stage import SceneRenderer
 from oag import Scene, Task, TaskError

@@ -8,7 +8,8 @@ import pytest
 
 from executor.bench.baselines import constraint_pose, sampled_grasp
 from executor.bench.baselines.methods import baseline_version, run_baseline
-from executor.bench.units import BenchSetting, Unit, outcome_version
+from executor.bench.units import BenchSetting, Unit
+from executor.campaign.versions import outcome_version
 from executor.planning.planner import MOVES
 from executor.skills.library import LIBRARY
 from oag import Primitive

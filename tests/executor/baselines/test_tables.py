@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import baselines, robogen_executed, robogen_plans
-from executor.bench.campaign import BenchFolder
+from executor.bench.folder import BenchFolder
 from executor.bench.units import BenchSetting, Series
 from executor.records import FailureKind
 from tests.source_tree import ROOT

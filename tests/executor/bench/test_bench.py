@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
-from executor.bench import campaign as run_module
-from executor.bench.campaign import BenchFolder, NotABench
+from executor.bench.folder import BenchFolder, NotABench
 from executor.bench.units import BenchSetting, Series
+from executor.campaign import engine
 from executor.cli import app
 from executor.cli.commands import bench
 from executor.system.workers import WorkerOutcome
@@ -379,11 +379,11 @@ def test_a_result_that_cannot_be_kept_ends_the_processes(tmp_path: Path, monkeyp
     def full_disk(*_: object) -> None:
         raise OSError(28, "No space left on device", "units")
 
-    monkeypatch.setattr(run_module, "WorkerPool", Pool)
+    monkeypatch.setattr(engine, "WorkerPool", Pool)
     units = [(unit, "v") for unit in Series("T3", 1, 2, BenchSetting(), "v").units()]
     # What the exception refers to keeps the iteration alive, so only closing it ends the processes.
     with pytest.raises(OSError, match="No space") as kept:
-        run_module.run_units(BenchFolder(tmp_path), units, 1, full_disk)
+        engine.Campaign(BenchFolder(tmp_path), INVENTED, 1).run(units, full_disk)
     assert ended == ["closed"] and kept.tb is not None
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executor.bench.campaign import BenchFolder, is_result
+from executor.bench.folder import BenchFolder, is_result
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.cli.commands.bench import write_results
 from oag.sizes import Resizing

@@ -14,7 +14,6 @@ from executor.bench.tables import (
     DASH,
     SCALE_ROW,
     Cell,
-    Rate,
     busy_s,
     detail_rows,
     main_rows,
@@ -23,6 +22,7 @@ from executor.bench.tables import (
     subtask_score,
 )
 from executor.bench.units import BenchSetting, Series
+from executor.campaign.rate import Rate
 
 SERIES = Series("T1", 0, 1, BenchSetting(), "v")
 

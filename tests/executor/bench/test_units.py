@@ -13,11 +13,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.bench import units
-from executor.bench.campaign import Shard
-from executor.bench.paper import NoPaperFlow, families_with_flows, main_table, with_paper_flows
-from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, BenchSetting, Series, Unit
+from executor.bench.paper import main_table
+from executor.bench.units import BenchSetting, Series, Unit
+from executor.campaign import versions
+from executor.campaign.engine import Shard
 from executor.cli import command_options
 from executor.scenes.generators import household
+from executor.scenes.generators.families import (
+    FAMILIES,
+    HOUSEHOLD,
+    LONG_HORIZON,
+    NoPaperFlow,
+    families_with_flows,
+    with_paper_flows,
+)
 from oag import Task, flow_to_json
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -71,12 +80,12 @@ def test_every_unit_belongs_to_exactly_one_shard(parts: int, units: int) -> None
 
 
 def test_constants_and_libraries_decide_the_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    version = units.outcome_version.__wrapped__
+    version = versions.outcome_version.__wrapped__
     distinct = {version(), version(1), version(2)}
     assert version() == version()
-    monkeypatch.setattr(units, "OUTCOME_VERSION", 0)
+    monkeypatch.setattr(versions, "OUTCOME_VERSION", 0)
     distinct.add(version())
-    monkeypatch.setattr(units.metadata, "version", lambda library: "0")
+    monkeypatch.setattr(versions.metadata, "version", lambda library: "0")
     assert len(distinct | {version()}) == 5
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.data import samples
 from executor.data.generation import series_of
 from executor.data.store import SAMPLES, EpisodeStore

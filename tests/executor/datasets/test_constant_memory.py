@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.engine import Campaign
+from executor.campaign.versions import outcome_version
 from executor.data.generation import WORKER, Tally, generate, series_of
 from executor.data.store import EpisodeStore
 from executor.data.units import DemoUnit
@@ -35,7 +36,7 @@ def test_what_counts_units_keeps_nothing_of_each(folder: Path) -> None:
 
     tracemalloc.start()
     try:
-        generate(EpisodeStore(folder), units, "a version", 1, told, tally=Tally(), worker=INVENTED)
+        generate(Campaign(EpisodeStore(folder), INVENTED, 1), [(unit, "a version") for unit in units], told, Tally())
     finally:
         tracemalloc.stop()
     assert len(told_of) == 60

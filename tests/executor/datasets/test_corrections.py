@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.cli.app import run
 from executor.data import samples
 from executor.data.formats.selection import Selection

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.cli.app import run
 from executor.data.formats.selection import NothingToExport
 from executor.data.formats.store_reader import stream_of

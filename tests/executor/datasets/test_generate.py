@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.cli import app
 from executor.cli.commands import generate as command
 from executor.data.generation import Tally, series_of

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.data.store import INDEX, META, EpisodeStore, NotADataset, pending
+from executor.campaign.engine import pending
+from executor.data.store import INDEX, META, EpisodeStore, NotADataset
 from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation
 from executor.data.work import Made, Prepared, meta_of
 from executor.records import Detour
@@ -93,9 +94,10 @@ def test_only_what_is_missing_is_pending(folder: Path) -> None:
     store = EpisodeStore(folder)
     first, second, third = SERIES.units()
     put(store, first), put(store, second, "crashed")
-    assert list(pending(store, [SERIES], "v")) == [third]
-    assert list(pending(store, [SERIES], "v", again=True)) == [second, third]
-    assert list(pending(store, [SERIES], "another program")) == [first, second, third]
+    jobs, others = ([(unit, version) for unit in SERIES.units()] for version in ("v", "another program"))
+    assert list(pending(store, jobs)) == [(third, "v")]
+    assert list(pending(store, jobs, again=True)) == [(second, "v"), (third, "v")]
+    assert list(pending(store, others)) == others
 
 
 def old_id(said: dict[str, Any], version: str) -> str:
@@ -124,7 +126,7 @@ def test_what_has_an_id_of_before_is_not_made_again(
     meta = {"schema": SCHEMA, "id": known_as, "name": unit.name, "version": "v", "unit": said, "ended": "crashed"}
     (place / META).write_text(json.dumps(meta))
     assert known_as != unit.id("v")
-    assert list(pending(store, [DemoSeries(unit, 1)], "v")) == []
+    assert list(pending(store, [(unit, "v")])) == []
     put(store, unit, "succeeded")  # What only broke off gives way, under whatever id it lies.
     assert [episode.meta["ended"] for episode in store.episodes()] == ["succeeded"]
 

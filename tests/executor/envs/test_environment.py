@@ -19,10 +19,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import executor.envs
-from executor.bench.units import pair_of
 from executor.data.state_readers import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
 from executor.data.units import Variation
 from executor.envs.scene_environment import SceneEnvironment
+from executor.scenes.generators.families import pair_of
 from executor.sim.engine import Physics
 from executor.sim.robot.actions import joint_limits
 from oag.model.scene_rules import PAPER_SCALE

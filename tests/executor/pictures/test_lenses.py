@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.bench.units import BenchSetting, Unit, indices_of
+from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
 from executor.geometry import rotation_z, transform, transform_from_quaternion
 from executor.records import Rollout
 from executor.scenes import library
 from executor.scenes.generators import household
+from executor.scenes.generators.families import indices_of
 from executor.scenes.generators.long_horizon import draw
 from executor.scenes.vary import vary
 from executor.sim.render.cameras import LENS_GAP_M, Camera, global_camera, head_camera, inside_points, wrist_camera

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.data.generation import series_of
 from executor.data.store import EpisodeStore
 from executor.data.worker import run_unit

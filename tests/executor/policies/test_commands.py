@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from executor.bench.units import EVALUATION_VERSION, outcome_version
+from executor.campaign.versions import EVALUATION_VERSION, outcome_version
 from executor.cli.app import run
 from executor.cli.commands.evaluate import kind_of
 from executor.cli.errors import BadOption

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from executor import load_scene
-from executor.bench.tables import Rate
+from executor.campaign.rate import Rate
 from executor.cli.app import run
 from executor.data.generation import series_of
 from executor.data.store import EpisodeStore

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.bench.units import outcome_version
+from executor.campaign.versions import outcome_version
 from executor.cli.app import run
 from executor.data.formats.export import write_set
 from executor.data.formats.selection import NothingToExport

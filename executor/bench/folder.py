@@ -1,120 +1,20 @@
-"""Campaign of a benchmark: claim units with a file lock, run pending ones in processes, keep each result at once.
-
-A run keeps a card in `running/` locked while it lives. The system releases the lock when the process ends, however it
-ends. Nothing has to be cleaned up by hand. Where the system or the disk has no such locks, no run is refused. The
-folder lists the requested series and has one result file per unit, each complete or absent.
-"""
+"""Folder of a benchmark: an index of the requested series, and one result file per unit, each complete or absent."""
 
 from __future__ import annotations
 
-import json
-import os
-import socket
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bddl.errors import Scene2DemoError
-from bddl.files import open_plain
 from executor.bench.units import SCHEMA, Series, Unit
+from executor.campaign.claims import exclusive_lock
+from executor.campaign.engine import result_of
 from executor.system.files import read_json, write_json
-from executor.system.workers import WorkerOutcome, WorkerPool
-
-try:
-    import fcntl
-except ImportError:  # Windows has none.
-    fcntl = None  # type: ignore[assignment]
-
-RUNNING = "running"
-LOCK = ".lock"
-
-
-class BenchBusy(Scene2DemoError):
-    """Another run works on some of the same units."""
-
-
-@contextmanager
-def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Hold a folder's exclusive lock; wait until other processes release it.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with _open_card(folder / LOCK, os.O_CREAT) as lock:
-        if fcntl is not None:
-            with suppress(OSError):  # A disk without locks.
-                fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-@contextmanager
-def claim_units(folder: Path, units: Iterable[str]) -> Iterator[None]:
-    """Claim units in a folder for as long as the block lasts.
-
-    Args:
-        folder: Folder of the benchmark or store.
-        units: Ids of the units.
-
-    Raises:
-        BenchBusy: A living run works on some of them; the message names it.
-        OSError: The folder cannot be written.
-    """
-    process, host, wanted = os.getpid(), socket.gethostname(), set(units)
-    place = folder / RUNNING
-    with exclusive_lock(folder):
-        place.mkdir(exist_ok=True)
-        for other in _live_runs(place):
-            if both := wanted & set(other["units"]):
-                raise BenchBusy(
-                    f"process {other['process']} on {other['host']} works on {len(both)} of these units in {folder} "
-                    "already; wait for it, or share the units between runs with --shard"
-                )
-        path = place / f"{host}-{process}.json"
-        path.unlink(missing_ok=True)  # Left by an earlier process of the same number, or a planted link.
-        card = _open_card(path, os.O_CREAT | os.O_EXCL)
-        _try_lock(card)
-        json.dump({"process": process, "host": host, "units": sorted(wanted)}, card)
-        card.flush()
-    try:
-        yield
-    finally:
-        with exclusive_lock(folder):
-            path.unlink(missing_ok=True)
-            card.close()
-            if not any(place.iterdir()):
-                place.rmdir()
-
-
-def _live_runs(place: Path) -> Iterator[Mapping[str, Any]]:
-    """Yield the cards of other living runs; cards of ended ones are deleted."""
-    for path in sorted(place.glob("*.json")):
-        with _open_card(path, 0) as card:
-            if _try_lock(card):
-                path.unlink(missing_ok=True)
-            else:
-                yield json.load(card)
-
-
-def _open_card(path: Path, flags: int) -> IO[str]:
-    return os.fdopen(open_plain(path, os.O_RDWR | flags), "r+", encoding="utf-8")
-
-
-def _try_lock(file: IO[str]) -> bool:
-    """Try to lock a file; return whether no other process has it."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # A disk without locks.
-            return True
-    return True
-
+from executor.system.workers import WorkerOutcome
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"
@@ -185,6 +85,19 @@ class BenchFolder:
         except (OSError, ValueError):
             return None
         return found if is_result(found) and found.get("id") == unit.id(version) else None
+
+    def ending(self, unit: Unit, version: str) -> str | None:
+        """Return how a unit ended, or None when it was not run yet."""
+        done = self.read(unit, version)
+        return None if done is None else str(done["ended"])
+
+    def request(self, unit: Unit, version: str) -> dict[str, Any]:
+        """Return the request of a unit to its worker process."""
+        return {**unit.to_json(), "version": version}
+
+    def keep(self, unit: Unit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
+        """Write the outcome of a unit's process, and return the content of its file."""
+        return self.write(unit, version, result_of(outcome))
 
     def write(self, unit: Unit, version: str, result: Mapping[str, Any]) -> dict[str, Any]:
         """Write a unit's result atomically, and return it with the unit's identity."""
@@ -324,96 +237,3 @@ def is_result(value: object) -> bool:
     return isinstance(value, dict) and all(
         value.keys() >= needed for key, needed in _READ_TOGETHER.items() if key in value
     )
-
-
-WORKER = "executor.bench.worker"
-UNIT_LIMIT_S = 900.0
-"""Wall time after which a unit's process of a benchmark counts as hung."""
-
-UnitCallback = Callable[[Unit, Mapping[str, Any]], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Shard:
-    """One of several equal parts of a campaign, such as a task of a Slurm array.
-
-    Attributes:
-        number: Number of the part, from 1.
-        of: Number of parts.
-    """
-
-    number: int = 1
-    of: int = 1
-
-    def has(self, place: int) -> bool:
-        """Decide whether the unit at an index belongs to it."""
-        return place % self.of == self.number - 1
-
-
-WHOLE = Shard()
-
-
-def pending(
-    folder: BenchFolder, series: Sequence[Series], shard: Shard = WHOLE, *, again: bool = False
-) -> Iterator[tuple[Unit, str]]:
-    """Yield the units that are still to be run, with their versions of the program.
-
-    Args:
-        folder: Folder of the results.
-        series: The requests.
-        shard: Part of the units.
-        again: Whether to repeat units whose process crashed or hung.
-    """
-    units = ((unit, s.version) for s in series for unit in s.units())
-    for place, (unit, version) in enumerate(units):
-        if not shard.has(place):
-            continue
-        done = folder.read(unit, version)
-        if done is None or (again and done["ended"] in ("crashed", "timed-out", "error")):
-            yield unit, version
-
-
-def run_units(
-    folder: BenchFolder,
-    units: Sequence[tuple[Unit, str]],
-    workers: int,
-    on_progress: UnitCallback,
-    *,
-    limit_s: float = UNIT_LIMIT_S,
-    worker: str = WORKER,
-) -> None:
-    """Run units; each result is on disk before the next one is awaited.
-
-    Args:
-        folder: Folder of the results.
-        units: Units with their versions of the program.
-        workers: Number of processes.
-        on_progress: Called with every unit and its result.
-        limit_s: Maximum wall time of a unit [s].
-        worker: Module of the worker process.
-
-    Raises:
-        WorkersUnusable: No worker process can be started, or it runs another version of the program.
-        KeyboardInterrupt: Ctrl-C; finished units are on disk.
-    """
-    versions = {unit: version for unit, version in units}
-    # Each process's software renderer would use all cores.
-    pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
-    # Closed on every exit, such as a full disk, so that no worker process stays behind.
-    requests = [{**unit.to_json(), "version": version} for unit, version in versions.items()]
-    with closing(pool.run(requests)) as outcomes:
-        for outcome in outcomes:
-            unit = Unit.from_json(outcome.request)
-            on_progress(unit, folder.write(unit, versions[unit], result_of(outcome)))
-
-
-def result_of(outcome: WorkerOutcome) -> dict[str, Any]:
-    """Return the content of a unit's file; a process that died or hung is a failure of that kind."""
-    wall = {"started_s": outcome.started_s, "elapsed_s": outcome.wall_s, "worker": outcome.worker}
-    if outcome.ending == "finished":
-        return {**outcome.answer, **wall}
-    failure = {"kind": outcome.ending, "message": outcome.message, "measurements": {}}
-    if outcome.ending == "error":
-        failure = {"kind": outcome.answer["kind"], "message": outcome.answer["error"], "measurements": {}}
-        return {"ended": "error", "failure": failure, "traceback": outcome.answer["traceback"], **wall}
-    return {"ended": outcome.ending, "failure": failure, **wall}

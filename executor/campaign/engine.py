@@ -1,0 +1,165 @@
+"""Run units of work in processes, resumable: pending units of a shard, each result stored before the next is awaited.
+
+    store = BenchFolder(path)  # or EpisodeStore(path)
+    jobs = list(pending(store, jobs, shard))
+    with claimed(store, jobs):
+        Campaign(store, "executor.bench.worker", workers=2).run(jobs, on_progress)
+
+A benchmark and a data set differ in what a unit is and how its result is stored, and in nothing else here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from executor.campaign.claims import claim_units
+from executor.system.workers import WorkerOutcome, WorkerPool
+
+UNIT_LIMIT_S = 900.0
+"""Wall time after which a unit's process counts as hung."""
+
+UNFINISHED = ("crashed", "timed-out", "error")
+"""Endings of units whose outcome is unknown, because their process crashed, hung or raised."""
+
+
+class Unit(Protocol):
+    """One piece of work, described by all inputs of its outcome."""
+
+    def id(self, version: str) -> str:
+        """Return a key that changes whenever the outcome may."""
+
+
+AnyUnit = TypeVar("AnyUnit", bound=Unit)
+StoredUnit = TypeVar("StoredUnit", bound=Unit, contravariant=True)
+Job = tuple[AnyUnit, str]
+"""A unit, and the version of the program that its result is for."""
+
+
+class ResultStore(Protocol[StoredUnit]):
+    """Folder with one result per unit, each complete or absent."""
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+
+    def ending(self, unit: StoredUnit, version: str) -> str | None:
+        """Return how a unit ended, or None when it was not run yet."""
+
+    def request(self, unit: StoredUnit, version: str) -> dict[str, Any]:
+        """Return the request of a unit to its worker process."""
+
+    def keep(self, unit: StoredUnit, version: str, outcome: WorkerOutcome) -> Mapping[str, Any]:
+        """Store the outcome of a unit's process unless the process did, and return what progress is shown of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shard:
+    """One of several equal parts of a campaign, such as a task of a Slurm array.
+
+    Attributes:
+        number: Number of the part, from 1.
+        of: Number of parts.
+    """
+
+    number: int = 1
+    of: int = 1
+
+    def has(self, place: int) -> bool:
+        """Decide whether the unit at an index belongs to it."""
+        return place % self.of == self.number - 1
+
+
+WHOLE = Shard()
+
+
+def pending(
+    store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]], shard: Shard = WHOLE, *, again: bool = False
+) -> Iterator[Job[AnyUnit]]:
+    """Yield the units that are still to be run.
+
+    Args:
+        store: Where results are kept.
+        jobs: The requested units.
+        shard: Part of the units.
+        again: Whether to repeat units whose process crashed or hung.
+    """
+    for place, (unit, version) in enumerate(jobs):
+        if shard.has(place):
+            ending = store.ending(unit, version)
+            if ending is None or (again and ending in UNFINISHED):
+                yield unit, version
+
+
+def claimed(store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]]) -> AbstractContextManager[None]:
+    """Claim units in their store for as long as the block lasts.
+
+    Raises:
+        BenchBusy, OSError: As for `claim_units`.
+    """
+    return claim_units(store.path, [unit.id(version) for unit, version in jobs])
+
+
+@dataclass(frozen=True)
+class Campaign(Generic[AnyUnit]):
+    """Worker processes that run units of a store.
+
+    Attributes:
+        store: Where results are kept.
+        worker: Module of the worker process.
+        workers: Number of processes.
+        limit_s: Maximum wall time of a unit [s].
+        more: Gives further fields of the request of a unit for a version.
+    """
+
+    store: ResultStore[AnyUnit]
+    worker: str
+    workers: int
+    limit_s: float = UNIT_LIMIT_S
+    more: Callable[[AnyUnit, str], Mapping[str, Any]] = lambda unit, version: {}
+
+    def run(
+        self,
+        jobs: Sequence[Job[AnyUnit]],
+        on_progress: Callable[[AnyUnit, Mapping[str, Any]], None],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Run units; each result is on disk before the next one is awaited.
+
+        Args:
+            jobs: Units in their order of start; no other run works on them (`claimed`).
+            on_progress: Called with every unit and its result.
+            stop: Asked after every unit; units in flight are lost when it agrees.
+
+        Raises:
+            WorkersUnusable: No worker process can be started, or it runs another version of the program.
+            OSError: The disk is full; finished units are kept.
+            KeyboardInterrupt: Ctrl-C; finished units are kept.
+        """
+        # Each process's software renderer would use all cores.
+        threads = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        pool = WorkerPool(self.worker, self.workers, limit_s=self.limit_s, environment=threads)
+        requests = [{**self.store.request(*job), **self.more(*job)} for job in jobs]
+        job_of = {id(request): job for request, job in zip(requests, jobs, strict=True)}
+        # Closed on every exit, such as a full disk, so that no worker process stays behind.
+        with closing(pool.run(requests)) as outcomes:
+            for outcome in outcomes:
+                unit, version = job_of[id(outcome.request)]
+                on_progress(unit, self.store.keep(unit, version, outcome))
+                if stop():
+                    return
+
+
+def result_of(outcome: WorkerOutcome) -> dict[str, Any]:
+    """Return the content of a unit's file; a process that died or hung is a failure of that kind."""
+    wall = {"started_s": outcome.started_s, "elapsed_s": outcome.wall_s, "worker": outcome.worker}
+    if outcome.ending == "finished":
+        return {**outcome.answer, **wall}
+    failure = {"kind": outcome.ending, "message": outcome.message, "measurements": {}}
+    if outcome.ending == "error":
+        failure = {"kind": outcome.answer["kind"], "message": outcome.answer["error"], "measurements": {}}
+        return {"ended": "error", "failure": failure, "traceback": outcome.answer["traceback"], **wall}
+    return {"ended": outcome.ending, "failure": failure, **wall}
