@@ -66,6 +66,7 @@ def test_a_loose_negation_is_offered_with_both_its_parentheses() -> None:
     assert _errors("not open refrigerator_0")[0].hint == "write (not (open refrigerator_0))"
 
 
+@pytest.mark.slow
 def test_what_hints_offer_for_damaged_formulas_is_legal() -> None:
     rng = random.Random(17)
     words = ["(", ")", "and", "not", "glass_0", "?x", "-", "open", ",", "cup_0", "2", "is", "[", "isnot", "fridge_0"]

@@ -78,6 +78,7 @@ def test_comments_are_found_in_order() -> None:
     ]
 
 
+@pytest.mark.slow
 @given(problems(), st.data())
 def test_every_word_and_comment_stays(problem: bddl.Problem, data: st.DataObject) -> None:
     pieces = re.findall(r"[()]|[^\s()]+", bddl.format(problem))

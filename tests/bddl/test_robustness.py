@@ -67,6 +67,7 @@ def _assert_well_formed(found: bddl.Diagnostic, text: str) -> None:
 
 
 # An example is some hundred texts.
+@pytest.mark.slow
 @settings(max_examples=settings.default.max_examples // 5)
 @given(formulas())
 def test_every_prefix_parses_or_is_reported(formula: bddl.Formula) -> None:
@@ -80,6 +81,7 @@ def test_what_is_whole_is_read_as_it_was(node: bddl.Formula | bddl.Problem) -> N
     assert _outcome(bddl.format(node)) == node
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.one_of(formulas(), problems()))
 def test_every_deletion_of_one_token_parses_or_is_reported(node: bddl.Formula | bddl.Problem) -> None:

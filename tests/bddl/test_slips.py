@@ -166,6 +166,7 @@ def test_no_text_upsets_the_correction(text: str) -> None:
         assert [item.code for item in bddl.check(correction.text) if item.severity == "error"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["(" * 10_000, ")" * 10_000, "(not " * 10_000 + "open(x)", "[" * 10_000, "`" * 19_000])
 def test_depth_and_length_are_no_obstacle(text: str) -> None:
     assert bddl.check(text) != ()

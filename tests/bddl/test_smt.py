@@ -86,6 +86,7 @@ def check_every_valuation(root: GroundNode) -> None:
             assert answer.status == ("sat" if wanted is expected else "unsat")
 
 
+@pytest.mark.slow
 @given(formulas)
 @settings(max_examples=60)
 def test_text_agrees_with_every_valuation(root: GroundNode) -> None:

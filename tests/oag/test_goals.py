@@ -151,6 +151,7 @@ def test_goals_that_are_not_well_formed_are_read_all_the_same() -> None:
     assert bddl.conjuncts(default_goal(subtasks)) == wrong
 
 
+@pytest.mark.slow
 def test_many_subtasks() -> None:
     rows = [placing(f"glass_{number % 2}") for number in range(3000)]
     assert len(bddl.conjuncts(task_of(*rows).goal)) == 2

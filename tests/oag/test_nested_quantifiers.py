@@ -110,6 +110,7 @@ def test_a_checker_does_not_wait_for_a_forged_certificate() -> None:
     assert not result and re.search("more than [0-9]+", result.reason)
 
 
+@pytest.mark.slow
 def test_too_much_unknown_is_a_warning() -> None:
     """What the cups are next to is unknown, so that some 2,400 values would be assumed one by one."""
     cups = 50
@@ -119,6 +120,7 @@ def test_too_much_unknown_is_a_warning() -> None:
     assert "context/undecided" in [warning.code for warning in found.diagnostics]
 
 
+@pytest.mark.slow
 def test_a_distinction_of_too_many_cases_is_given_up() -> None:
     """Each cup is next to each other one or not, so that a tautology has 2 to the 400 cases of 1,600 parts each."""
     goal = "(forall (?a - cup) (forall (?b - cup) (or (nextto ?a ?b) (not (nextto ?a ?b)))))"

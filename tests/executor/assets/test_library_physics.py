@@ -63,6 +63,7 @@ def test_items_settle_on_the_floor_without_moving(scene: object) -> None:
         assert low <= body.mass <= high, f"{model} {seed} weighs {body.mass:.3f} kg"
 
 
+@pytest.mark.slow
 def test_joints_move_by_force_to_their_limits_and_back(scene: object) -> None:
     built = []
     for place, (model, seed) in enumerate((m, s) for m in ARTICULATED for s in SEEDS):

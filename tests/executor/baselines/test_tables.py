@@ -103,6 +103,7 @@ def test_what_was_measured_elsewhere_is_what_the_documentation_says() -> None:
     assert "| as its code does: a grasp first lets go of what is held | 19 | 1 |" in told
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("lets_go", [False, True])
 def test_recorded_decompositions_are_executed_without_being_checked(lets_go: bool) -> None:

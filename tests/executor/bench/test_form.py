@@ -47,6 +47,7 @@ def changes(value: Any) -> Iterator[Any]:
         yield from ([changed, *value[1:]] for changed in changes(value[0]))
 
 
+@pytest.mark.slow
 def test_no_value_of_any_field_stops_the_table(tmp_path: Path) -> None:
     folder, unit = BenchFolder(tmp_path), next(SERIES.units())
     folder.add_series([SERIES])

@@ -37,6 +37,7 @@ def test_rows_count_episodes_with_exact_intervals(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_a_run_goes_on_where_it_was_and_a_hand_without_strength_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -57,6 +57,7 @@ def test_a_negative_limit_is_refused(door: Path, capsys: pytest.CaptureFixture[s
     assert "--limit" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_finished_episodes_are_kept_and_the_others_run(
     door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

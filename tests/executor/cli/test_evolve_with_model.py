@@ -37,6 +37,7 @@ def story(out: Path, seed: int = 17001) -> dict[str, Any]:
     return told
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_a_recorded_evolution_replays_to_the_same_states(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -128,6 +129,7 @@ def test_a_model_that_does_not_help_ends_with_the_whole_story(
     assert critique["state_reached"] is False and critique["origin"] == "measurements"
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("measurements", [(), ("--no-measurements",)], ids=["told", "untold"])
 def test_a_server_that_dies_is_said_and_the_evolution_goes_on_with_what_was_answered(

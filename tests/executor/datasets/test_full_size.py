@@ -23,6 +23,7 @@ pytestmark = pytest.mark.physics
 SEED, GLASS = 62900, 4
 
 
+@pytest.mark.slow
 def test_a_glass_is_taken_as_it_is_and_again_through_the_environment(tmp_path: Path) -> None:
     small, store = household.pair(SEED, GLASS), EpisodeStore(tmp_path / "s")
     store.add_requests([])

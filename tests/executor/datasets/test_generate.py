@@ -359,8 +359,8 @@ def test_a_wrong_plan_says_where(text: str, said: str, tmp_path: Path, capsys: p
 def test_however_it_ends_what_was_made_is_whole(folder: Path, signal_number: int) -> None:
     code = (
         f"import executor.cli.commands.generate as g; g.WORKER = '{INVENTED}'\n"
-        "from executor.cli import main\n"
-        f"main.main(['generate', 'T1', '--seed', '7', '--episodes', '4', '--workers', '1', '--out', '{folder}'])"
+        "from executor.cli import app\n"
+        f"app.main(['generate', 'T1', '--seed', '7', '--episodes', '4', '--workers', '1', '--out', '{folder}'])"
     )
     process = subprocess.Popen([sys.executable, "-c", code], env=environment(), start_new_session=True)
     # Seed 9 sleeps: 7 and 8 are done then. How long a busy machine takes to start is no matter.

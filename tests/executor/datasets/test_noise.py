@@ -67,6 +67,7 @@ def test_axes_do_not_disturb_each_other() -> None:
     assert noise_of(both).seed == noise_of(_unit(noise_m=0.02)).seed
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_an_episode_with_noise_and_other_physics_is_repeated_to_the_last_bit_and_records_clean_targets() -> None:
     unit = _unit(vary=["physics"], noise_m=0.01)

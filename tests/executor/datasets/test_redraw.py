@@ -49,6 +49,7 @@ def test_a_unit_is_the_same_but_for_how_it_is_looked_at(made_store: EpisodeStore
         assert "look" not in replace(unit, variation=replace(unit.variation, look=0)).to_json()["variation"]
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.render
 def test_a_store_is_drawn_from_the_command_line_and_goes_on_where_it_ended(

@@ -52,6 +52,7 @@ def test_a_motion_that_was_ended_early_is_done_again_as_it_was(made_store: Episo
     assert repeat(done.task, done.scene, told, done.record_hz, physics=weak).state_hash == done.state_hash
 
 
+@pytest.mark.slow
 def test_a_rollout_keeps_what_the_robot_was_told(made_store: EpisodeStore) -> None:
     episode = next(made_store.demonstrations())
     done = rollout(oag.compose(episode.task, scene=episode.scene), episode.scene, 62990, vary=False)

@@ -57,6 +57,7 @@ def of_a_far_subtask(arrays: dict[str, Any]) -> bytes:
     return samples.packed({**arrays, "command_subtask": np.full_like(arrays["command_subtask"], 2**31 - 1)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("packed", "said"),
     [

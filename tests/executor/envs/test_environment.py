@@ -64,6 +64,7 @@ REGISTERED = (
 )
 
 
+@pytest.mark.slow
 def test_gymnasium_alone_makes_them_where_what_the_wheel_has_is_installed(tmp_path: Path) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     installed = tmp_path / "scene2demo-9.dist-info"

@@ -177,6 +177,7 @@ def test_the_hand_at_an_oven_comes_from_above_the_bar(worlds: list[World]) -> No
     assert first[0, 2] > 0.0 and abs(first[1, 1]) < 1e-6, "it looks at the front and its fingers close across the bar"
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_an_oven_is_no_matter_of_driving_but_of_the_whole_body(worlds: list[World]) -> None:
     world, planner = _planner(_scene("oven_bottom_hinge"), worlds)

@@ -80,6 +80,7 @@ def _joints(world: World) -> tuple[object, ...]:
     return world.assets["fixture_0"].joints
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("item", ["tumbler", "red_apple"])
 def test_a_deep_drawer_near_the_floor_is_not_opened_for_what_no_hand_can_put_there(
@@ -88,6 +89,7 @@ def test_a_deep_drawer_near_the_floor_is_not_opened_for_what_no_hand_can_put_the
     assert _verdicts("fridge_freezer_drawer", item, worlds) == {"door_hinge": True, "freezer_drawer_slide": False}
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_of_three_drawers_the_lowest_alone_is_too_low_for_a_glass(worlds: list[World]) -> None:
     cabinet = sample("cabinet_drawers", 0, "fixture_0")

@@ -79,6 +79,7 @@ def test_a_bowl_that_was_called_a_book_is_a_bowl() -> None:
     assert found.guess.entry is BOWL.entry and found.guess.size_m == pytest.approx(BOWL.size_m, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_dresser_that_was_called_a_countertop_is_one_with_its_drawers() -> None:
     bare = PoseHypothesis(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
     dresser = bare.with_parameters(drawers=2, handle_length_m=0.3)

@@ -61,6 +61,7 @@ def test_furniture_is_looked_for_as_smaller_than_usual_too() -> None:
     assert any(one.size_m == pytest.approx(thing.size_m, abs=0.1) for one in near)
 
 
+@pytest.mark.slow
 def test_what_looks_otherwise_without_depth_is_fitted_again() -> None:
     seen, boxes = monocular(TABLE)
     room = RoomEstimate(lit(seen, TABLE), (), boxes, 0.0)
@@ -81,6 +82,7 @@ def test_a_microwave_on_the_floor_may_be_called_wrongly(bottom_m: float, *, doub
     assert room.is_doubtful(0) is doubtful
 
 
+@pytest.mark.slow
 def test_what_was_moved_by_what_is_gone_since_is_shaken_back() -> None:
     seen, boxes = monocular(FRIDGE)
     room = RoomEstimate(lit(seen, FRIDGE), (), boxes, 0.0)
@@ -137,6 +139,7 @@ def lit(seen: Observation, thing: PoseHypothesis) -> Observation:
     return replace(seen, rgb=(seen.rgb * light[..., None]).astype(np.uint8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_m", [0.02, 0.044])
 def test_how_thick_a_top_is_makes_it_neither_higher_nor_wider(thickness_m: float) -> None:
     bare = PoseHypothesis(LIBRARY["table_round"], 2.0, 0.1, 0.0, 0.0, (0.8, 0.8, 0.65))
@@ -181,6 +184,7 @@ def test_what_has_legs_is_found_though_it_is_called_otherwise() -> None:
     assert fitter.fit_anything(0) == "can: chair_wooden"
 
 
+@pytest.mark.slow
 def test_what_nothing_was_found_under_is_no_giant_on_the_floor() -> None:
     orange = PoseHypothesis(LIBRARY["orange"], 2.05, -0.05, 0.0, 0.7, (0.08, 0.08, 0.08))
     seen, (table, box) = monocular(TABLE, orange)
@@ -255,6 +259,7 @@ def test_what_was_put_on_nothing_does_not_hide_what_it_stands_on() -> None:
     assert room.on_nothing_but(0) == [1] and room.on_nothing_but(1) == []
 
 
+@pytest.mark.slow
 def test_a_low_shelf_is_looked_for_as_low_as_it_is_and_as_wide_as_others() -> None:
     low = PoseHypothesis(LIBRARY["shelf_open"], 3.0, 0.6, math.pi / 2, 0.0, (0.33, 0.9, 0.63), (("boards", 1),))
     seen, boxes = monocular(low)

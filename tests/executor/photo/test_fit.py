@@ -179,6 +179,7 @@ def test_without_depth_a_box_above_the_horizon_has_no_thing_on_the_floor() -> No
     assert [one.reason for one in room.unfitted] == ["no model fits its box, wherever it may stand"]
 
 
+@pytest.mark.slow
 def test_without_depth_a_thing_ends_where_the_picture_has_edges() -> None:
     true = PoseHypothesis(LIBRARY["cabinet_two_doors"], 2.2, 0.1, math.pi + 0.4, 0.0, (0.6, 0.9, 0.8))
     around, box = painted_around(true)
@@ -250,6 +251,7 @@ def test_something_round_stands_at_a_wall_however_it_is_turned() -> None:
     assert found["table"].x_m == pytest.approx(2.545, abs=0.002)
 
 
+@pytest.mark.slow
 def test_what_stands_open_is_looked_for_as_large_as_it_is_without_its_door() -> None:
     fridge = PoseHypothesis(LIBRARY["fridge_one_door"], 2.4, 0.2, 0.3, 0.0, (0.7, 0.6, 1.3), (("open_fraction", 0.6),))
     observation, _ = seen_from_above(fridge)

@@ -63,6 +63,7 @@ def test_a_box_without_a_thing_adopts_what_was_found_alone() -> None:
     assert room.fits[0].guess.entry.category == "table", "as its box is called, since nobody can tell it from a desk"
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_thing_is_left_out_where_that_is_fitted_around_it() -> None:
     observation, (box,) = seen_from_above(TABLE)
     room = RoomEstimate(observation, (), [], 0.0)

@@ -53,6 +53,7 @@ def written(folder: Path, seen: Observation, things: list[dict[str, object]]) ->
     return ["photo", str(folder / "room.png"), "--depth", depth, "--camera", camera, "--boxes", boxes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["cup", "chair"])
 def test_a_persons_label_is_kept_or_its_thing_dropped(label: str) -> None:
     seen, (table, bowl) = seen_from_above(TABLE, BOWL)
@@ -106,6 +107,7 @@ def test_boxes_of_files_are_a_persons_and_those_of_networks_a_detectors(tmp_path
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("find_more", [False, True])
 def test_what_has_no_box_is_searched_for_only_when_asked(*, find_more: bool) -> None:
     seen, (table, _) = seen_from_above(TABLE, BOWL)
@@ -158,6 +160,7 @@ def test_a_thing_that_stands_on_nothing_is_left_out_with_its_reason() -> None:
     assert not alone.things and nothing.scene is None
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_the_command_keeps_labels_and_says_what_it_has_left_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

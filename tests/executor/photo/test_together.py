@@ -36,6 +36,7 @@ def fit_of(guess: PoseHypothesis, explained: float = 1.0) -> Fit:
     return Fit(guess, 0.0, (), explained, 0.0, 100, None)
 
 
+@pytest.mark.slow
 def test_a_microwave_is_fitted_though_nobody_has_drawn_a_box_around_what_carries_it() -> None:
     behind = PoseHypothesis(LIBRARY["wardrobe_two_doors"], 3.6, 0.5, 0.1, 0.0, (0.6, 1.0, 1.7))
     seen, (_, *boxes) = seen_from_above(COUNTER, MICROWAVE, behind)
@@ -65,6 +66,7 @@ def test_what_stands_across_another_is_in_its_way_as_what_stands_along_it() -> N
         assert prior_cost(inside, near) > prior_cost(beside, near) + 20.0
 
 
+@pytest.mark.slow
 def test_two_that_are_taken_for_each_other_are_fitted_anew_together() -> None:
     seen, boxes = seen_from_above(CABINET, COUNTER)
     room = RoomEstimate(seen, (), boxes, 0.0)

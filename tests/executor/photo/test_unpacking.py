@@ -58,6 +58,7 @@ HOSTILE: dict[str, tuple[str, Callable[[Path], object]]] = {
 }
 
 
+@pytest.mark.slow
 def test_depths_that_would_fill_a_memory_are_refused(tmp_path: Path) -> None:
     paths = []
     for number, (name, write) in enumerate(HOSTILE.values()):

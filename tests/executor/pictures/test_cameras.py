@@ -84,6 +84,7 @@ def test_walls_need_not_be_in_the_picture_and_the_overview_looks_past_them() -> 
         assert not outside or wall.extent_m[2] <= 1.0, "the camera stands behind a wall as high as a refrigerator"
 
 
+@pytest.mark.slow
 def test_in_a_home_the_overview_shows_what_the_task_is_about_from_nearer_than_one_of_everything() -> None:
     nearer = []
     for index in range(0, 102, 24):

@@ -244,6 +244,7 @@ def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
     assert loss_curve("p", ["nonsense"]) is None
 
 
+@pytest.mark.slow
 def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alone() -> None:
     unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
     assert unit.stances == 2 and unit.to_json()["stances"] == 2

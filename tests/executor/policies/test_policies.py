@@ -211,7 +211,7 @@ def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> 
     torch.manual_seed(0)
     network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4))
     given = {"numbers": torch.randn(4, 1, 5), "phase": torch.ones(4, 1, dtype=torch.int64)}
-    given["way"] = torch.zeros_like(given["phase"])
+    given["grasp_mode"] = torch.zeros_like(given["phase"])
     first, second = (member(**given) for member in network.members)
     learned, *_ = network.train()(**given)
     assert torch.allclose(learned, torch.cat([first[0][:2], second[0][2:]]), atol=1e-5)

@@ -136,12 +136,14 @@ def test_nothing_stays_hooked() -> None:
     assert "step" not in vars(sapien.physx.PhysxCpuSystem)
 
 
+@pytest.mark.slow
 def test_an_episode_is_clean_agrees_with_a_second_geometry_and_replays() -> None:
     found = audit(PICKING)
     assert found.succeeded and found.clean, found
     assert found.steps > 2000 and found.measured["finger force peak, N"] > 20.0
 
 
+@pytest.mark.slow
 def test_a_replay_without_the_hand_and_a_goal_that_does_not_hold_are_told() -> None:
     done, _ = execute(PICKING, *prepare(PICKING))
     before = Snapshot(done.scene, done.trajectory.packed_states[0])

@@ -90,6 +90,7 @@ def test_t3_succeeds_and_another_seed_is_another_run(t3_rollout: Rollout) -> Non
     assert t3_rollout.state_hash != second.state_hash
 
 
+@pytest.mark.slow
 def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> None:
     done = rollout(t1(T1_PAPER_FLOWS), seed=0)
     flows = [[step.action for step in subtask.steps] for subtask in done.subtasks]
@@ -162,6 +163,7 @@ def test_resuming_keeps_the_rate_of_recording(t3_rollout: Rollout) -> None:
     assert np.array_equal(recorded_s, t3_rollout.trajectory.time_s[-len(recorded_s) :])
 
 
+@pytest.mark.slow
 def test_a_goal_with_a_quantifier_is_judged_over_the_scenes_objects() -> None:
     goal = (
         "(and (forall (?a - apple) (inside ?a bowl_0)) (exists (?b - bowl) (inside apple_0 ?b))"

@@ -83,12 +83,14 @@ def assert_withdrawn_and_put(done: Rollout, item: str) -> None:
     assert all(value is literal.endswith("gripper)") for literal, value in inside.items())
 
 
+@pytest.mark.slow
 def test_out_of_a_refrigerator_onto_a_table() -> None:
     scene = can_in_a_refrigerator()
     task = planned("take the can out of the refrigerator and put it on the table", scene)
     assert_withdrawn_and_put(executor.rollout(oag.compose(task), scene), "can_0")
 
 
+@pytest.mark.slow
 def test_out_of_a_drawer_onto_a_table_by_flows_that_were_searched() -> None:
     scene = die_in_a_drawer()
     task = planned("take the die out of the cabinet and put it on the table", scene)

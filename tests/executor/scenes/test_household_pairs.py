@@ -7,8 +7,6 @@ import pytest
 import oag
 from executor.assets.library import asset_for
 from executor.scenes.generators import household
-from executor.scenes.generators import household as built
-from executor.scenes.generators import household as layouts
 from executor.scenes.pair import NotDrawn, ScenePair
 from executor.scenes.reachability import reach
 from executor.scenes.validation import overlaps, settle
@@ -92,9 +90,9 @@ def test_the_variations_of_a_room_have_other_models_and_sizes() -> None:
 
 
 def test_a_query_that_is_understood_otherwise_is_told_apart(sample: dict[int, ScenePair]) -> None:
-    wish = layouts()[1].wishes[0]
-    assert not list(built.mismatches(sample[3].task, wish))
-    assert list(built.mismatches(sample[57].task, wish)) == [
+    wish = household.layouts()[1].wishes[0]
+    assert not list(household.mismatches(sample[3].task, wish))
+    assert list(household.mismatches(sample[57].task, wish)) == [
         "it is about medicine_0, not cabinet_1",
         "it does not open anything",
     ]
@@ -118,7 +116,7 @@ def test_at_least_95_of_the_102_pass_the_rule_of_reach() -> None:
 
 def check_plan(pair: ScenePair, index: int) -> None:
     """Asserts that a pair's task is the one subtask that its layout declares, and proved."""
-    wish = layouts()[index // household.VARIATIONS].wishes[index % household.VARIATIONS]
+    wish = household.layouts()[index // household.VARIATIONS].wishes[index % household.VARIATIONS]
     (subtask,) = pair.task.subtasks
     assert (subtask.target, pair.query, pair.family) == (wish.target, wish.query, wish.family)
     primitives = {action.primitive.name for action in subtask.flow or ()}

@@ -23,6 +23,7 @@ def drawn(family: str) -> tuple[ScenePair, ...]:
     return tuple(draw(family, seed) for seed in SEEDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_equal_seeds_give_equal_pairs_and_others_other_ones(family: str) -> None:
     first, second = drawn(family)[:2]
@@ -68,6 +69,7 @@ def test_refrigerators_vary(family: str) -> None:
     assert any(_stock(pair) for pair in drawn(family)) and any(not _stock(pair) for pair in drawn(family))
 
 
+@pytest.mark.slow
 def test_widths_of_what_is_taken_vary_and_a_kitchen_without_scaling_says_why_there_is_none() -> None:
     glasses = [pair.scene["glass_0"] for pair in drawn("T1")]
     widths_m = [min(glass.extent_m[:2]) for glass in glasses]

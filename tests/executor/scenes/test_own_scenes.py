@@ -178,6 +178,7 @@ def test_places_that_cannot_be(entry: dict[str, Any], said: str, tmp_path: Path)
     assert said in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_table_is_full_at_some_time(tmp_path: Path) -> None:
     cups = {f"cup_{n}": {"category": "cup", "on": "table_0"} for n in range(80)}
     data = {"objects": {"table_0": {"category": "table", "position": [1.0, 0.0]}, **cups}}

@@ -42,6 +42,7 @@ def test_drawn_scenes_pass_and_every_part_has_its_numbers(family: str) -> None:
     assert family != "T3" or reach(pair.scene, pair.task) == found
 
 
+@pytest.mark.slow
 def test_a_thing_too_high_is_refused_for_the_arm() -> None:
     room = a_room()
     stand(room, room.draw("table_four_legs"), -0.8, 0.0)

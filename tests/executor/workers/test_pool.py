@@ -115,7 +115,7 @@ def test_a_clock_that_was_left_kills_nobody() -> None:
     try:
         with _Deadline(worker, None) as deadline:
             pass
-        deadline._ring()
+        deadline._time_out()
         assert not deadline.timed_out and not worker.killed
     finally:
         worker.close()

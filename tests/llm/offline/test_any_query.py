@@ -72,6 +72,7 @@ def test_any_query_is_proved_or_refused(query: str, scene: oag.Scene) -> None:
     assert report.verdict is oag.Verdict.PROVED, str(report)
 
 
+@pytest.mark.slow
 @given(st.one_of(NEAR_SENTENCES, STORIES), st.sampled_from(KNOWN_COMPLETELY))
 @example("put everything in the fridge, then take the glass in the fridge, then ", KNOWN_COMPLETELY[0])
 @example("put everything in the fridge, then take the glass in the fridge, then ", KNOWN_COMPLETELY[1])

@@ -130,6 +130,7 @@ def test_words_are_looked_up_in_proportion_to_their_number(monkeypatch: pytest.M
     assert 0 < counts[1] <= 2 * counts[0] + 2
 
 
+@pytest.mark.slow
 def test_eight_hundred_apples_are_planned_and_a_refusal_about_them_stays_short() -> None:
     scene = _apples(800)
     assert len(llm.propose("put everything into the fridge", scene).task.subtasks) == 1602
