@@ -1,0 +1,43 @@
+"""Files that version 0.1.0 wrote are read, checked and continued."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import oag
+from executor.cli import app
+from executor.data.store import EpisodeStore
+
+WRITTEN = Path(__file__).parent / "data" / "written_by_0_1_0"
+
+
+def test_a_certificate_is_confirmed() -> None:
+    data = json.loads((WRITTEN / "certificate.json").read_text(encoding="utf-8"))
+    assert oag.recheck(data).ok
+
+
+@pytest.mark.physics
+def test_a_store_is_checked_and_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyarrow")
+    store = Path(shutil.copytree(WRITTEN / "store", tmp_path / "store"))
+    assert app.run(["dataset", "check", str(store)]) == 0
+    (episode,) = EpisodeStore(store).episodes()
+    assert len(episode.arrays["robot_qpos"]) == episode.meta["samples"]
+    assert app.run(["dataset", "export", str(store), "--out", str(tmp_path / "set")]) == 0
+    assert json.loads((tmp_path / "set" / "meta" / "info.json").read_text())["total_episodes"] == 1
+    capsys.readouterr()
+
+
+@pytest.mark.physics
+def test_a_policy_is_evaluated_and_its_training_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("torch")
+    policy = Path(shutil.copytree(WRITTEN / "policy", tmp_path / "policy"))
+    assert app.run(["evaluate", str(policy), "--task", "T5", "--episodes", "1", "--seed", "95500", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"]
+    words = ["train", str(WRITTEN / "small.toml"), "--data", str(WRITTEN / "store"), "--out", str(policy)]
+    assert app.run([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"]
