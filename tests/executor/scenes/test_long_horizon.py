@@ -31,6 +31,7 @@ def test_equal_seeds_give_equal_pairs_and_others_other_ones(family: str) -> None
     assert first.scene.objects != second.scene.objects
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_nothing_overlaps_and_the_facts_are_what_the_detectors_read(family: str) -> None:
     for pair in drawn(family)[:3]:

@@ -140,6 +140,7 @@ def test_all_that_cannot_be_built_is_said_at_once() -> None:
     assert "glass_0 (unicorn)" in str(caught.value) and "table_0 (chandelier)" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_crowd_of_things_is_compared_with_its_neighbours() -> None:
     """Every pair of 300 things, each built anew for it, would take hours."""
 

@@ -30,6 +30,7 @@ def asked(scene: Scene, query: str) -> Reach:
     return reach(fitted, task)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["T1", "T3"])
 def test_drawn_scenes_pass_and_every_part_has_its_numbers(family: str) -> None:
     pair = draw(family, 12000)
