@@ -26,15 +26,15 @@ UNFINISHED = ("crashed", "timed-out", "error")
 """Endings of units whose outcome is unknown, because their process crashed, hung or raised."""
 
 
-class Unit(Protocol):
+class CampaignUnit(Protocol):
     """One piece of work, described by all inputs of its outcome."""
 
     def id(self, version: str) -> str:
         """Return a key that changes whenever the outcome may."""
 
 
-AnyUnit = TypeVar("AnyUnit", bound=Unit)
-StoredUnit = TypeVar("StoredUnit", bound=Unit, contravariant=True)
+AnyUnit = TypeVar("AnyUnit", bound=CampaignUnit)
+StoredUnit = TypeVar("StoredUnit", bound=CampaignUnit, contravariant=True)
 Job = tuple[AnyUnit, str]
 """A unit, and the version of the program that its result is for."""
 

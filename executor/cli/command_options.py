@@ -109,7 +109,7 @@ class RunOptions(CommonOptions):
     scene: Maybe[SceneName] = None
     photo: Annotated[Maybe[Path], Read()] = None
     """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
-    beside: PhotoInputs = field(default_factory=PhotoInputs)
+    photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
     max_tokens: MaxTokens = None
@@ -346,7 +346,7 @@ class PhotoOptions(CommonOptions):
     picture: tyro.conf.Positional[Annotated[Path, Read()]]
     """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
     out: ResultsFolder
-    beside: PhotoInputs = field(default_factory=PhotoInputs)
+    photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
     max_tokens: MaxTokens = None

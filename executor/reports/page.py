@@ -144,9 +144,9 @@ def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
 
 
 def _evolution(evolution: Evolution, pictures: AttemptPictures) -> dict[str, object]:
-    told = [story for story in evolution.stories if len(story.records) > 1 or story.gave_up is not None]
+    revised = [story for story in evolution.stories if len(story.records) > 1 or story.gave_up is not None]
     stories = []
-    for story in told:
+    for story in revised:
         attempts, before = [], None
         for number, (attempt, revision) in enumerate(story.history.iterations):
             rows = _attempt_strips(pictures.drawn.get((story.history.subtask, number), {}))

@@ -126,7 +126,7 @@ def execute(options: PhotoOptions) -> int:
     spent: list[Spending] = []
     with ExitStack() as counted:
         asked = _asked(options, spent, counted)
-        given = read_photograph(options.picture, options.beside, asked)
+        given = read_photograph(options.picture, options.photo_inputs, asked)
     # Where a model was asked, the folder has the conversation already.
     folder = options.out if options.model is not None else prepared(options.out, force=options.force)
     with remove_empty_folder(folder):

@@ -111,7 +111,7 @@ def _prove_and_execute(
             options.query,
             scene=options.scene if options.photo is None else None,
             photo=options.photo,
-            **({} if options.photo is None else asdict(options.beside)),
+            **({} if options.photo is None else asdict(options.photo_inputs)),
             seed=options.seed,
             out=options.out,
             model=options.model,

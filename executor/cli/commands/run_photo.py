@@ -27,5 +27,5 @@ def execute(options: RunOptions) -> int:
         return run.execute(options)
     # Fitting takes a while: refuse an unusable folder before it.
     folder = RunFolder.prepare(options.out, force=options.force)
-    scene = scene_of_photograph(options.photo, options.beside, folder.path / "photo", quiet=options.json)
+    scene = scene_of_photograph(options.photo, options.photo_inputs, folder.path / "photo", quiet=options.json)
     return run.execute(replace(options, scene=str(scene)))
