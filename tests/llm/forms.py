@@ -15,7 +15,7 @@ from typing import Any
 from llm.evolve.model_judges import RevisedFlow, StepCritique
 from llm.structured.schema import Answer, wire_schema
 from oag import Primitive
-from tests.llm.evolution.scripted_judges import critique_answer, revision_answer
+from tests.llm.evolve.scripted_judges import critique_answer, revision_answer
 from tests.llm.scripted_modules import SCHEMAS, right_answers, without_subtask
 from tests.source_tree import ROOT
 

@@ -19,7 +19,7 @@ import pytest
 
 from executor.cli.app import main
 from executor.system.files import write_json
-from tests.executor.rollout.tasks import closing
+from tests.executor.rollouts.tasks import closing
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.llm.evolution.scripted_judges import asked_step, critique_answer
+from tests.llm.evolve.scripted_judges import asked_step, critique_answer
 from tests.llm.live import KEY, KEY_VARIABLE
 from tests.llm.model_server import Act, ModelServer, Seen, replies
 

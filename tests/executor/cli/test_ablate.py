@@ -19,7 +19,7 @@ from llm.evolve import Situation
 from llm.structured.conversation import Spending
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
-from tests.llm.evolution.scripted_judges import Judge, ajar, attempt_of, revision_answer
+from tests.llm.evolve.scripted_judges import Judge, ajar, attempt_of, revision_answer
 from tests.llm.model_server import ModelServer, fails
 from tests.oag.paper import scene
 

@@ -12,7 +12,7 @@ import oag
 from executor.cli import app
 from executor.system.files import write_json
 from tests.executor.cli.conftest import scene_of
-from tests.executor.rollout.tasks import T1_ROLES, graph
+from tests.executor.rollouts.tasks import T1_ROLES, graph
 
 
 @pytest.mark.physics

@@ -17,8 +17,8 @@ from executor.system import vulkan
 from executor.system.files import write_json
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judge, judging_server, point_to
-from tests.executor.rollout.tasks import AJAR, T3_ROLES, graph
-from tests.llm.evolution.scripted_judges import revision_answer
+from tests.executor.rollouts.tasks import AJAR, T3_ROLES, graph
+from tests.llm.evolve.scripted_judges import revision_answer
 from tests.llm.live import KEY
 from tests.llm.model_server import Act, ModelServer, Seen, fails, replies
 

@@ -24,7 +24,7 @@ from llm.client.profiles import BoxForm
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.llm.live import KEY, KEY_VARIABLE, hurry
 from tests.llm.model_server import Act, ModelServer, fails, replies
-from tests.llm.sight.spotter import Spotter, pattern_answer
+from tests.llm.vision.spotter import Spotter, pattern_answer
 
 MODEL = "openai-compatible:seer"
 SIZE = (320, 240)

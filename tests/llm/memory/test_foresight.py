@@ -11,7 +11,7 @@ import pytest
 import oag
 from llm.memory import SkillMemory, foresee
 from llm.memory_notes import Note
-from tests.llm.evolution.attempts import failed, situation
+from tests.llm.evolve.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
 SITUATION = situation("T1", 3, failed(oag.flow_from_json(AJAR), 4, measurements={}))

@@ -13,7 +13,7 @@ import oag
 from llm.evolve import GiveUp, SearchSupervisor, Situation
 from llm.memory import MemoryFolderError, RememberingSupervisor, SkillMemory, notes_for
 from llm.memory_notes import Circumstances, circumstances, note_text, read_note, recall
-from tests.llm.evolution.attempts import failed, situation
+from tests.llm.evolve.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
 SHORT = {"measurements": {"fraction_reached": 0.352, "fraction_asked": 0.35}}

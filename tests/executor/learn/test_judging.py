@@ -1,0 +1,294 @@
+"""Policies judged: pushes that push, help that is counted apart, success by what varied, tables and the page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from executor import load_scene
+from executor.campaign.rate import Rate
+from executor.cli.app import run
+from executor.data.generation import series_of
+from executor.data.store import EpisodeStore
+from executor.data.work import prepare_unit
+from executor.envs.pushes import DrawnPush, Pusher, draw_pushes
+from executor.envs.scene_environment import SceneEnvironment
+from executor.learn.acting import Policy, TrainedPolicy
+from executor.learn.demonstrations import read_demonstrations
+from executor.learn.evaluation.outcomes import AFTER_S, EpisodeOutcome, MonitorWatch, OutcomeWatch
+from executor.learn.evaluation.scores import Curve, PolicyScore, by_axis, by_training, diagram, loss_curve
+from executor.learn.evaluation.trials import (
+    MOST_S,
+    PUSHED_BETWEEN_S,
+    UNDONE_S,
+    PlanGuide,
+    StallWatch,
+    TrialConditions,
+    environment_for,
+    most_steps,
+    pusher_of,
+    run_episode,
+)
+from executor.learn.observations import subtask_of
+from executor.learn.policy_record import PolicyRecord
+from executor.learn.training import Trainer
+from executor.rollouts.rollout import rollout
+from llm import propose
+from oag import TaskError
+from tests.executor.learn.conftest import KITCHEN, PLAN, small
+from tests.executor.learn.test_commands import TINY, last_json
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture
+def env(picked: EpisodeStore) -> Iterator[SceneEnvironment]:
+    """Return the environment of a demonstration, at its start."""
+    episode = next(picked.demonstrations())
+    with closing(SceneEnvironment(scene=episode.scene, task=episode.task)) as found:
+        found.reset(seed=0)
+        yield found
+
+
+def test_a_whole_task_has_time_for_each_of_its_subtasks() -> None:
+    task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
+    assert len(task.subtasks) > 1
+    assert most_steps(None, task, 5.0) == 5 * MOST_S * len(task.subtasks)
+
+
+def test_pushes_move_the_base_and_the_item_by_a_force(env: SceneEnvironment) -> None:
+    pusher = Pusher([DrawnPush("item", 0.2, 0.5), DrawnPush("base", 1.0, 2.0)], "glass_0")
+    env.disturb(pusher)
+    glass_m, base_m = env.world.T_world_link("glass_0")[:3, 3], np.array(env.world.robot.get_qpos())[:2]
+    farthest_m = 0.0
+    for _ in range(25):
+        env.wait()
+        farthest_m = max(farthest_m, float(np.hypot(*(np.array(env.world.robot.get_qpos())[:2] - base_m))))
+    item, base = pusher.applied
+    moved_m = env.world.T_world_link("glass_0")[:3, 3] - glass_m
+    assert (item.what, base.what) == ("item", "base") and item.at_s == pytest.approx(0.2, abs=0.005)
+    assert 0.03 <= item.moved_m < 0.035 and item.most_n < 20.0
+    assert np.hypot(*moved_m[:2]) == pytest.approx(0.03, abs=0.01) and abs(moved_m[2]) < 0.005  # It stands as it stood.
+    assert np.arctan2(moved_m[1], moved_m[0]) == pytest.approx(0.5, abs=0.2)
+    assert 0.05 <= base.moved_m < 0.06 and farthest_m > 0.03 and base.most_n > 350.0
+
+
+def test_pushes_follow_from_the_seed() -> None:
+    first, again, other = (draw_pushes(("base", "item"), seed, (2.0, 10.0)) for seed in (1, 1, 2))
+    assert first == again != other and len(first) == 2
+    assert all(2.0 <= push.at_s <= 10.0 for push in (*first, *other))
+    assert [push for push in draw_pushes(("item",), 1, (2.0, 10.0))] == [push for push in first if push.what == "item"]
+
+
+def test_an_item_that_is_not_there_is_not_pushed(env: SceneEnvironment) -> None:
+    pusher = Pusher([DrawnPush("item", 0.0, 0.0)], None)
+    env.disturb(pusher)
+    env.wait()
+    assert pusher.applied == []
+
+
+def test_who_stands_still_has_stalled() -> None:
+    watch = StallWatch(10.0)
+    for moment in range(60):
+        watch.look(np.full(12, 0.01 * moment))
+    assert not watch.stalled
+    for _ in range(30):
+        watch.look(np.full(12, 0.6))
+    assert watch.stalled
+
+
+def test_monitors_see_a_robot_that_runs_into_things(env: SceneEnvironment) -> None:
+    watch, target = MonitorWatch(env.world, env.episode.task), env.target
+    for _ in range(60):
+        target[0] += 0.05  # On, whatever is there: at last the table.
+        env.step(target.astype(np.float32))
+        watch.look(env.target)
+    assert {"stalled", "unexpected-contact"} & set(watch.first_failures_s)
+
+
+def test_help_is_counted_apart(picked: EpisodeStore, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A policy that has learned nothing does nothing; the planner does it all, and the policy has no success of it."""
+    data = read_demonstrations([picked.path], small())
+    record = PolicyRecord.of(small(), 3, data)
+    Trainer(out, record, data).run(lambda step, loss: None)
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.PUSHED_BETWEEN_S", (0.1, 0.2))
+    with closing(environment_for(TrainedPolicy.load(out), record.kinds[0])) as env:
+        outcome, _ = run_episode(env, TrainedPolicy.load(out), 62986, TrialConditions(("item",), fallback=True))
+    assert not outcome.success_once and outcome.failure and outcome.success_with_help
+    (helped,) = outcome.helped
+    assert helped["because"] == "time" and helped["succeeded"] and helped["took_s"] > 3.0
+    assert [push["what"] for push in outcome.pushes] == ["item"]
+    assert {"target_distance_m", "target glass_0 turned_rad"} <= set(outcome.drawn)
+    score = PolicyScore.of([outcome])
+    assert score.with_help is not None and (score.with_help.successes, score.once.successes, score.helped) == (1, 0, 1)
+    json.dumps(outcome.to_json())
+
+
+def test_success_by_what_varied() -> None:
+    outcomes = [
+        replace(episode(k, good=k < 6), drawn={"far_m": float(k), "same": 1.0, **({"odd": 1.0} if k else {})})
+        for k in range(12)
+    ]
+    (few,) = by_axis([replace(outcome, drawn={"right": float(k % 2)}) for k, outcome in enumerate(outcomes)])
+    assert [(low, high, rate.successes) for low, high, rate in few.parts] == [(0.0, 0.0, 3), (1.0, 1.0, 3)]
+    (score,) = by_axis(outcomes)
+    assert score.axis == "far_m" and [rate.successes for *_, rate in score.parts] == [4, 2, 0]
+    assert [(low, high) for low, high, _ in score.parts] == [(0.0, 3.0), (4.0, 7.0), (8.0, 11.0)]
+    assert score.p is not None and score.p < 0.01
+    assert by_axis([]) == () and by_axis(outcomes[:6])[0].p is None
+
+
+def test_seeds_of_a_training_are_one_row() -> None:
+    found = {name: [episode(k, good=k < good) for k in range(10)] for name, good in (("a", 8), ("b", 6), ("c", 3))}
+    first, second = by_training({"a": ("x", 0), "b": ("x", 1), "c": ("y", 0)}, found)
+    assert (first.names, first.seeds, first.shares) == (("a", "b"), (0, 1), (0.8, 0.6))
+    assert (first.once.successes, first.once.trials) == (14, 20) and first.spread == pytest.approx(0.1414, abs=1e-4)
+    assert second.names == ("c",) and second.spread is None
+    # Ten rooms, each met twice: no narrower than what seven of ten say.
+    assert first.once.interval_percent == Rate(7, 10).interval_percent
+    assert second.once.interval_percent == Rate(3, 10).interval_percent
+
+
+class Pretender:
+    """Takes some subtask to be going on, whatever it sees."""
+
+    name = folder = "pretender"
+    execute, step = 6, 0
+    record = SimpleNamespace(rate_hz=10.0)
+
+    def __init__(self) -> None:
+        self.subtask = self.restarts = 0
+        self.begun: list[list[int]] = []
+
+    def begin(self, plan: Sequence[int], seed: int) -> None:
+        self.go_on(plan)
+
+    def go_on(self, plan: Sequence[int]) -> None:
+        self.begun.append(sorted({subtask_of(step) for step in plan}))
+
+
+def test_the_graph_sends_back_who_goes_on_from_what_is_not_done_and_on_who_does_what_is() -> None:
+    task = propose("put the glass into the refrigerator", load_scene(str(KITCHEN))).task
+    actor = Pretender()
+    guide = PlanGuide(cast(Policy, actor), task)
+    for _ in range(100):
+        guide.look({"stage": 0})
+        guide.look({"stage": 1})  # A door counts as open long before it was opened as far as it has to be.
+    assert actor.begun == []
+    actor.restarts = 1
+    guide.look({"stage": 0})
+    assert actor.begun == [], "what is not done may be begun anew"
+    actor.restarts = 2
+    guide.look({"stage": 1})
+    assert actor.begun == [[1, 2, 3]]
+    actor.restarts, actor.subtask = 2, 2
+    for _ in range(int(UNDONE_S * 10.0)):
+        guide.look({"stage": 1})
+    assert len(actor.begun) == 1
+    guide.look({"stage": 1})
+    assert actor.begun[1:] == [[1, 2, 3]]
+    actor.restarts, actor.subtask = 3, 3
+    guide.look({"stage": 4})
+    assert len(actor.begun) == 2, "behind the last subtask there is nothing to go on with"
+
+
+def test_who_succeeds_as_the_time_runs_out_is_looked_at_for_as_long_as_anybody(
+    env: SceneEnvironment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Late(OutcomeWatch):
+        def look(self, info: Mapping[str, Any]) -> None:
+            super().look(info)
+            if self.succeeded_s is None and self.elapsed_s > 0.85:
+                self.succeeded_s = self.elapsed_s
+
+    actor = Pretender()
+    actor.act = lambda observation: env.target  # type: ignore[attr-defined]
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.trials.OutcomeWatch", Late)
+    outcome, _ = run_episode(env, cast(Policy, actor), 0)
+    assert outcome.success_once and not outcome.success_at_end, "it did not hold"
+    assert outcome.simulated_s == pytest.approx(0.9, abs=0.05) and env.world.time_s >= 0.9 + AFTER_S
+
+
+def test_of_a_whole_task_the_first_item_is_pushed_and_where_there_is_none_that_is_said(env: SceneEnvironment) -> None:
+    pushed = pusher_of(env, 0, ("base", "item"))
+    env.disturb(pushed)
+    for _ in range(round(PUSHED_BETWEEN_S[1] * 10) + 20):
+        env.wait()
+    assert {push.what for push in pushed.applied} == {"base", "item"}
+    for query, item in (("open the refrigerator", ""), ("put the glass into the refrigerator", "glass_0")):
+        with closing(SceneEnvironment(query=query, scene=str(KITCHEN))) as other:
+            other.reset(seed=0)
+            if item:
+                pusher_of(other, 0, ("item",))
+                continue
+            with pytest.raises(TaskError, match="no item can be pushed: the task is about refrigerator_0"):
+                pusher_of(other, 0, ("item",))
+
+
+def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
+    lines = ['{"step": 200, "loss": 0.5}', "nonsense", '{"step": 100, "loss": 1.0}', "[]"]
+    curve = loss_curve("<p>", lines)
+    assert curve is not None and curve.points == ((100.0, 1.0), (200.0, 0.5))
+    drawn = diagram([curve, Curve("q", ((200.0, 0.0),), ((0.0, 0.3),))])
+    assert drawn.count("<polyline") == 2 and drawn.count("<polygon") == 1 and "&lt;p&gt;" in drawn
+    assert loss_curve("p", ["nonsense"]) is None
+
+
+@pytest.mark.slow
+def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alone() -> None:
+    unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
+    assert unit.stances == 2 and unit.to_json()["stances"] == 2
+    assert "stances" not in replace(unit, stances=1).to_json()
+    graph = prepare_unit(unit).graph
+    hashes = [rollout(graph, seed=seed, vary=False, stances=2).state_hash for seed in (0, 7)]
+    assert hashes[0] == hashes[1] != rollout(graph, seed=7, vary=False).state_hash
+
+
+def test_evaluate_tells_of_pushes_steps_and_seeds(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tmp_path / "tiny.toml"
+    settings.write_text(TINY)
+    for seed in (0, 1):
+        told = ["--data", str(picked.path), "--out", str(tmp_path / f"p{seed}"), "--seed", str(seed), "--json"]
+        assert run(["train", str(settings), "--threads", "1", *told]) == 0
+    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
+    capsys.readouterr()
+    policies = [str(tmp_path / "p0"), str(tmp_path / "p1")]
+    asked = ["--episodes", "2", "--seed", "62985", "--steps", "2", "4", "--push", "base", "--json"]
+    assert run(["evaluate", *policies, *asked, "--out", str(tmp_path / "r")]) == 0
+    found = last_json(capsys)
+    assert len(found["policies"]) == 4 and found["pushes"] == ["base"]  # type: ignore[arg-type]
+    assert [row["seeds"] for row in found["trainings"]] == [[0, 1], [0, 1]]  # type: ignore[attr-defined]
+    page = (tmp_path / "r" / "evaluation.html").read_text()
+    assert "Loss by step" in page and "Success by step" in page and "target_distance_m" in page
+    assert run(["evaluate", policies[0], "--push", "base", "base", "--json"]) == 2
+    assert "each thing once" in str(last_json(capsys)["error"])
+
+    # Ctrl-C in the second episode of the second policy: what both had done by then is kept.
+    def ended(env: SceneEnvironment, actor: TrainedPolicy, seed: int, conditions: TrialConditions) -> object:
+        if seed == 62986 and actor.name == policies[1]:
+            raise KeyboardInterrupt
+        return run_episode(env, actor, seed, conditions)
+
+    monkeypatch.setattr("executor.learn.evaluation.trials.run_episode", ended)
+    asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
+    assert run(["evaluate", *policies, *asked]) == 130
+    kept = last_json(capsys)
+    assert [len(row["episodes"]) for row in kept["policies"].values()] == [1, 1]  # type: ignore[attr-defined]
+    assert json.loads((tmp_path / "ended" / "evaluation.json").read_text())["policies"] == kept["policies"]
+
+
+def episode(seed: int, *, good: bool) -> EpisodeOutcome:
+    """Return an outcome."""
+    return EpisodeOutcome(seed, good, good, "" if good else "lost", 2.0, {})
