@@ -12,8 +12,7 @@ the graph decides which of its answers are taken (docs/models.md).
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from llm.client.budget import Budget, Metered, Usage
-from llm.client.transport import ChatReply, ChatRequest, Image, Message, Transport
+from llm.client.transport import Budget, ChatReply, ChatRequest, Image, Message, Metered, Transport, Usage
 from llm.errors import (
     BudgetSpent,
     LlmError,
@@ -26,8 +25,7 @@ from llm.errors import (
 )
 from llm.offline.lexicon import Lexicon, LexiconError
 from llm.offline.planner import OfflinePlanner
-from llm.proposing.proposal import Expanded, Proposal
-from llm.proposing.propose import Proposer, propose
+from llm.proposing.propose import Expanded, Proposal, Proposer, propose
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round
 
 if TYPE_CHECKING:

@@ -26,8 +26,7 @@ import bddl
 from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
-from llm.proposing.blame import concerns_roles
-from llm.proposing.proposal import Expanded
+from llm.proposing.propose import Expanded
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (
@@ -143,6 +142,23 @@ class ModuleSession:
 def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
     """Return a task of what is known so far, for the checks of form."""
     return Task("task", "", goal, True, tuple(subtasks), {}, scene)
+
+
+def concerns_roles(found: Diagnostic, task: Task) -> bool:
+    """Decide whether a finding about a subtask's conditions is caused by its roles.
+
+    Examples: a goal that puts the target elsewhere than on its support_goal; a target to be opened that has no door.
+    """
+    return found.code == "task/role-scope" or opens_its_target(found, task)
+
+
+def opens_its_target(found: Diagnostic, task: Task) -> bool:
+    """Decide whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
+    if found.code != "bddl/kind" or found.subtask is None:
+        return False
+    subtask = task.subtasks[found.subtask]
+    opened = bddl.Atom("open", (subtask.target,))
+    return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
 
 
 def check_numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:

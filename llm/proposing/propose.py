@@ -1,17 +1,84 @@
-"""Public entry point: propose a task for a query in a scene, by the offline planner, a model or any `Proposer`."""
+"""Propose a task for a query in a scene, by the offline planner, a model or any other `Proposer`."""
 
 from __future__ import annotations
 
-from importlib import import_module
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
+import bddl
 from llm.errors import ProposerError, QueryError
-from llm.offline.planner import OfflinePlanner
-from llm.proposing.proposal import Proposal
-from oag import Scene
+from llm.structured.conversation import Conversation
+from oag import Scene, Task
 from oag.model.codec import shown
 from oag.sizes import TO_THE_AIM, Sizing
 from oag.task import required_scene
+
+
+@dataclass(frozen=True, slots=True)
+class Expanded:
+    """Texts of module 1.
+
+    Attributes:
+        task_name: The request with every object named by its id, such as "put glass_0 into refrigerator_0".
+        task_message_detail: The scene-grounded description, step by step.
+    """
+
+    task_name: str
+    task_message_detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A task proposed for a query, not yet verified.
+
+    Attributes:
+        query: The query as given.
+        expanded: Module 1: the query in terms of the scene.
+        task: Modules 2, 4 and 5: subtasks with roles, formulas and flows, the task goal G, the scales.
+        problems: Module 3: one BDDL problem for each subtask.
+        notes: Assumptions, omissions and scalings, for the user.
+        proposer: Name of the proposer, such as "offline".
+        conversation: Exchanges with a model; not part of the JSON, and ignored in comparisons.
+    """
+
+    query: str
+    expanded: Expanded
+    task: Task
+    problems: tuple[bddl.Problem, ...]
+    notes: tuple[str, ...] = ()
+    proposer: str = "offline"
+    conversation: Conversation | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Proposal by {self.proposer} for {self.query!r}: {self.task!r}>"
+
+    def to_json(self) -> dict[str, object]:
+        """Return the proposal under the paper's names; `oag.Task.from_json` reads it as a task file too.
+
+        In addition to the task's own fields there are `query`, `task_name`, `task_message_detail`, `notes`,
+        `proposer`. Each `sub_task_k` has its `bddl` text, its `scale`, and the `bddl_category` of each object it
+        names.
+        """
+        task = self.task.to_json()
+        subtasks = task.pop("sub_tasks")
+        written: dict[str, object] = {
+            "query": self.query,
+            "proposer": self.proposer,
+            "task_name": self.expanded.task_name,
+            "task_message_detail": self.expanded.task_message_detail,
+            **task,
+            "notes": list(self.notes),
+        }
+        if not isinstance(subtasks, list):
+            raise TypeError("a task's JSON has its subtasks in a list")
+        for number, (subtask, problem) in enumerate(zip(subtasks, self.problems, strict=True), start=1):
+            written[f"sub_task_{number}"] = {
+                **subtask,
+                "bddl_category": {thing.name: thing.category for thing in problem.objects},
+                "scale": self.task.scales.get(subtask["target"], 1.0),
+                "bddl": bddl.format(problem),
+            }
+        return written
 
 
 @runtime_checkable
@@ -46,11 +113,17 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, si
         raise QueryError("not-understood", str(query), f"expected a sentence in English, got {shown(query)}")
     required_scene(scene)
     if model is None:
+        # The planner returns a `Proposal`, and so imports this module.
+        from llm.offline.planner import OfflinePlanner
+
         return OfflinePlanner(sizing=sizing).propose(query, scene)
     proposer: object = model
     if isinstance(model, str):
-        transport = import_module("llm.client.recording").connect(model)
-        proposer = import_module("llm.proposing.model_proposer").ModelProposer(transport, name=model, sizing=sizing)
+        # pydantic is loaded with the first question to a model.
+        from llm.client.recording import connect
+        from llm.proposing.model_proposer import ModelProposer
+
+        proposer = ModelProposer(connect(model), name=model, sizing=sizing)
     # A class has the method too, but unbound.
     if isinstance(proposer, type) or not isinstance(proposer, Proposer):
         raise ProposerError(proposer)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
 from bddl.terminal import escape_control
-from llm.client.budget import Metered
+from llm.client.transport import Metered
 from llm.errors import LlmError, shown_query
 from oag import Diagnostic
 from oag.model.diagnostics import Severity

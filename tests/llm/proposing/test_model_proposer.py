@@ -12,9 +12,8 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.client.budget import Budget
 from llm.client.recording import Recorder, connect
-from llm.client.transport import ChatReply, ChatRequest, Image
+from llm.client.transport import Budget, ChatReply, ChatRequest, Image
 from llm.errors import BudgetSpent, ModelCancelled
 from llm.proposing.model_proposer import ModelProposer
 from tests.json_edits import altered
