@@ -56,11 +56,6 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
 
     The noted correction is the change from the first flow to the last one, without the detours between them. If a
     note led there at once, its evidence grows and no new note is made.
-
-    Args:
-        task: The task as it was first run.
-        scene: The scene of the run.
-        history: History of one of its subtasks.
     """
     iterations = _from_one_start(history)
     attempts = [attempt for attempt, _ in iterations]
@@ -154,11 +149,6 @@ def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:
 
     A correction is applied only if it is proven, and only to exactly the same flow for the same kind of subtask,
     target and support.
-
-    Args:
-        notes: The notes.
-        task: The task, with its flows.
-        scene: The scene of the run.
     """
     reliable = sorted(
         (note for note in notes if note.proven and note.rate >= RELIABLE),
@@ -245,15 +235,6 @@ class SkillMemory:
         """Store what evolutions of a task's subtasks have shown, and return the names of the changed notes.
 
         A known correction gets the new evidence; so does one that was applied or tried from memory and failed.
-
-        Args:
-            task: The task as it was first run.
-            scene: The scene of the run.
-            histories: Histories of its subtasks.
-            foreseen: Corrections applied before the run, if any.
-
-        Raises:
-            MemoryFolderError: A note cannot be written.
         """
         recorded = list(histories)
         found = [lesson for history in recorded for lesson in lessons(task, scene, history)]
@@ -358,11 +339,6 @@ def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionF
 
     Flows are aligned by their primitives. There is no transfer if the flow lacks the steps that the change refers
     to.
-
-    Args:
-        before: The flow that failed then.
-        after: The flow that succeeded then.
-        flow: The flow that fails now.
     """
     places = _places(before, flow)
     changed: list[list[Action]] = [[action] for action in flow]
@@ -401,7 +377,6 @@ def _places(before: ActionFlow, flow: ActionFlow) -> dict[int, int]:
 
 
 def _anchor(places: dict[int, int], low: int, high: int, length: int, now: int) -> int | None:
-    """Return the insertion index in the current flow for steps low to high of the earlier one."""
     if low in places:
         return places[low]
     if low > 0 and low - 1 in places:

@@ -299,13 +299,7 @@ def about(task: Task, subtask: int, scene: Scene) -> tuple[Kind, str, str]:
 
 
 def recall(notes: Iterable[Note], of: Circumstances, most: int = 5) -> tuple[Recalled, ...]:
-    """Return the notes with enough points, the most similar first; ties by success.
-
-    Args:
-        notes: All notes.
-        of: The failure.
-        most: Most notes to return.
-    """
+    """Return the notes with enough points, the most similar first; ties by success."""
     # A correction of another cause would waste an attempt, however similar the rest is.
     related = [note for note in notes if note.rate >= HOPELESS and (not of.cause or _alike(note.cause, of.cause) > 0)]
     enough = [one for one in (_compared(note, of) for note in related) if one.score >= ENOUGH]

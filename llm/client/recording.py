@@ -106,7 +106,6 @@ def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float
 
 
 def _shared(one: str, other: str) -> int:
-    """Return the length of the common prefix of two texts."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((index for index, (a, b) in pairs if a != b), min(len(one), len(other)))
 
@@ -367,11 +366,7 @@ class Replay:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file.
-
-        Raises:
-            CassetteError: It cannot be read, or is no recording.
-        """
+        """Read the file."""
         self.path = path
         self._exchanges, self.warnings = read_recording(path)
         self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)

@@ -153,13 +153,7 @@ class ChatRequest:
 
     @classmethod
     def of(cls, system: str, *parts: Part, json_schema: Mapping[str, object] | None = None) -> ChatRequest:
-        """Return a request with one user message.
-
-        Args:
-            system: Instructions; may be empty.
-            parts: Texts and images of the message.
-            json_schema: JSON Schema of the answer.
-        """
+        """Return a request with one user message."""
         return cls(system, (Message(parts),), json_schema)
 
     @property
@@ -180,11 +174,7 @@ class ChatRequest:
         }
 
     def digest(self) -> str:
-        """Return the SHA-256 of the record as canonical JSON (sorted keys, no blanks), in hexadecimal.
-
-        Raises:
-            RequestError: The schema or the extra body is not JSON.
-        """
+        """Return the SHA-256 of the record as canonical JSON (sorted keys, no blanks), in hexadecimal."""
         return digest_of(self.record())
 
 
@@ -345,14 +335,6 @@ class Metered:
     ) -> None:
         """Set up the meter; nothing is sent.
 
-        Args:
-            transport: Transport that answers.
-            name: The configuration string.
-            budget: Limits; default is none.
-            price: Price of tokens; None if unknown, then no cost is reported.
-            warnings: What was skipped in a recording that answers.
-            boxes: Requested form of boxes in a picture; None for a recording, which does not state it.
-
         Raises:
             ModelConfigError: The cost is limited, but the price is unknown.
         """
@@ -377,12 +359,7 @@ class Metered:
             return replace(self._usage, elapsed_s=self._elapsed_s())
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Return the transport's reply.
-
-        Raises:
-            BudgetSpent: A limit is reached and nothing was sent, or the time ran out while a reply was awaited.
-            ModelError: As the transport does.
-        """
+        """Return the transport's reply."""
         left_s = self._admit()
         if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
             request = replace(request, timeout_s=left_s)

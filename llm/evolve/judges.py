@@ -33,7 +33,6 @@ from llm.evolve.observation import (
     numbers_text,
     one_line,
     picture_index_text,
-    picture_records,
     select_pictures,
     start_text,
     steps_text,
@@ -89,17 +88,6 @@ ROUNDS = 3
 _SYSTEM = "evolve/system"
 
 
-@dataclass(frozen=True, slots=True)
-class NoAnswer:
-    """No usable answer.
-
-    Attributes:
-        reason: Explanation, in a sentence or two.
-    """
-
-    reason: str
-
-
 @dataclass(slots=True)
 class JudgeSession:
     """Session with one model; it stops asking after the model has failed.
@@ -130,21 +118,14 @@ class JudgeSession:
         schema: type[AnswerT],
         check: Callable[[AnswerT], Iterable[Diagnostic]],
         images: Sequence[Image] = (),
-    ) -> AnswerT | NoAnswer:
-        """Return an answer in which `check` finds nothing wrong, or why there is none.
-
-        Args:
-            module: `llm.structured.conversation.INSPECTOR` or `SUPERVISOR`.
-            text: The question with its data.
-            schema: The answer's form.
-            check: Returns the findings about an answer of that form.
-            images: Pictures of the question.
+    ) -> AnswerT | str:
+        """Return an answer in which `check` finds nothing wrong, or in a sentence or two why there is none.
 
         Raises:
             ModelConfigError, CassetteError, ModelCancelled: Failures that only the caller can fix, or requested.
         """
         if self.stopped:
-            return NoAnswer(self.stopped)
+            return self.stopped
         # Empty sections leave blank lines.
         prompt = Prompt(module, render(_SYSTEM), re.sub(r"\n{3,}", "\n\n", text), tuple(images))
         try:
@@ -153,13 +134,13 @@ class JudgeSession:
             last = "; ".join(found.message for found in refusal.findings[:3])
             cut_off = any(found.code == "answer/cut-off" for found in refusal.findings)
             advice = f". {REPLY_LIMIT}" if cut_off else ""
-            return NoAnswer(f"no answer held in {self.rounds} rounds; the last one: {last}{advice}")
+            return f"no answer held in {self.rounds} rounds; the last one: {last}{advice}"
         except (ModelConfigError, CassetteError, ModelCancelled):
             raise
         except ModelError as error:
             # Without the usage, so that a replay gives the same record.
             self.stopped = f"{error.model}: {error.problem}"
-            return NoAnswer(self.stopped)
+            return self.stopped
 
 
 ALL_VIEWS = ("global", "head", "wrist")
@@ -182,15 +163,8 @@ class StepCritique(Answer):
     """A model's critique of one step.
 
     Source: the paper's critique m_(tau, j): motion verification, state contrast, anomaly detection, and the
-    observation in a sentence or two. The fields are in the order of reasoning: observation before judgement.
-
-    Attributes:
-        step: Number of the step, from 1; None if not given, which means the step in question.
-        state_contrast: Difference between the step's beginning and its end.
-        observation: What happened: the diagnosis.
-        motion_verified: Whether the robot moved as the primitive means.
-        state_reached: Whether the intended change came about.
-        anomaly: Unintended event; empty for none.
+    observation in a sentence or two. The fields are in the order of reasoning: observation before judgement. Without a
+    number the step in question is meant.
     """
 
     step: MaybeStepNumber = Field(default=None, description="number of the judged step")
@@ -273,8 +247,8 @@ class ModelInspector:
         answer = self.session.ask(
             INSPECTOR, text, StepCritique, lambda given: _critique_findings(given, step, measured), images
         )
-        if isinstance(answer, NoAnswer):
-            return self._unjudged(attempt, step, answer.reason)
+        if isinstance(answer, str):
+            return self._unjudged(attempt, step, answer)
         return _critique(answer, attempt, step, measured, pictures)
 
     def _unjudged(self, attempt: AttemptObservation, step: int, reason: str) -> Critique:
@@ -288,7 +262,8 @@ class ModelInspector:
 def _critique(
     answer: StepCritique, attempt: AttemptObservation, step: int, measured: Critique | None, pictures: Sequence[Picture]
 ) -> Critique:
-    evidence = MeasuredEvidence(pictures=tuple(picture_records(pictures)))
+    shown = ({"step": shot.step, "view": shot.view, "sha256": shot.image.sha256} for shot in pictures)
+    evidence = MeasuredEvidence(pictures=tuple(shown))
     if measured is not None:
         measured_values = {
             "motion_verified": measured.motion_verified,
@@ -313,7 +288,6 @@ def _critique(
 
 
 def _critique_findings(answer: StepCritique, step: int, measured: Critique | None) -> Iterator[Diagnostic]:
-    """Yield an error for an answer about another step, and warnings for doubts and contradicted measurements."""
     if answer.step not in (None, step + 1):
         yield finding("answer/step", f"step {step + 1} is to be judged, and the answer is about {answer.step}", "step")
     if begins_with_denial(answer.anomaly):
@@ -353,16 +327,7 @@ class RevisedFlow(Answer):
     paper's two are enough.
 
     Source: the paper's raw outputs, `"reason"` and `"new_sequence"`; its three reasoning steps are root cause,
-    revision, library.
-
-    Attributes:
-        root_cause: The root cause in a few words; empty if not given.
-        sub_task: Number of the simple task whose flow is revised: the failed one, or an earlier one to blame. None
-            means the failed one.
-        root_cause_step: Number of the earliest failed or risky step of its flow, from 1; None if not given.
-        reason: Why it failed, what is changed, and why that helps.
-        new_sequence: The revised flow; empty when there is a problem.
-        problem: Why no flow of the library can help; empty when one is given.
+    revision, library. Without a `sub_task` the failed one is meant, else an earlier one to blame.
     """
 
     root_cause: MaybeLine = Field(default="", description="the root cause in a few words")
@@ -433,8 +398,8 @@ class ModelSupervisor:
             [picture.image for picture in pictures],
         )
         refused = refusals(self.session.conversation.rounds[asked_before:])
-        if isinstance(answer, NoAnswer):
-            return GiveUp(answer.reason, NO_ANSWER, refused=refused)
+        if isinstance(answer, str):
+            return GiveUp(answer, NO_ANSWER, refused=refused)
         if answer.problem:
             return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause, refused=refused)
         blamed, index = _blamed_attempt(answer, situation), _blamed_subtask(answer, situation)
@@ -517,13 +482,7 @@ def _failure(attempt: Attempt) -> str:
 
 
 def _revision_findings(answer: RevisedFlow, situation: Situation, *, show_failures: bool) -> Iterator[Diagnostic]:
-    """Yield the findings that make a revision unusable: unknown step or subtask, two answers in one, its flow.
-
-    Args:
-        answer: The revision.
-        situation: The failed attempt.
-        show_failures: Whether findings may repeat measured failures.
-    """
+    """Yield the findings that make a revision unusable: unknown step or subtask, two answers in one, its flow."""
     index = _blamed_subtask(answer, situation)
     blamed = _blamed_attempt(answer, situation)
     if blamed is None:
@@ -552,7 +511,6 @@ def _revision_findings(answer: RevisedFlow, situation: Situation, *, show_failur
 
 
 def _blamed_subtask(answer: RevisedFlow, situation: Situation) -> int:
-    """Return the index of the subtask whose flow is revised: the failed one unless another is named."""
     return situation.subtask if answer.sub_task is None else answer.sub_task - 1
 
 
@@ -588,7 +546,6 @@ def refusals(rounds: Sequence[Round]) -> tuple[str, ...]:
 
 
 def _refusal(entry: Round) -> str:
-    """Return an unusable answer on one line: its flow, or its beginning, and the findings."""
     asked_for = f"an answer without a flow that can be read ({one_line(entry.reply, 60)})"
     found = extract(entry.reply, RevisedFlow.found_in, cut_off=entry.finish_reason == "length")
     if not isinstance(found, Diagnostic):

@@ -111,7 +111,6 @@ def merge_repeated(intents: Iterable[Intent]) -> Request:
 
 
 def _clause(group: tuple[Intent, ...]) -> str:
-    """Return one intent with all its targets as a clause."""
     first = group[0]
     text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
     if first.relation is None or first.destination is None:
@@ -424,7 +423,6 @@ class Surroundings:
 
 
 def _standing(known: Mapping[bddl.Atom, bool]) -> dict[str, tuple[Support, ...]]:
-    """Return the known supports of each object, containers first."""
     found: dict[str, tuple[Support, ...]] = {}
     for relation in RELATIONS:
         for atom, value in known.items():

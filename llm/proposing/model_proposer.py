@@ -85,10 +85,8 @@ class Charge:
 def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
     """Return the findings of a verdict with the modules they are assigned to.
 
-    Args:
-        report: The verdict on the plan.
-        searched: True when the flows come from a search: then only modules 1 to 3 can be at fault. Otherwise these
-            have passed already, so that a failure is first of all one of a flow or a size.
+    Where a search supplied the flows (`searched`), only modules 1 to 3 can be at fault. Otherwise these have passed
+    already, so that a failure is first of all one of a flow or a size.
     """
     if report.verdict is Verdict.REFUTED:
         offered = [fix for fix in report.fixes if fix.kind not in _NOT_OFFERED and not fix.assumption]
@@ -161,13 +159,7 @@ class Draft:
         return replace(self, scales=None, flows=None)
 
     def with_conditions(self, session: ModuleSession, expected: bddl.Formula | None) -> Draft:
-        """Return the draft with the missing answers of modules 1 to 3.
-
-        Raises:
-            QueryError: The model states that the query cannot be executed here, or an object is too large for the
-                gripper.
-            AnswersRefused, ModelError: As `ModuleSession.ask` does.
-        """
+        """Return the draft with the missing answers of modules 1 to 3."""
         understood = self.understood or understand(session, expected)
         roles = self.roles or decompose(session, understood)
         wanted = understood.expanded.task_name
@@ -200,9 +192,6 @@ class Draft:
         Args:
             session: Has the scene.
             searched: True to leave the flows to a search, and the sizes to the rule.
-
-        Raises:
-            ValueError: Module 1 has not answered.
         """
         if self.understood is None:
             raise ValueError("a draft has no task before module 1 has answered")
@@ -244,13 +233,7 @@ class Drafting:
     doubted: set[tuple[str, ...]] = field(default_factory=set)
 
     def run(self) -> Proposal:
-        """Return the first plan without findings.
-
-        Raises:
-            QueryError: The model states that the query cannot be executed here.
-            AnswersRefused: Rounds or revisions are used up.
-            ModelError: There is no reply.
-        """
+        """Return the first plan without findings."""
         passed: Draft | None = None
         while True:
             if passed is None or self.draft.symbolic != passed:
@@ -262,7 +245,6 @@ class Drafting:
                 return self._proposal(report)
 
     def _judged(self, *, searched: bool) -> Report:
-        """Request the missing answers of the draft and verify it."""
         pending = set(self.session.objections)
         try:
             self.draft = self.draft.with_conditions(self.session, self.expected)
@@ -282,11 +264,7 @@ class Drafting:
         return compose(self.draft.task(self.session, searched=searched), scene=self.session.scene).verify()
 
     def _sent_back(self, report: Report, *, searched: bool) -> bool:
-        """Return the plan to the module that can correct it, if there are findings; return whether it was.
-
-        Raises:
-            AnswersRefused: The plan is wrong, and no module is left to ask.
-        """
+        """Return the plan to the module that can correct it, if there are findings; return whether it was."""
         standing = self._standing(report, searched=searched)
         # A refuted plan with the model's flows is wrong even without findings about any module.
         wrong = report.verdict is Verdict.REFUTED and bool(standing or not searched)
@@ -377,10 +355,6 @@ class ModelProposer:
         """Return a task that `verify` finds PROVED, or CONDITIONAL if no better one is obtained.
 
         A CONDITIONAL plan is returned once; its assumptions are then in the notes.
-
-        Args:
-            query: The request.
-            scene: The scene.
 
         Raises:
             SceneError: The scene's facts contradict each other; the model is not asked.

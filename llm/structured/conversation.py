@@ -208,10 +208,6 @@ class AnswersRefused(LlmError):
         self.insists = insists
 
 
-def _ignore_line(line: str) -> None:
-    """Ignore a line; the default of `Spending.tell`."""
-
-
 @dataclass(slots=True)
 class Spending:
     """Rounds of a run with their costs; `add_round` is the listener of whoever asks the model.
@@ -223,7 +219,7 @@ class Spending:
     """
 
     model: Metered
-    tell: Callable[[str], None] = _ignore_line
+    tell: Callable[[str], None] = lambda line: None
     rounds: list[Round] = field(default_factory=list)
     _asked: Counter[int] = field(default_factory=Counter)
 

@@ -227,12 +227,7 @@ def predicate_table() -> str:
 
 
 def subtask_table(subtasks: Sequence[SimpleTask], *, conditions: bool = True) -> str:
-    """Return the subtasks as far as they are known, a line each.
-
-    Args:
-        subtasks: In order.
-        conditions: False to omit initial states and goals that are not written yet.
-    """
+    """Return the subtasks as far as they are known, a line each."""
     rows = []
     for number, subtask in enumerate(subtasks, start=1):
         row = f"{number} | {subtask.name} | target {subtask.target}"
