@@ -38,13 +38,7 @@ from oag.model.symbols import ARTICULATIONS, Parameter
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
-    """One result to store.
-
-    Attributes:
-        about: Name of the note.
-        note: The note if it were new; None if only an existing one is meant.
-        evidence: The trial.
-    """
+    """One result to store: the note if it were new, or None if only the existing one of that name is meant."""
 
     about: str
     note: Note | None
@@ -125,12 +119,7 @@ RELIABLE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Foreseen:
-    """A task whose flows were changed by notes.
-
-    Attributes:
-        task: The task to run.
-        notes: Index of a subtask -> name of the note applied to its flow.
-    """
+    """A task whose flows were changed by notes; of each changed subtask the name of its note."""
 
     task: Task
     notes: Mapping[int, str]

@@ -238,15 +238,7 @@ _CAUSE, _PRIMITIVE, _KIND, _TARGET, _TYPE, _SUPPORT = 3.0, 2.0, 2.0, 2.0, 0.5, 1
 
 @dataclass(frozen=True, slots=True)
 class Circumstances:
-    """Features by which a failure is compared.
-
-    Attributes:
-        cause: Root cause in a few words; empty if unknown.
-        primitive: Primitive of the step with the cause; None if unknown.
-        kind: Kind of the subtask.
-        target: Category of its target.
-        support: Category of the target's source or destination; empty for none.
-    """
+    """Features by which a failure is compared; empty or None if unknown."""
 
     cause: str
     primitive: Primitive | None
@@ -257,13 +249,7 @@ class Circumstances:
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """A note that resembles a failure.
-
-    Attributes:
-        note: The note.
-        score: Its points.
-        why: The shared features, with their points.
-    """
+    """A note that resembles a failure."""
 
     note: Note
     score: float

@@ -167,13 +167,7 @@ class _RecordedLine(_Recorded):
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One request and its outcome.
-
-    Attributes:
-        request: `ChatRequest.record()`.
-        outcome: The reply, or the failure in its place.
-        digest: Digest of the request.
-    """
+    """One request, as `ChatRequest.record` writes it, and its reply or the failure in its place."""
 
     request: Mapping[str, Any]
     outcome: ChatReply | ModelError

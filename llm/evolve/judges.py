@@ -559,13 +559,7 @@ def _refusal(entry: Round) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Judges:
-    """Inspector and Supervisor of one model, and their conversation.
-
-    Attributes:
-        inspector: Judges steps.
-        supervisor: Revises flows.
-        session: Session with the model that both use.
-    """
+    """Inspector and Supervisor of one model, and their conversation."""
 
     inspector: ModelInspector
     supervisor: ModelSupervisor
@@ -604,10 +598,7 @@ def judges(
         name: Name of the model in records; by default the configuration.
         task: Subject of the evolution, for the record.
         scene: Name of the scene, for the record.
-        views: Cameras whose pictures are sent; none for measurements only.
-        look_back: Number of steps before the judged one in the Inspector's prompt.
-        measurements: Whether measurements are sent.
-        rounds: Most questions for one answer.
+        views, look_back, measurements, rounds: See `ModelInspector`, `ModelSupervisor` and `JudgeSession`.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
         memory: Notes for the Supervisor's prompt.
         listen: Called with every round.

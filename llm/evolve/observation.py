@@ -173,14 +173,7 @@ _JPEG = b"\xff\xd8\xff"
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a step.
-
-    Attributes:
-        step: Index of the step, from 0.
-        primitive: Name of its primitive.
-        view: The camera.
-        image: The picture.
-    """
+    """One picture of a step."""
 
     step: int
     primitive: str

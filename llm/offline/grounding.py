@@ -32,13 +32,7 @@ class Named:
 class Names:
     """Names of the objects of a scene.
 
-    Attributes:
-        scene: The scene.
-        affordances: What can be done with each object.
-        lexicon: Names of categories.
-        entries: The lexicon's entry of each category of the scene.
-        bearers: Name -> the objects that it fits best, then those that it fits less.
-        words: Every word of a name, of the scene's and of the lexicon's.
+    The `bearers` of a name are the objects that it fits best, then those that it fits less.
     """
 
     scene: Scene
@@ -185,15 +179,7 @@ _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """An object that a phrase names.
-
-    Attributes:
-        object_id: Its id.
-        by_surface: Whether it was named by its top ("countertop").
-        by_door: Whether it was named by its door.
-        notes: Assumptions.
-        hollow: Whether the naming part holds things itself, such as a drawer.
-    """
+    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer."""
 
     object_id: str
     by_surface: bool = False
@@ -208,12 +194,7 @@ _Noted = tuple[tuple[str, ...], tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Grounding:
-    """Ground phrases in one scene.
-
-    Attributes:
-        around: The scene and its facts at this point of the query.
-        names: Names of its objects.
-    """
+    """Ground phrases in one scene."""
 
     around: Surroundings
     names: Names

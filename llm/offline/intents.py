@@ -42,14 +42,7 @@ class IntentKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """One intent about one object.
-
-    Attributes:
-        kind: The action.
-        target: Id of the object.
-        relation: For PLACE, the wanted relation of the target to the destination; else None.
-        destination: For PLACE, the id of the destination; else None.
-    """
+    """One intent about one object; only PLACE has a relation and a destination."""
 
     kind: IntentKind
     target: str
@@ -81,11 +74,7 @@ class Intent:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Intents in order; a command about several objects is one intent for each of them.
-
-    Attributes:
-        intents: At least one.
-    """
+    """Intents in order; a command about several objects is one intent for each of them."""
 
     intents: tuple[Intent, ...]
 
@@ -227,14 +216,7 @@ FRONTS: tuple[Front, ...] = get_args(Front)
 
 @dataclass(frozen=True, slots=True)
 class Affordances:
-    """What can be done with an object.
-
-    Attributes:
-        interior: Things can be put inside.
-        surface: Things can be put on top.
-        door: It can be opened and closed.
-        fronts: Doors or drawers, as far as known; empty otherwise.
-    """
+    """What can be done with an object; `fronts` are its doors or drawers, as far as known."""
 
     interior: bool = False
     surface: bool = False

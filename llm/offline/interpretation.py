@@ -31,13 +31,7 @@ from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """Objects mentioned by one command.
-
-    Attributes:
-        intents: One intent for each object.
-        source: Where the objects are to be taken from, or None.
-        as_one: Whether one word named several objects, so that "it" can mean them.
-    """
+    """Objects mentioned by one command; `as_one` when one word named several of them, so that "it" can mean them."""
 
     intents: tuple[Intent, ...]
     source: str | None = None
@@ -57,12 +51,7 @@ class Mention:
 
 @dataclass(slots=True)
 class Discourse:
-    """Mentions of a query so far, the latest last.
-
-    Attributes:
-        around: The scene, to know what can be lifted, opened, and placed.
-        mentions: The mentions.
-    """
+    """Mentions of a query so far, the latest last."""
 
     around: Surroundings
     mentions: list[Mention] = field(default_factory=list)

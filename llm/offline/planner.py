@@ -59,14 +59,7 @@ _LONGEST_STRANGER = 60
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Meaning of a query.
-
-    Attributes:
-        request: The intents, in order.
-        goal: The task goal G.
-        around: The scene state, for the later modules.
-        notes: Assumptions, for the user.
-    """
+    """Meaning of a query: the intents in order, the goal G, the scene's state for the later modules, assumptions."""
 
     request: Request
     goal: bddl.Formula

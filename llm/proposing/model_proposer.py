@@ -132,15 +132,7 @@ _RESTS_ON = {1: (2, 3, 4, 5), 2: (3, 4, 5), 3: (), 4: (), 5: ()}
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """Answers of modules 1 to 5 so far; None for a missing answer.
-
-    Attributes:
-        understood: Module 1.
-        roles: Module 2: the simple tasks, without conditions and flows.
-        conditions: Module 3: initial state and goal of each.
-        scales: Module 4.
-        flows: Module 5.
-    """
+    """Answers of modules 1 to 5 so far, in their order; None for a missing answer."""
 
     understood: Understood | None = None
     roles: tuple[SimpleTask, ...] | None = None

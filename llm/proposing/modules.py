@@ -136,14 +136,6 @@ def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Form
     return Task("task", "", goal, True, tuple(subtasks), {}, scene)
 
 
-def concerns_roles(found: Diagnostic, task: Task) -> bool:
-    """Decide whether a finding about a subtask's conditions is caused by its roles.
-
-    Examples: a goal that puts the target elsewhere than on its support_goal; a target to be opened that has no door.
-    """
-    return found.code == "task/role-scope" or opens_its_target(found, task)
-
-
 def opens_its_target(found: Diagnostic, task: Task) -> bool:
     """Decide whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
     if found.code != "bddl/kind" or found.subtask is None:
@@ -199,13 +191,7 @@ class Understanding(Answer):
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Meaning of a query.
-
-    Attributes:
-        expanded: The query in terms of the scene.
-        activity: The task's name as an identifier.
-        goal: The task goal G.
-    """
+    """Meaning of a query."""
 
     expanded: Expanded
     activity: str
@@ -405,8 +391,10 @@ def _condition_findings(answer: Conditions, subtasks: Sequence[SimpleTask], scen
         return
     written = answer.added_to(subtasks)
     plan = bare_task(scene, written)
-    # Errors of the roles are module 2's; the verdict on the plan assigns them to it.
-    yield from (found for found in check_form(plan, scene) if not concerns_roles(found, plan))
+    # Errors of the roles are module 2's, and the verdict on the plan assigns them to it: a goal that puts the target
+    # elsewhere than on its support_goal, or a target to be opened that has no door.
+    of_form = (found for found in check_form(plan, scene) if found.code != "task/role-scope")
+    yield from (found for found in of_form if not opens_its_target(found, plan))
     for index, subtask in enumerate(written):
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             names = {name for atom in bddl.atoms(formula) for name in atom.args}
@@ -519,12 +507,9 @@ def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
     }
-    return session.ask(
-        5, Flows, lambda given: _flow_findings(given, subtasks, scales, session.scene), places, entries=len(subtasks)
-    ).added_to(subtasks)
 
+    def check(answer: Flows) -> Iterable[Diagnostic]:
+        task = replace(bare_task(session.scene, answer.added_to(subtasks)), scales=dict(scales))
+        return check_form(task, session.scene)
 
-def _flow_findings(
-    answer: Flows, subtasks: Sequence[SimpleTask], scales: Mapping[str, float], scene: Scene
-) -> Iterator[Diagnostic]:
-    yield from check_form(replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales)), scene)
+    return session.ask(5, Flows, check, places, entries=len(subtasks)).added_to(subtasks)

@@ -188,12 +188,7 @@ _MOST_FIELD_ERRORS = 12
 
 @dataclass(slots=True)
 class Log:
-    """State of `ask` in a conversation: the record, and the refused answers.
-
-    Attributes:
-        conversation: Record of every round.
-        refused: (prompt, answer) -> number of the round in which it was refused, and the findings.
-    """
+    """State of `ask` in a conversation: the record, and (prompt, answer) -> round and findings of a refused answer."""
 
     conversation: Conversation
     refused: dict[tuple[str, str], tuple[int, tuple[Diagnostic, ...]]] = field(default_factory=dict)

@@ -56,9 +56,6 @@ class Round:
     latency_s: float = 0.0
     recorded: bool = field(default=False, compare=False, repr=False)
 
-    def to_json(self) -> dict[str, object]:
-        return {"kind": "round"} | _members(self)
-
 
 @dataclass(frozen=True, slots=True)
 class PlanVerdict:
@@ -76,13 +73,11 @@ class PlanVerdict:
     blamed: int | None = None
     findings: tuple[Diagnostic, ...] = ()
 
-    def to_json(self) -> dict[str, object]:
-        return {"kind": "verdict"} | _members(self)
 
-
-def _members(entry: Round | PlanVerdict) -> dict[str, object]:
+def _entry_json(entry: Round | PlanVerdict) -> dict[str, object]:
+    kind = "round" if isinstance(entry, Round) else "verdict"
     written = {item.name: getattr(entry, item.name) for item in fields(entry)}
-    return written | {"findings": [found.to_json() for found in entry.findings]}
+    return {"kind": kind, **written, "findings": [found.to_json() for found in entry.findings]}
 
 
 @dataclass(slots=True)
@@ -127,7 +122,7 @@ class Conversation:
             "model": self.model,
             "query": self.query,
             "scene": self.scene,
-            "entries": [entry.to_json() for entry in self.entries],
+            "entries": [_entry_json(entry) for entry in self.entries],
         }
 
     def story(self) -> str:

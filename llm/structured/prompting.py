@@ -59,13 +59,7 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """An answer that is returned to the model.
-
-    Attributes:
-        reply: The answer as the model wrote it.
-        findings: The findings about it.
-        before: Findings about earlier answers, a line each.
-    """
+    """An answer that is returned to the model, with the findings about it and, a line each, about earlier ones."""
 
     reply: str
     findings: tuple[Diagnostic, ...]
