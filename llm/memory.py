@@ -232,7 +232,7 @@ class SkillMemory:
         return tuple(dict.fromkeys(name for lesson in found for name in self._take(lesson)))
 
     def _take(self, lesson: Lesson) -> list[str]:
-        name = lesson.about if lesson.note is None else lesson.note.name
+        name = lesson.about
         known = self._notes.get(name) or lesson.note
         if known is None:
             return []

@@ -19,8 +19,9 @@ from PIL import Image as Drawing
 from PIL import ImageDraw
 from pydantic import Field, WithJsonSchema
 
+from llm.client.budget import Metered
 from llm.client.profiles import BoxForm
-from llm.client.transport import Image, Metered, Transport
+from llm.client.transport import Image, Transport
 from llm.errors import ReplayMissing
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import SPOTTER, Conversation, finding

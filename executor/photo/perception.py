@@ -34,7 +34,8 @@ from executor.photo.inputs.picture import Photograph
 from executor.scenes.reconstruction import FLAT, NoMatchingModel
 from executor.system.extras import require
 from executor.system.files import read_json
-from llm.client.transport import Image, Metered
+from llm.client.budget import Metered
+from llm.client.transport import Image
 from llm.structured.conversation import Conversation
 from llm.vision import Box, overlap, spot
 

@@ -28,9 +28,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
 from bddl.terminal import escape_json, pluralize
+from llm.client.budget import Budget, Metered
 from llm.client.openai import OpenAITransport
 from llm.client.profiles import BoxForm, Price, find_profile
-from llm.client.transport import Budget, ChatReply, ChatRequest, Metered, Transport, digest_of
+from llm.client.transport import ChatReply, ChatRequest, Transport, digest_of
 from llm.errors import (
     BadReply,
     CassetteError,

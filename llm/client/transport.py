@@ -1,4 +1,4 @@
-"""Requests to a model and its replies, the one interface of models, recordings and scripts, and budgets of a run.
+"""Requests to a model and its replies: the one interface of live models, recordings and scripts.
 
 A request has content only. The model, its address and its settings belong to the transport. So a run recorded
 with one model replays without it, and the digest of a request does not depend on where it is sent.
@@ -8,21 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from io import BytesIO
-from threading import Lock
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
-from llm.errors import BudgetSpent, ModelConfigError, ModelError, ModelTimeout, RequestError
-
-if TYPE_CHECKING:
-    from llm.client.profiles import BoxForm, Price
-
+from llm.errors import RequestError
 
 # How JSON is requested: by a schema, by a JSON-only mode, or by the prompt alone.
 Mode = Literal["json_schema", "json_object", "plain"]
@@ -227,203 +220,3 @@ class Transport(Protocol):
             ModelError: There is none; the subclass gives the reason.
         """
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Budget:
-    """Limits of a run; None is no limit.
-
-    Attributes:
-        requests: Requests, counted at each sending.
-        tokens: Tokens of requests and replies together, as counted by the server.
-        cost_usd: Cost by the profile's list price [US dollars].
-        time_s: Time since the first request [s].
-    """
-
-    requests: int | None = None
-    tokens: int | None = None
-    cost_usd: float | None = None
-    time_s: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, limit in asdict(self).items():
-            if limit is not None and not 0 <= limit < math.inf:
-                raise RequestError(f"a budget's {name} is 0 or more, or None, not {limit}")
-
-
-@dataclass(frozen=True, slots=True)
-class Usage:
-    """Usage of a run.
-
-    Attributes:
-        requests: Requests, counted at each sending, failed ones included.
-        failures: Requests without a reply; a server may charge for them, so the cost is a lower bound.
-        input_tokens: As counted by the server.
-        output_tokens: As counted by the server.
-        uncounted: Replies without counts; tokens and cost are then lower bounds.
-        cost_usd: By list price, or None if the price is unknown.
-        waited_s: Time spent waiting for replies, retries included [s].
-        elapsed_s: Time since the first request [s].
-        recorded: Replies from a recording; the other numbers include them, and nothing was paid for them now.
-    """
-
-    requests: int = 0
-    failures: int = 0
-    input_tokens: int = 0
-    output_tokens: int = 0
-    uncounted: int = 0
-    cost_usd: float | None = None
-    waited_s: float = 0.0
-    elapsed_s: float = 0.0
-    recorded: int = 0
-
-    @property
-    def tokens(self) -> int:
-        """Tokens of requests and replies together."""
-        return self.input_tokens + self.output_tokens
-
-    @property
-    def is_bound(self) -> bool:
-        """True if tokens and cost may be more than what was counted."""
-        return self.failures > 0 or self.uncounted > 0
-
-    def record(self) -> dict[str, object]:
-        """Return the usage as JSON."""
-        return {**asdict(self), "waited_s": round(self.waited_s, 3), "elapsed_s": round(self.elapsed_s, 3)}
-
-    def summary(self) -> str:
-        """Return one line for people."""
-        parts = [
-            f"{self.requests} {'request' if self.requests == 1 else 'requests'}",
-            f"{self.input_tokens} + {self.output_tokens} tokens",
-            "cost unknown" if self.cost_usd is None else f"{'at least ' if self.is_bound else ''}${self.cost_usd:.4f}",
-            f"{self.elapsed_s:.1f} s",
-        ]
-        if self.failures:
-            parts.insert(1, f"{self.failures} failed")
-        if self.uncounted:
-            parts.append(f"{self.uncounted} replies without token counts")
-        if self.recorded:
-            parts.append(f"{self.recorded} of them recorded earlier and not paid again")
-        return ", ".join(parts)
-
-
-class Metered:
-    """Forward requests within a budget, and count them.
-
-    The budget is checked before a request. The reply that exceeds it is returned, since it is paid for; the next
-    request is not sent. No request waits longer than the remaining time.
-
-    Attributes:
-        name: The configuration string.
-        budget: The limits.
-        warnings: What was skipped in a recording that answers.
-        boxes: Requested form of boxes in a picture; None for a recording, which does not state it.
-        price: Price of tokens; None if unknown, or paid when it was recorded.
-        answered_by: Model of the latest reply, as its server named it; empty before the first one.
-    """
-
-    def __init__(
-        self,
-        transport: Transport,
-        *,
-        name: str = "model",
-        budget: Budget | None = None,
-        price: Price | None = None,
-        warnings: tuple[str, ...] = (),
-        boxes: BoxForm | None = None,
-    ) -> None:
-        """Set up the meter; nothing is sent.
-
-        Raises:
-            ModelConfigError: The cost is limited, but the price is unknown.
-        """
-        self.name = name
-        self.budget = budget or Budget()
-        self.warnings = warnings
-        self.boxes = boxes
-        self.price = price
-        self.answered_by = ""
-        if self.budget.cost_usd is not None and price is None:
-            advice = "Limit tokens instead, or write the price into a file of profiles"
-            raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
-        self._transport = transport
-        self._usage = Usage(cost_usd=None if price is None else 0.0)
-        self._started: float | None = None
-        self._lock = Lock()
-
-    @property
-    def usage(self) -> Usage:
-        """Usage until now."""
-        with self._lock:
-            return replace(self._usage, elapsed_s=self._elapsed_s())
-
-    def complete(self, request: ChatRequest) -> ChatReply:
-        """Return the transport's reply."""
-        left_s = self._admit()
-        if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
-            request = replace(request, timeout_s=left_s)
-        began = time.monotonic()
-        reply: ChatReply | None = None
-        attempts = 1
-        try:
-            reply = self._transport.complete(request)
-            self.answered_by, attempts = reply.model, reply.attempts
-        except ModelError as error:
-            attempts = error.attempts
-            if isinstance(error, ModelTimeout) and left_s is not None and time.monotonic() - began >= left_s:
-                raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error
-            raise
-        finally:
-            self._count(reply, attempts, time.monotonic() - began)
-        return reply
-
-    def _admit(self) -> float | None:
-        """Count a request and return the remaining time [s]; raise BudgetSpent if a limit is reached."""
-        with self._lock:
-            if self._started is None:
-                self._started = time.monotonic()
-            used, budget, elapsed_s = self._usage, self.budget, self._elapsed_s()
-            limits = (
-                (used.requests, budget.requests, f"{budget.requests} requests"),
-                (used.tokens, budget.tokens, f"{budget.tokens} tokens"),
-                (used.cost_usd or 0.0, budget.cost_usd, f"${budget.cost_usd or 0.0:g}"),
-                (elapsed_s, budget.time_s, f"{budget.time_s or 0.0:g} s"),
-            )
-            spent = next((words for use, limit, words in limits if limit is not None and use >= limit), None)
-            problem = None if spent is None else f"the budget of {spent} is used up"
-            if problem is None and used.uncounted and (budget.tokens, budget.cost_usd) != (None, None):
-                problem = "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
-            if problem is None:
-                self._usage = replace(used, requests=used.requests + 1)
-                return None if budget.time_s is None else budget.time_s - elapsed_s
-        raise self._spent(problem)
-
-    def _spent(self, problem: str) -> BudgetSpent:
-        return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
-
-    def _count(self, reply: ChatReply | None, attempts: int, waited_s: float) -> None:
-        """Add the result of a request; `_admit` has counted one of its attempts."""
-        with self._lock:
-            used = replace(
-                self._usage,
-                requests=self._usage.requests + attempts - 1,
-                failures=self._usage.failures + attempts - (reply is not None),
-                waited_s=self._usage.waited_s + waited_s,
-            )
-            if reply is None:
-                self._usage = used
-                return
-            inputs = used.input_tokens + (reply.input_tokens or 0)
-            outputs = used.output_tokens + (reply.output_tokens or 0)
-            self._usage = replace(
-                used,
-                input_tokens=inputs,
-                output_tokens=outputs,
-                uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
-                cost_usd=None if self.price is None else self.price.cost_usd(inputs, outputs),
-                recorded=used.recorded + reply.recorded,
-            )
-
-    def _elapsed_s(self) -> float:
-        return 0.0 if self._started is None else time.monotonic() - self._started

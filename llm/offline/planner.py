@@ -32,7 +32,7 @@ from llm.offline.subtasks import (
     problem,
     scale_factors,
 )
-from llm.proposing.propose import Expanded, Proposal
+from llm.proposing.proposal import Expanded, Proposal
 from llm.structured.conversation import finding
 from oag import Diagnostic, Scene, SimpleTask, Task, Verdict, compose
 from oag.model.diagnostics import TASK_GOAL

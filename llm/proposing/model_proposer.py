@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import bddl
-from llm.client.transport import Budget, Image, Metered, Transport
+from llm.client.budget import Budget, Metered
+from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.planner import LONGEST_QUERY, OfflinePlanner
 from llm.offline.subtasks import check_sizes, problem, scale_factors
@@ -27,7 +28,7 @@ from llm.proposing.modules import (
     same_goal,
     understand,
 )
-from llm.proposing.propose import Proposal
+from llm.proposing.proposal import Proposal
 from llm.structured.ask import Log
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
 from llm.structured.prompting import CHANGEABLE

@@ -26,7 +26,7 @@ import bddl
 from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
-from llm.proposing.propose import Expanded
+from llm.proposing.proposal import Expanded
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (

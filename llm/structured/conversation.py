@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
 from bddl.terminal import escape_control
-from llm.client.transport import Metered
+from llm.client.budget import Metered
 from llm.errors import LlmError, shown_query
 from oag import Diagnostic
 from oag.model.diagnostics import Severity
@@ -108,12 +108,6 @@ class Conversation:
     def rounds(self) -> tuple[Round, ...]:
         """The questions, without the verdicts between them."""
         return tuple(entry for entry in self.entries if isinstance(entry, Round))
-
-    @property
-    def tokens(self) -> tuple[int, int]:
-        """Input and output tokens of all rounds, as far as the server counted them."""
-        counted = [(entry.input_tokens or 0, entry.output_tokens or 0) for entry in self.rounds]
-        return sum(first for first, _ in counted), sum(second for _, second in counted)
 
     def to_json(self) -> dict[str, object]:
         """Return the whole record as JSON values; documented in docs/models.md."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from llm.client.budget import Budget
 from llm.client.recording import connect
-from llm.client.transport import Budget
 from llm.errors import BadReply, BudgetSpent, CassetteError, ModelConfigError, ModelError, QueryError
 from llm.structured.conversation import AnswersRefused, Conversation
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, hurry

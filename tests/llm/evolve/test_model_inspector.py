@@ -9,7 +9,8 @@ from dataclasses import replace
 import pytest
 
 import oag
-from llm.client.transport import Budget, ChatReply, Metered
+from llm.client.budget import Budget, Metered
+from llm.client.transport import ChatReply
 from llm.errors import PicturesMissing, ReplayMissing, RequestError
 from llm.evolve import AttemptObservation, Inspector, MeasuredInspector
 from llm.evolve.judges import Judges, judges

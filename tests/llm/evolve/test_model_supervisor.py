@@ -11,7 +11,7 @@ import pytest
 
 import llm
 import oag
-from llm.client.transport import Budget, Metered
+from llm.client.budget import Budget, Metered
 from llm.evolve import GiveUp, Miss, Situation, StartObservation, Supervisor
 from llm.evolve.judges import Judges, judges, refusals
 from llm.structured.conversation import Round

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from llm.client.budget import Metered
 from llm.client.profiles import BoxForm, find_profile
 from llm.client.recording import Recorder, Replay
-from llm.client.transport import ChatReply, Image, Metered
+from llm.client.transport import ChatReply, Image
 from llm.errors import ModelError, ReplayMissing
 from llm.structured.conversation import AnswersRefused, Conversation
 from llm.vision import (
