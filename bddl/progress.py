@@ -565,7 +565,7 @@ class GoalProgress:
         pairs: As for `evaluate`.
 
     Attributes:
-        atoms: The distinct ground atoms that the goal depends on, in the order of `compile_goal`.
+        atoms: The distinct ground atoms that the goal depends on, in the order of `ground`.
 
     Raises:
         ObjectsRequired: There is a quantifier and `objects` is None.
@@ -604,7 +604,7 @@ class GoalProgress:
         return self._share(*known_bits(self.atoms, state))
 
     def packed(self, state: int) -> float:
-        """Return the progress in a complete state that was packed by `CompiledGoal.pack`: bit i is `atoms[i]`."""
+        """Return the progress in a complete state whose bit i is the value of `atoms[i]`."""
         return self._share(state, ~state)
 
     def missing(self, state: State) -> float:
