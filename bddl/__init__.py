@@ -32,7 +32,7 @@ from bddl.ast import (
     literals,
 )
 from bddl.diagnostics import CODES, MEANINGS, SLIPS, BDDLError, Code, Diagnostic, Slip
-from bddl.dialects import PROFILES, Profile
+from bddl.dialects import PREDICATES, PROFILES, PredicateSpec, Profile, near_names
 from bddl.errors import (
     CountedWildcard,
     IllegalName,
@@ -58,7 +58,6 @@ from bddl.problem import (
     SceneStyle,
     TypedObject,
 )
-from bddl.vocabulary import PREDICATES, PredicateSpec, near_names
 
 if TYPE_CHECKING:
     from bddl.grounding import Ground, GroundNode, PairSemantics, ground

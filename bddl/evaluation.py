@@ -47,11 +47,6 @@ def evaluate(
     Returns:
         True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
 
-    Raises:
-        ObjectsRequired: A quantifier was met and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
-        TypeError: The formula, the state, the objects or the value of an atom is nothing of the kind.
-
     Source: docs/bddl.md, Truth; the reference implementation is two-valued and does not stop early.
 
     Example:
@@ -91,7 +86,6 @@ def evaluate(
 
 
 def _form(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Form:
-    """Return the generator that evaluates a form other than an atom."""
     match node:
         case And(parts=parts):
             return _junction(zip(parts, repeat(bindings)), False)
@@ -181,11 +175,7 @@ def _value_of(name: str, bindings: _Bindings) -> str:
 
 
 def lookup(state: State) -> Callable[[Atom], bool | None]:
-    """Return the function from an atom to its value in a state, None where that is unknown.
-
-    Raises:
-        TypeError: The state is neither a mapping from atoms or tuples nor a function.
-    """
+    """Return the function from an atom to its value in a state, None where that is unknown."""
     given: Any = state
     if not isinstance(given, Mapping):
         if callable(given):
@@ -239,15 +229,7 @@ def truth_value(value: object) -> bool:
 
 
 def known_bits(atoms: Sequence[Atom], state: State) -> tuple[int, int]:
-    """Return which atoms are true in a state and which are false, as sets of bits; the others are unknown.
-
-    Args:
-        atoms: The atoms; bit i stands for the i-th.
-        state: As for `evaluate`.
-
-    Raises:
-        TypeError: It is no state, or the value of an atom is none.
-    """
+    """Return which atoms are true in a state and which are false, as sets of bits; the others are unknown."""
     known = lookup(state)
     values = [None if (value := known(atom)) is None else truth_value(value) for atom in atoms]
     return as_bits([value is True for value in values]), as_bits([value is False for value in values])

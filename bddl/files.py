@@ -10,10 +10,11 @@ import errno
 import os
 import secrets
 import stat
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 MOST_BYTES = 8_000_000
 """Limit of a scene, a task, a certificate or a BDDL file [bytes]; the certificate of a plan of 5,000 steps has 2 MB."""
@@ -51,10 +52,6 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
 @contextmanager
 def open_input(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
     """Open a file for reading.
-
-    Args:
-        path: The file.
-        pipes: Whether a pipe is accepted.
 
     Raises:
         OSError: The file cannot be opened, or is no regular file; `strerror` says which it is.
@@ -98,6 +95,11 @@ def read_bounded_text(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def read_table(name: str) -> dict[str, Any]:
+    """Return the content of a TOML file of this package."""
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
 class NoPlainFile(OSError):
     """A link, a pipe or a device lies where a file belongs."""
 
@@ -107,10 +109,6 @@ class NoPlainFile(OSError):
 
 def open_plain(path: Path, flags: int) -> int:
     """Return a descriptor of a regular file; anything else is not followed, changed or waited for.
-
-    Args:
-        path: The file.
-        flags: As of `os.open`; with O_CREAT it is made when absent.
 
     Raises:
         NoPlainFile: Something else lies there.
@@ -134,9 +132,6 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
     Its name is random, and what lies at the path is replaced, a link too. So nothing that somebody has put into the
     folder redirects the write.
-
-    Args:
-        path: Where the file belongs; its folder is made when absent.
 
     Raises:
         OSError: When the folder cannot be written; it names the wanted path.
@@ -167,7 +162,6 @@ def _as_os_error(problem: Exception, path: Path, temporary: Path) -> OSError | N
 
 
 def _growth_errno(file: Path) -> int | None:
-    """Return the errno that keeps a file from growing; None where it can grow."""
     try:
         with file.open("ab", buffering=0) as stream:
             if stream.write(_PROBE) == len(_PROBE):
@@ -183,13 +177,6 @@ def write_atomically(path: Path, content: bytes) -> Path:
     """Write a file so that readers see all of it or nothing, and return its path.
 
     Two processes that write the same content-named file at once both succeed; the later rename changes nothing.
-
-    Args:
-        path: Where the file belongs; its folders are made.
-        content: The whole content.
-
-    Raises:
-        OSError: When the folder cannot be written.
     """
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)

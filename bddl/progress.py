@@ -115,9 +115,6 @@ class NormalForm:
     def costs(self, price: Callable[[Lit], int]) -> list[int]:
         """Return what it costs at least to make each node true.
 
-        Args:
-            price: The price of a literal: 0 where it holds, from 1 up to make it hold, `IMPOSSIBLE` where it cannot.
-
         Returns:
             For each node a number that is 0 exactly where the literals of price 0 make it true by Kleene's tables,
             and never more than the cheapest set of literals that makes it true.
@@ -179,7 +176,6 @@ def _parts(node: NormalNode) -> Iterable[int]:
 
 
 def _cheapest(count: int, costs: list[int], disjoint: bool) -> int:
-    """Return a lower bound on the cost of `count` of some parts."""
     if count > len(costs):
         return IMPOSSIBLE
     chosen = nsmallest(count, costs)
@@ -211,7 +207,6 @@ def normal_form(ground: Ground) -> NormalForm:
 
 
 def _needed(node: GroundNode, value: bool) -> Iterator[tuple[GroundNode, bool]]:
-    """Yield the nodes that are converted before a node: its parts, each with the value that it is to have."""
     match node:
         case Negation(body=body):
             yield body, not value
@@ -290,7 +285,6 @@ class _FormBuilder:
         return True
 
     def _first_disjoint(self, parts: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the parts that share no atom with those returned before them."""
         covered = 0
         kept: list[int] = []
         for part in parts:
@@ -334,9 +328,6 @@ def options(
         pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
         steps: How many steps the search may take. Goals whose parts share many atoms, or contradict each other, may
             take a number that is exponential in their size.
-
-    Returns:
-        An iterator over options; the literals of each stand in the order in which the goal first names their atoms.
 
     Raises:
         ObjectsRequired: There is a quantifier and `objects` is None.
@@ -412,11 +403,7 @@ class _Search:
         self._surcharge = surcharge
 
     def solutions(self, steps: int) -> Iterator[_Choice]:
-        """Yield the minimal choices that make the goal true, cheapest first.
-
-        Raises:
-            SearchLimit: More steps would be needed.
-        """
+        """Yield the minimal choices that make the goal true, cheapest first."""
         found: list[_Choice] = []
         # States expanded already: several orders of the same steps lead to one state.
         expanded: set[tuple[_Choice, frozenset[NormalNode]]] = set()
@@ -446,12 +433,7 @@ class _Search:
             raise SearchLimit(steps)
 
     def _propagate(self, choice: _Choice, waiting: _Open) -> tuple[int, _Choice, _Open, list[int]] | None:
-        """Apply the forced steps: choose literals without an alternative, and open conjunctions.
-
-        Returns:
-            A lower bound on the cost of the solutions from here, the literals chosen then, the open nodes, and the cost
-            of each node. None when there is no solution from here.
-        """
+        """Apply the forced steps: choose literals without an alternative, and open conjunctions."""
         while True:
             price = self._prices(choice)
             costs = self._form.costs(price)
@@ -487,7 +469,6 @@ class _Search:
         return max(total, max(still_open.values(), default=0))
 
     def _prices(self, choice: _Choice) -> Callable[[Lit], int]:
-        """Return the price of each literal, given those chosen."""
         true, false = choice
 
         def price(literal: Lit) -> int:
@@ -559,17 +540,8 @@ class GoalProgress:
     `forpairs` counts the pairs that are missing, and negations are pushed down to the atoms first. Where conjuncts
     share an atom, one literal may serve several of them, and only one counts.
 
-    Args:
-        goal: Any formula.
-        objects: As for `evaluate`.
-        pairs: As for `evaluate`.
-
     Attributes:
         atoms: The distinct ground atoms that the goal depends on, in the order of `ground`.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
 
     Source: docs/bddl.md, Progress and options.
 
@@ -592,15 +564,7 @@ class GoalProgress:
         self._least = self._cost(0, 0)
 
     def __call__(self, state: State) -> float:
-        """Return the progress in a state.
-
-        Args:
-            state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-                unknown.
-
-        Returns:
-            A number from 0 to 1.
-        """
+        """Return the progress in a state."""
         return self._share(*known_bits(self.atoms, state))
 
     def packed(self, state: int) -> float:
@@ -608,14 +572,7 @@ class GoalProgress:
         return self._share(state, ~state)
 
     def missing(self, state: State) -> float:
-        """Return how many literals must at least change or become known.
-
-        Args:
-            state: As for the progress.
-
-        Returns:
-            A whole number; infinity where no state can make the goal true by its form alone.
-        """
+        """Return how many literals must at least change or become known."""
         cost = self._cost(*known_bits(self.atoms, state))
         return inf if cost >= IMPOSSIBLE else cost
 
