@@ -30,22 +30,19 @@ def evaluate(
 ) -> bool | None:
     """Decide whether a formula holds in a state, as far as the state is known.
 
-    An unknown atom leaves the formula unknown unless the known ones decide it. Operands are evaluated from left to
-    right, and evaluation stops as soon as the value is decided; the table of a `forpairs` is read in full. A
-    quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is false. A
-    wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
+    The value is True or False when every completion of the state agrees on that by Kleene's tables, else None. Operands
+    are evaluated from left to right, and evaluation stops as soon as the value is decided; the table of a `forpairs` is
+    read in full. A quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is
+    false. A wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
 
     Args:
         formula: Any formula, of any depth.
-        state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-            unknown. The keys are atoms, or tuples such as `("open", "fridge_0")`, or some of each.
+        state: A mapping in which an absent atom is unknown, or a function that returns None for unknown. The keys are
+            atoms, or tuples such as `("open", "fridge_0")`, or some of each.
         objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
             `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
-
-    Returns:
-        True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
 
     Source: docs/bddl.md, Truth; the reference implementation is two-valued and does not stop early.
 
@@ -215,11 +212,7 @@ def _no_key(key: object) -> TypeError:
 
 
 def truth_value(value: object) -> bool:
-    """Return a value as a plain bool: 1 and 0 count, and so do the booleans of numpy.
-
-    Raises:
-        TypeError: It is another value; a probability, for example, is no truth value.
-    """
+    """Return a value as a plain bool: 1, 0 and the booleans of numpy count; a probability is no truth value."""
     try:
         if value in (True, False):
             return bool(value)

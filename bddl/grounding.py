@@ -216,16 +216,7 @@ def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "ma
     """Expand every quantifier of a formula over the objects of a scene.
 
     `imply` becomes a disjunction, `forall` a conjunction and `exists` a disjunction over the objects of the category;
-    a variable that hides an object or an outer variable stands for the innermost.
-
-    Args:
-        formula: Any formula, of any depth.
-        objects: Category of each object, or the declared objects of a problem; the category `object` holds all of
-            them. None when there are no quantifiers.
-        pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
-            columns with a true cell, as the reference implementation does.
-
-    A wildcard of BEHAVIOR, such as `sink.n.01_*`, is counted as one object, of which CountedWildcard warns.
+    a variable that hides an object or an outer variable stands for the innermost. Arguments are those of `evaluate`.
 
     Source: docs/bddl.md, Grounding.
 

@@ -69,11 +69,6 @@ def analyse(
             not examined for what depends on objects.
         prove: Whether to ask z3 if some state satisfies the goal.
 
-    Returns:
-        The diagnostics in the order of their places. `contradictory-init` and `impossible-goal` are errors, as is all
-        that keeps a text from being read; the rest are warnings, but that `unchecked-goal` is a note, and so is
-        `counted-wildcard` where other objects of the category are named.
-
     Source: docs/codes-bddl.md has a section on each code.
 
     Example:

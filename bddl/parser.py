@@ -34,7 +34,7 @@ from bddl.recovery import recover_parentheses
 
 
 def parse(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Problem:
-    """Return the problem that a text defines.
+    """Return the problem that a text defines; its `warnings` has what the profile tolerates.
 
     Args:
         text: A form `(define (problem NAME) (:domain NAME) (:objects ...) (:init ...) (:goal ...))`.
@@ -50,7 +50,9 @@ def parse(text: str, profile: str | Profile = "scene", objects: Objects | None =
 
 
 def parse_formula(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Formula:
-    """Return the formula of a text.
+    """Return the formula of a text, with the place of every node; arguments and errors are those of `parse`.
+
+    Without objects any name may be an object.
 
     Example:
         >>> import bddl

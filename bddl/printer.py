@@ -171,18 +171,11 @@ class _Piece:
 
 
 def lay_out(text: str, free_text: Collection[str] = ()) -> str:
-    """Return the text with uniform line breaks and indentation.
+    """Return the text with uniform line breaks and indentation; raise ValueError when its parentheses do not match.
 
     Forms that fit stay on one line; of a longer one every part goes on a line of its own. Objects go by category,
-    literals one a line. Comments stay on their lines; single empty lines stay, several become one.
-
-    Args:
-        text: BDDL text whose parentheses match, such as any that `parse` reads.
-        free_text: Names of sections whose content is prose; it stays as it is.
-
-    Returns:
-        The text with the same words and the same comments in the same order, ending in a newline. Laying that out
-        again changes nothing.
+    literals one a line. The words and comments stay, and so does the text of the sections that are prose (`free_text`);
+    of empty lines, several become one. Laying the result out again changes nothing.
 
     Example:
         >>> print(lay_out("(define (problem p) (:domain d) (:goal (open a))) ; done"), end="")

@@ -113,11 +113,11 @@ class NormalForm:
     root: int
 
     def costs(self, price: Callable[[Lit], int]) -> list[int]:
-        """Return what it costs at least to make each node true.
+        """Return what it costs at least to make each node true, given the price of each literal.
 
-        Returns:
-            For each node a number that is 0 exactly where the literals of price 0 make it true by Kleene's tables,
-            and never more than the cheapest set of literals that makes it true.
+        A price is 0 where the literal holds, from 1 up to make it hold, `IMPOSSIBLE` where it cannot. A cost is 0
+        exactly where the literals of price 0 make the node true by Kleene's tables. It is never more than that of the
+        cheapest literals that make it true.
         """
         costs: list[int] = []
         for node in self.nodes:
@@ -311,28 +311,22 @@ def options(
 ) -> Iterator[Option]:
     """Return the options that make a goal true, cheapest first, each computed on demand.
 
-    An option is a set of literals such that the goal is true when they hold, whatever the other atoms are and even
-    when they are unknown. No option contradicts itself, and none contains another; every set of literals that makes
-    the goal true by Kleene's tables contains one. A goal that holds anyway has the one option without literals, and
-    one that nothing makes true has none.
+    An option is a set of literals such that the goal is true when they hold, whatever the other atoms are and even when
+    they are unknown. No option contradicts itself, and none contains another; every set of literals that makes the goal
+    true by Kleene's tables contains one. A goal that holds anyway has the one option without literals, and one that
+    nothing makes true has none.
 
-    Without a state, an option costs the number of its literals. In a state it costs the number of its literals that
-    do not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals
-    come first. The literals that hold already are part of the option, since they have to stay. A wildcard of BEHAVIOR
-    is counted as one object, of which CountedWildcard warns.
+    Without a state, an option costs the number of its literals. In a state it costs the number of its literals that do
+    not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals come
+    first. The literals that hold already are part of the option, since they have to stay.
 
     Args:
         goal: Any formula.
-        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
+        objects: As for `evaluate`.
         state: Where the goal is to be reached from, as for `evaluate`; None to count from nothing.
-        pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
-        steps: How many steps the search may take. Goals whose parts share many atoms, or contradict each other, may
-            take a number that is exponential in their size.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
-        SearchLimit: Raised by the iterator when the steps are used up; there may be more options, or none at all.
+        pairs: As for `evaluate`.
+        steps: Limit of the search, above which the iterator raises SearchLimit. Goals whose parts share many atoms, or
+            contradict each other, may take a number that is exponential in their size.
 
     Source: docs/bddl.md, Progress and options; A* search (Hart, Nilsson and Raphael, 1968).
 
@@ -403,7 +397,7 @@ class _Search:
         self._surcharge = surcharge
 
     def solutions(self, steps: int) -> Iterator[_Choice]:
-        """Yield the minimal choices that make the goal true, cheapest first."""
+        """Yield the minimal choices that make the goal true, cheapest first; raise SearchLimit after too many steps."""
         found: list[_Choice] = []
         # States expanded already: several orders of the same steps lead to one state.
         expanded: set[tuple[_Choice, frozenset[NormalNode]]] = set()
@@ -433,7 +427,11 @@ class _Search:
             raise SearchLimit(steps)
 
     def _propagate(self, choice: _Choice, waiting: _Open) -> tuple[int, _Choice, _Open, list[int]] | None:
-        """Apply the forced steps: choose literals without an alternative, and open conjunctions."""
+        """Apply the forced steps: choose literals without an alternative, and open conjunctions.
+
+        The result is a lower bound on the cost of the solutions from here, the literals chosen then, the open nodes,
+        and the cost of each node. It is None when there is no solution from here.
+        """
         while True:
             price = self._prices(choice)
             costs = self._form.costs(price)
@@ -536,10 +534,6 @@ class GoalProgress:
       alone, such as `(or)`;
     - never lower when more becomes known, and always less than 1 for goals that contradict themselves.
 
-    Conjunctions add up, disjunctions take the least, `forn` makes the cheapest parts true and the others false,
-    `forpairs` counts the pairs that are missing, and negations are pushed down to the atoms first. Where conjuncts
-    share an atom, one literal may serve several of them, and only one counts.
-
     Attributes:
         atoms: The distinct ground atoms that the goal depends on, in the order of `ground`.
 
@@ -572,7 +566,7 @@ class GoalProgress:
         return self._share(state, ~state)
 
     def missing(self, state: State) -> float:
-        """Return how many literals must at least change or become known."""
+        """Return how many literals must at least change or become known; infinity where the goal cannot be true."""
         cost = self._cost(*known_bits(self.atoms, state))
         return inf if cost >= IMPOSSIBLE else cost
 

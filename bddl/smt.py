@@ -284,7 +284,7 @@ class Solver:
         self._solver.add(self._literal(name, value))
 
     def check(self, assumed: Iterable[Assumed] = ()) -> SolverAnswer:
-        """Decide whether the text is satisfiable when some constants have given values."""
+        """Decide whether the text is satisfiable when some constants have given values, for this question alone."""
         literals = {self._literal(name, value): (name, value) for name, value in assumed}
         status = str(self._solver.check(*literals))
         if status == "sat":
