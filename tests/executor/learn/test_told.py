@@ -68,7 +68,7 @@ def test_robots_of_two_scales_are_refused(picked: EpisodeStore, full_size: Episo
 
 
 def test_an_episode_counts_once(picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
     twice = [str(picked.path), str(tmp_path / "z")]
     assert run(["train", "state", "--data", *twice, "--out", str(tmp_path / "p"), "--json"]) == 2
     error = str(last_json(capsys)["error"])
@@ -98,7 +98,7 @@ def without(name: str) -> Callable[[dict[str, Any]], object]:
 def test_what_an_export_says_of_an_episode_is_checked(
     picked: EpisodeStore, tmp_path: Path, spoil: Callable[[dict[str, Any]], object], words: str
 ) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
     (path,) = (tmp_path / "z").rglob(_LINES)
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     spoil(lines[1])
