@@ -73,8 +73,13 @@ class StoredEpisode:
 
     @property
     def broken_off(self) -> bool:
-        """Whether its process crashed or hung, so that its outcome is unknown."""
-        return self.meta["ended"] in UNFINISHED
+        """Whether its process crashed or hung, so that its outcome is unknown, or a file of it was cut off since."""
+        return self.meta["ended"] in UNFINISHED or self.cut_off
+
+    @cached_property
+    def cut_off(self) -> bool:
+        """Whether a file of samples ends early, as after a copy that was interrupted."""
+        return not all(map(samples.is_whole, self.path.glob(f"*{Path(SAMPLES).suffix}")))
 
     @property
     def has_samples(self) -> bool:
@@ -285,9 +290,9 @@ class EpisodeStore:
         write_text(aside / META, text + "\n")
 
     def ending(self, unit: DemoUnit, version: str) -> str | None:
-        """Return how a unit ended, or None when it is not made yet."""
+        """Return how a unit ended, or None when it is not made yet, or has to be made again since it was cut off."""
         done = self.read(unit, version)
-        return None if done is None else str(done.meta["ended"])
+        return None if done is None or done.cut_off else str(done.meta["ended"])
 
     def request(self, unit: DemoUnit, version: str) -> dict[str, Any]:
         """Return the request of a unit to its worker process."""
