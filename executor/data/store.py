@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from numpy.typing import NDArray
 
@@ -101,13 +101,8 @@ class StoredEpisode:
         Raises:
             NotADataset: The file is missing, or no file of samples.
         """
-        try:
-            with open_input(self._own(file)) as stream:
-                return samples.unpacked(stream)
-        except OSError as problem:
-            raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
-        except samples.BadSamples as problem:
-            raise NotADataset(f"{self.path / file}: {problem}") from None
+        with self._opened(file) as stream:
+            return samples.unpacked(stream)
 
     def shapes(self, file: str) -> dict[str, tuple[int, ...]]:
         """Return the shapes of the arrays of a file of samples, reading only its begin.
@@ -115,18 +110,20 @@ class StoredEpisode:
         Raises:
             NotADataset: The file is missing, or no file of samples.
         """
+        with self._opened(file) as stream:
+            return samples.shapes(stream.read(_BEGIN_BYTES))
+
+    @contextmanager
+    def _opened(self, file: str) -> Iterator[BinaryIO]:
+        if Path(file).name != file or file == "..":
+            raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
         try:
-            with open_input(self._own(file)) as stream:
-                return samples.shapes(stream.read(_BEGIN_BYTES))
+            with open_input(self.path / file) as stream:
+                yield stream
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
             raise NotADataset(f"{self.path / file}: {problem}") from None
-
-    def _own(self, file: str) -> Path:
-        if Path(file).name != file or file == "..":
-            raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
-        return self.path / file
 
     @property
     def motion_key(self) -> str:

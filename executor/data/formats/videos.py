@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.data.formats.statistics import IntensityHistogram
-from executor.data.views import opened_video, pixels_of
+from executor.data.views import opened_video, pictures
 from executor.sim.render.frames import VideoFailed
 from executor.system.extras import require
 
@@ -41,14 +41,11 @@ class VideoClip:
             VideoFailed: The file is unreadable or too short.
         """
         found = 0
-        with opened_video(self.path) as (source, stream):
-            stream.codec_context.thread_count = 1
-            for frame in source.decode(stream):
-                yield frame.to_ndarray(format=pixels_of(self.path))
-                found += 1
-                if found == self.count:
-                    return
-        raise VideoFailed(f"{self.path} has {found} of {self.count} pictures")
+        for picture in islice(pictures(self.path), self.count):
+            found += 1
+            yield picture
+        if found < self.count:
+            raise VideoFailed(f"{self.path} has {found} of {self.count} pictures")
 
     def packets(self) -> Iterator[tuple[Any, Any]]:
         """Yield the stream and each encoded picture, without decoding.
