@@ -5,16 +5,17 @@ The main table has the paper's rows beside those of this program. The report is 
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
 from bddl.terminal import pluralize
-from executor.bench.paper import main_table
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
 from executor.records import describe_peaks
@@ -25,6 +26,29 @@ from executor.scenes.generators.household import VARIATIONS
 from executor.skills.control import DISPLACED_M, TIPPED_DEG
 
 Result = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class PaperRow:
+    """One row of the paper's main table.
+
+    Attributes:
+        method: The method.
+        cells: Family -> success rate and subtask-level score in percent; families without numbers are absent.
+    """
+
+    method: str
+    cells: Mapping[str, tuple[float, float]]
+
+
+def main_table() -> tuple[PaperRow, ...]:
+    """Return the rows of the paper's main table that have numbers, as printed; its fifth has "fail" or "success"."""
+    text = (resources.files(__package__) / "data" / "main_comparison.json").read_text(encoding="utf-8")
+    rows = json.loads(text)["rows"]
+    return tuple(
+        PaperRow(row["method"], {key: tuple(cell) for key, cell in row.items() if key != "method" and cell})
+        for row in rows
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +180,7 @@ class Cell:
         }
 
     def _peaks(self) -> dict[str, float]:
-        """Return the peak loads of the robot over all episodes, by the names of `executor.records.rollout.Peaks`."""
+        """Return the peak loads of the robot over all episodes, by the names of `executor.records.Peaks`."""
         recorded = [result.get("peaks", {}) for result in self.results]
         return {
             name: max(row.get(name, 0.0) for row in recorded)

@@ -105,7 +105,7 @@ class ReplayOptions(CommonOptions):
     """
 
     store: tyro.conf.Positional[Annotated[Path, Read()]]
-    """A store of episodes, as `generate` makes them, or a data set that was exported of one."""
+    """A store of episodes, as `generate` makes them, or a LeRobot data set that was exported of one."""
     through: Literal["log", "env"] = "log"
     """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
     actions: Literal["joint_target", "paper"] = "joint_target"
@@ -139,25 +139,6 @@ class ExportOptions(CommonOptions):
     only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all successes)")] = ""
     """Which episodes, such as origin=T5+T6,views=head: origin, ended (succeeded, failed), rate, robot, size (128x128),
     channels (depth, segmentation), and views, which are all that the data set has then (none: no pictures)."""
-    force: ReplaceResults = False
-
-
-@dataclass(frozen=True)
-class ConvertOptions(CommonOptions):
-    """Write a data set that was exported in another format; the numbers are those that the store would give."""
-
-    source: tyro.conf.Positional[
-        Annotated[
-            Path,
-            tyro.conf.arg(
-                metavar="SOURCE", help="Folder that `dataset export` wrote.", help_behavior_hint="(required)"
-            ),
-            Read(),
-        ]
-    ]
-    out: ResultsFolder
-    format: Format = "lerobot"
-    """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
     force: ReplaceResults = False
 
 
@@ -231,7 +212,6 @@ class CardOptions(CommonOptions):
 DatasetSubCommand = (
     Annotated[ExportOptions, tyro.conf.subcommand("export")]
     | Annotated[RenderOptions, tyro.conf.subcommand("render")]
-    | Annotated[ConvertOptions, tyro.conf.subcommand("convert")]
     | Annotated[InfoOptions, tyro.conf.subcommand("info")]
     | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
     | Annotated[MergeOptions, tyro.conf.subcommand("merge")]
@@ -253,7 +233,8 @@ class TrainOptions(CommonOptions):
     settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
     """state, ensemble, rooms, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)"), Read()]
-    """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
+    """Stores of episodes, as `generate` makes them, or LeRobot data sets that were exported of them; successes are
+    learned from."""
     out: Path
     """Folder for the policy."""
     episodes: Maybe[int] = None

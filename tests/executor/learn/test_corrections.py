@@ -106,7 +106,7 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
     first = int(np.unique(both.starts)[both.names.index(unit.name)])
     assert both.steps[both.phases[first]] in (5, 17)  # The planner drives, the hand emptied first.
-    write_set(stream_of(corrected), "zarr", tmp_path / "z")
+    write_set(stream_of(corrected), "lerobot", tmp_path / "z")
     exported = read_demonstrations([tmp_path / "z"], settings)
     assert exported.takeovers == 2 and exported.steps == read_demonstrations([corrected.path], settings).steps
 

@@ -120,7 +120,7 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
 def test_what_was_exported_is_learned_from_as_the_store_is(
     picked: EpisodeStore, data: Demonstrations, tmp_path: Path
 ) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
     found = read_demonstrations([tmp_path / "z"], small())
     assert (found.names, found.key, found.kinds, found.seeds) == (data.names, data.key, data.kinds, data.seeds)
     assert np.array_equal(found.numbers, data.numbers) and np.array_equal(found.phases, data.phases)
