@@ -1,4 +1,4 @@
-"""Measurements of a step, and the evidence that a critique rests on.
+"""Measurements of a step, the evidence that a critique rests on, and the confidence interval of a success rate.
 
 Records travel unchanged from a primitive to the critique and the cause. A step, and a failure, has a tuple of records:
 one for what its primitive does, and more for other measurements, such as the contact that ended a motion. In files they
@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from numbers import Integral
 from typing import Annotated, Any, Literal, TypeVar
 
 from oag.model.codec import ReadBy, members, number
+from oag.model.diagnostics import EvidenceError
 
 
 @dataclass(frozen=True, slots=True)
@@ -493,3 +495,52 @@ class MeasuredEvidence:
         if self.pictures:
             written["pictures"] = [dict(picture) for picture in self.pictures]
         return written | ({"model_did_not_judge": self.model_did_not_judge} if self.model_did_not_judge else {})
+
+
+def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the exact two-sided confidence interval of a success probability.
+
+    Args:
+        successes: How many trials succeeded.
+        trials: How many there were, at least one.
+        confidence: Coverage that is guaranteed, in (0, 1).
+
+    Raises:
+        EvidenceError: When the numbers are not such; it is a ValueError.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise EvidenceError(f"expected a confidence between 0 and 1, such as 0.95, got {confidence:g}")
+    tail = (1.0 - confidence) / 2.0
+    return lower_bound(successes, trials, tail), 1.0 - lower_bound(trials - successes, trials, tail)
+
+
+def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
+    """Return the exact one-sided lower confidence bound: the true probability is below it in at most `alpha` of cases.
+
+    Args:
+        successes: How many trials succeeded; with none the bound is 0.
+        trials: How many there were, at least one.
+        alpha: The error that is allowed, in (0, 1).
+
+    Raises:
+        EvidenceError: When the numbers are not such; it is a ValueError.
+    """
+    _check_whole(successes, trials)
+    if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
+        raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")
+    if successes == 0:
+        return 0.0
+    # scipy takes as long to import as all of this package, and only measurements need it.
+    from scipy.special import betaincinv
+
+    return float(betaincinv(successes, trials - successes + 1, alpha))
+
+
+def is_whole(number: object) -> bool:
+    """Decide whether a value is a whole number, numpy's included; truth values are not."""
+    return isinstance(number, Integral) and not isinstance(number, bool)
+
+
+def _check_whole(successes: object, trials: object) -> None:
+    if not (is_whole(successes) and is_whole(trials)):
+        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")

@@ -19,9 +19,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from bddl.terminal import pluralize
-from oag.evidence import is_whole
 from oag.graph import compose
-from oag.measurements import MeasuredEvidence
+from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
 from oag.model.codec import ReadBy, Source, expected, index, load, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError

@@ -102,7 +102,7 @@ class FixError(OagError):
 
 
 class EvidenceError(OagError, ValueError):
-    """Counts do not allow a probability: more successes than trials, or a chain whose counts do not match."""
+    """Counts do not allow a probability, such as more successes than trials."""
 
 
 class HistoryFull(OagError):
