@@ -40,7 +40,7 @@ from oag.model.symbols import Kind, ParameterKind, Primitive, applicable, kind_o
 from oag.progression import Grade, Obligation
 from oag.task import SimpleTask, Task
 from oag.verify.edits import Fix
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict
 
 if TYPE_CHECKING:
     from oag.measurements import clopper_pearson

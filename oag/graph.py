@@ -41,8 +41,7 @@ from oag.model.symbols import (
 )
 from oag.primitives.table import Clause, Context, effect, requirements
 from oag.task import SimpleTask, Task, chosen_scene
-from oag.verify.report import Report
-from oag.verify.verify import verify
+from oag.verify.verify import Report, verify
 
 if TYPE_CHECKING:
     import networkx

@@ -7,24 +7,28 @@ are one mapping with the units in its keys.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from numbers import Integral
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from oag.model.codec import ReadBy, members, number
+from oag.model.codec import ReadBy, Record, as_json, fields_json, members, number
 from oag.model.diagnostics import EvidenceError
 
 
 @dataclass(frozen=True, slots=True)
-class Measurement:
+class Measurement(Record):
     """Base of all records; values that are None or not finite were not measured, and are not written."""
 
     def to_json(self) -> dict[str, object]:
-        """Return the record as JSON values."""
-        found = ((field.name, _plain(getattr(self, field.name))) for field in fields(self))
-        return {name: value for name, value in found if value is not None}
+        """Return what was measured as JSON values."""
+        return {name: value for name, value in fields_json(self).items() if value is not None}
+
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a record of this kind: every field without a default, or any field at all."""
+        required = [field.name for field in fields(cls) if field.default is MISSING]
+        return all(name in written for name in required)
 
 
 Measurements = tuple[Measurement, ...]
@@ -115,6 +119,12 @@ class SupportDrive(Measurement):
     joint_margin_deg: float | None = None
     stance: str | None = None
     beside_m: float | None = None
+
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a drive: `support` alone may be that of a step without a plan."""
+        own = {field.name for field in fields(cls)} & written.keys()
+        return "support" in own and (len(own) > 1 or not _UNPLANNED & written.keys())
 
     @property
     def nominal(self) -> bool:
@@ -229,6 +239,11 @@ class StageCount(Measurement):
 
     stages: int
 
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a count: the stages of a joint's motion are a list."""
+        return isinstance(written.get("stages"), int)
+
 
 @dataclass(frozen=True, slots=True)
 class Unplanned(Measurement):
@@ -306,9 +321,11 @@ class AtomMeasured(Measurement):
 
 
 NOTHING_MEASURED = AtomMeasured()
+# Keys by which a step without a plan differs from a drive.
+_UNPLANNED = {field.name for field in fields(Unplanned)} - {field.name for field in fields(SupportDrive)}
 
 
-# A mapping is read as the first of these kinds that its keys and values fit, then the next with the keys left over.
+# The kinds that a mapping is read by, each from the keys that those before it left.
 _KINDS: tuple[type[Measurement], ...] = (
     StageCount,
     JointMotion,
@@ -348,29 +365,21 @@ def read_measurements(written: Mapping[str, object], kinds: Iterable[type[Measur
         written: The JSON object.
         kinds: Possible kinds of records.
     """
-    from pydantic import TypeAdapter, ValidationError  # Takes as long to import as all of this package.
+    from pydantic import ValidationError  # Takes as long to import as all of this package.
+
+    from oag.model.forms import adapter
 
     left, found = dict(written), list[tuple[int, Measurement]]()
     for kind in kinds:
         own = {field.name: left[field.name] for field in fields(kind) if field.name in left}
-        if own:
+        if own and kind.is_in(left):
             try:
-                record = TypeAdapter(kind).validate_python(own)
+                record = adapter(kind).validate_python(own)
             except ValidationError:
                 continue
             found.append((min(list(written).index(name) for name in own), record))
             left = {name: value for name, value in left.items() if name not in own}
     return tuple(record for _, record in sorted(found, key=lambda entry: entry[0]))
-
-
-def _plain(value: Any) -> object:
-    if isinstance(value, Measurement):
-        return value.to_json()
-    if isinstance(value, tuple | list):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 _Number = Annotated[float, ReadBy(number)]
@@ -416,7 +425,7 @@ class Unmet(Measurement):
 
 
 @dataclass(frozen=True, slots=True)
-class Miss:
+class Miss(Record):
     """How far an item is from where its goal would hold, in the robot's own directions.
 
     All distances are what the item would have to be moved by: positive is forward, to the left, up.
@@ -438,10 +447,6 @@ class Miss:
     def distance_m(self) -> float:
         """How far the nearest place is; 0 where the item is over it or in it."""
         return float((self.forward_m**2 + self.left_m**2 + self.up_m**2) ** 0.5)
-
-    def to_json(self) -> dict[str, object]:
-        """Return the miss as JSON values."""
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
 
 def _read_measured(value: object) -> Measurements:
@@ -481,20 +486,17 @@ class MeasuredEvidence:
 
     def to_json(self) -> dict[str, object]:
         """Return the evidence as JSON values; empty entries are left out."""
-        written: dict[str, object] = {}
-        if self.measurements is not None:
-            written["measurements"] = measurements_json(self.measurements)
-        if self.failure:
-            written |= {"failure": self.failure, "failure_measurements": measurements_json(self.failure_measurements)}
-        if self.unmet:
-            written["unmet"] = measurements_json(self.unmet)
-        if self.misses:
-            written["misses"] = [miss.to_json() for miss in self.misses]
-        if self.measured is not None:
-            written["measured"] = dict(self.measured)
-        if self.pictures:
-            written["pictures"] = [dict(picture) for picture in self.pictures]
-        return written | ({"model_did_not_judge": self.model_did_not_judge} if self.model_did_not_judge else {})
+        written = {
+            "measurements": None if self.measurements is None else measurements_json(self.measurements),
+            "failure": self.failure or None,
+            "failure_measurements": measurements_json(self.failure_measurements) if self.failure else None,
+            "unmet": measurements_json(self.unmet) or None,
+            "misses": as_json(self.misses) or None,
+            "measured": as_json(self.measured),
+            "pictures": as_json(self.pictures) or None,
+            "model_did_not_judge": self.model_did_not_judge or None,
+        }
+        return {name: value for name, value in written.items() if value is not None}
 
 
 def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -26,7 +26,6 @@ from typing import TypeVar
 import bddl
 from oag.certificate.recheck import digest
 from oag.flows import complete
-from oag.goals import default_goal
 from oag.model.actions import Action, ActionFlow
 from oag.model.scene import ROBOT, RobotPose, Scene, SceneObject
 from oag.model.symbols import (
@@ -52,7 +51,7 @@ from oag.primitives.table import NAVIGATION, RESTING
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
 from oag.sizes import longest_motion_m
-from oag.task import SimpleTask, Task, chosen_scene
+from oag.task import SimpleTask, Task, chosen_scene, default_goal
 from oag.verify.verify import follow
 from oag.wellformed import check
 

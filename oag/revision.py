@@ -15,20 +15,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, NamedTuple, Self
 
 from bddl.terminal import pluralize
 from oag.graph import compose
 from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
-from oag.model.codec import ReadBy, Source, expected, index, load, shown
+from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.primitives.table import NAVIGATION
 from oag.task import Task, chosen_scene, subtask_place, unreadable_step
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict
 
 Outcome = Literal["succeeded", "failed"]
 Change = Literal["sequence", "parameters"]
@@ -56,7 +56,7 @@ _Index = Annotated[int, ReadBy(index)]
 
 
 @dataclass(frozen=True, slots=True)
-class Critique:
+class Critique(Record):
     """Judgement of an inspector on one executed step.
 
     Attributes:
@@ -88,13 +88,9 @@ class Critique:
         """True when anything about the step was wrong."""
         return self.motion_verified is False or self.state_reached is False or self.anomaly is not None
 
-    def to_json(self) -> dict[str, object]:
-        """Return the critique as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Hindsight:
+class Hindsight(Record):
     """Why an attempt that reached its goal counts as failed after all: a later subtask failed because of it.
 
     Attributes:
@@ -107,13 +103,9 @@ class Hindsight:
     failure: str
     message: str = ""
 
-    def to_json(self) -> dict[str, object]:
-        """Return the hindsight as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(Record):
     """One execution of a subtask's flow from its saved initial state.
 
     Attributes:
@@ -150,10 +142,6 @@ class Attempt:
         """True when the subtask's goal was reached."""
         return self.outcome == "succeeded"
 
-    def to_json(self) -> dict[str, object]:
-        """Return the attempt as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
 class Revision:
@@ -184,7 +172,7 @@ class Revision:
 
     def to_json(self) -> dict[str, object]:
         """Return the revision as JSON values, the note only where there is one."""
-        written = _written(self)
+        written = fields_json(self)
         return ({"note": self.note} if self.note else {}) | {
             key: value for key, value in written.items() if key != "note"
         }
@@ -194,18 +182,6 @@ def change_between(old: ActionFlow, new: ActionFlow) -> Change:
     """Return how one flow became another: "parameters" when the primitives are the same ones, else "sequence"."""
     same = [action.primitive for action in old] == [action.primitive for action in new]
     return "parameters" if same else "sequence"
-
-
-def _written(record: Critique | Hindsight | Attempt | Revision) -> dict[str, object]:
-    return {entry.name: _plain(getattr(record, entry.name)) for entry in fields(record)}
-
-
-def _plain(value: Any) -> object:
-    if isinstance(value, Primitive):
-        return value.name
-    if isinstance(value, tuple):
-        return [_plain(entry) for entry in value]
-    return value.to_json() if hasattr(value, "to_json") else value
 
 
 SCHEMA = "scene2demo-history/2"

@@ -8,12 +8,12 @@ the opening of the robot's gripper. Widths are drawn from a seed, and nothing lo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from random import Random
 from typing import Self
 
-from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.codec import Record
+from oag.model.scene import PAPER_SCALE, RobotPose, Scene, SceneObject, Vector3
 from oag.model.symbols import Primitive, has_rim
 from oag.task import Task
 
@@ -150,7 +150,7 @@ def too_small(factor: float) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Resizing:
+class Resizing(Record):
     """One object that does not have its original size.
 
     Attributes:
@@ -169,10 +169,6 @@ class Resizing:
         """The factor in words, one where it is the same along all axes."""
         different = self.factors if len(set(self.factors)) > 1 else self.factors[:1]
         return " x ".join(f"{factor:g}" for factor in different)
-
-    def to_json(self) -> dict[str, object]:
-        """Return the change as plain data."""
-        return asdict(self)
 
     def __str__(self) -> str:
         """Return the change in words."""

@@ -1,6 +1,7 @@
-"""JSON files: strict decoding, documents with the place of every mistake, and messages for wrong values.
+"""JSON: strict decoding of files, documents with the place of every mistake, and the writing of records.
 
-`Document.read` checks a document by a form, which is a dataclass or a pydantic model (`oag.model.forms`).
+`Document.read` checks a document by a form, which is a dataclass or a pydantic model (`oag.model.forms`). `Record` and
+`as_json` write: pydantic would take longer to load than this package, and a serializer for nearly every field.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from enum import Enum
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -220,3 +222,32 @@ class ReadBy:
             return self.reader(value)
         except OagError as problem:
             raise ValueError(str(problem)) from problem
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Base of records that are written as an object with their fields as keys, in their order."""
+
+    def to_json(self) -> dict[str, object]:
+        """Return the record as JSON values."""
+        return fields_json(self)
+
+
+def fields_json(record: Any) -> dict[str, object]:
+    """Return the fields of a dataclass as JSON values."""
+    return {field.name: as_json(getattr(record, field.name)) for field in fields(record)}
+
+
+def as_json(value: Any) -> Any:
+    """Return a value as JSON has it: formulas as texts, enumerations by name, no number for one that is not finite."""
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if isinstance(value, bddl.Formula):
+        return bddl.format(value)
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple | list):
+        return [as_json(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {key: as_json(entry) for key, entry in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

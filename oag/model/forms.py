@@ -20,7 +20,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from bddl.ast import NAME_RULE, is_name
 from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
 from oag.model.diagnostics import InputError
-from oag.model.scene_rules import (
+from oag.model.scene import (
     FULL_SCALE,
     LARGEST_M,
     LARGEST_TURN_DEG,

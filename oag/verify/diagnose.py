@@ -14,7 +14,6 @@ from typing import NamedTuple
 import bddl
 from bddl.ast import Quantified
 from oag.flows import NoFlow, no_flow_finding, searched_notes
-from oag.goals import default_goal, is_meant_to_change
 from oag.model.diagnostics import SCALES, TASK_GOAL, WRONG_ORDER, Diagnostic
 from oag.model.scene import Scene
 from oag.model.symbols import (
@@ -48,7 +47,7 @@ from oag.progression import (
     producer_place,
 )
 from oag.sizes import planned_resizings
-from oag.task import Task, label, step_place, subtask_place
+from oag.task import Task, default_goal, is_meant_to_change, label, step_place, subtask_place
 
 
 def needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

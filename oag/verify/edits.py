@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import bddl
 from bddl.terminal import pluralize
-from oag.goals import default_goal
-from oag.model.actions import Action, ActionFlow, flow_to_json
+from oag.model.actions import Action, ActionFlow
+from oag.model.codec import Record, fields_json
 from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
-from oag.task import SimpleTask, Task
+from oag.task import SimpleTask, Task, default_goal
 
 _Item = TypeVar("_Item")
 
@@ -30,17 +30,9 @@ class Edit(ABC):
 
     def to_json(self) -> dict[str, object]:
         """Return the edit as JSON values, without what it leaves as it is; indices count from 0."""
-        values = ((entry.name, getattr(self, entry.name)) for entry in fields(self))
-        return {"op": self.op} | {name: _plain(value) for name, value in values if value is not None}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, bddl.Formula):
-        return bddl.format(value)
-    if isinstance(value, SimpleTask):
-        return value.to_json()
-    # Of strings only a support may be empty, which stands for none.
-    return flow_to_json(value) if isinstance(value, tuple) else None if value == "" else value
+        # Of strings only a support may be empty, which stands for none.
+        written = {name: value for name, value in fields_json(self).items() if value is not None}
+        return {"op": self.op} | {name: None if value == "" else value for name, value in written.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +239,7 @@ def _with_subtasks(task: Task, subtasks: Sequence[SimpleTask]) -> Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class Fix(Record):
     """One verified repair of a plan.
 
     Attributes:
@@ -314,8 +306,3 @@ class Fix:
             return "nothing fails any more, some things stay unknown"
         noun = "1 other mistake remains" if self.remaining == 1 else f"{self.remaining} other mistakes remain"
         return f"this one is gone, {noun}"
-
-    def to_json(self) -> dict[str, object]:
-        """Return the fix as JSON values."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return values | {"edits": [edit.to_json() for edit in self.edits]}

@@ -32,7 +32,7 @@ from oag.verify.fix_plans import (
     role_candidates,
     step_candidates,
 )
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict
 
 # Most verifications for one mistake; in long plans, as many as follow this number of steps in all.
 MOST_CHECKS = 300
