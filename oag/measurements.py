@@ -109,7 +109,7 @@ class SupportDrive(Measurement):
         leaning_deg: Lean of the held object [deg].
         region: Where the thing will be put; None where no place was found.
         joint_margin_deg: How far the joints are from their limits there.
-        stance: Remark on a nominal stance, where the flow's numbers reach no free spot from anywhere; else None.
+        stance: Remark on a nominal stance, where the flow's numbers reach no free spot from anywhere.
         beside_m: Distance from the base to its goal at the end [m].
     """
 
@@ -250,14 +250,12 @@ class Unplanned(Measurement):
     """Reason why no plan was found, or a step was not begun.
 
     Attributes:
-        target, support, joint: The objects concerned.
         gripped: Whose handle is still in the gripper.
         near: What the hand touches.
         stances_tried, looked_at: How many stances, or configurations, were tried.
         in_the_way: The bodies in collision; with counts, where many configurations were tried.
         free_to_fraction: How far a joint is free, as a fraction of its range.
         residual_m, residual_deg: Remaining error of the hand.
-        joints_at_limit: The joints that cause it.
     """
 
     target: str | None = None
@@ -293,7 +291,6 @@ class AtomMeasured(Measurement):
         beyond_its_furniture_m, nearest_room: `inroom`.
         tilted_deg: Of what was put down: how far it leans from upright, or from how it stood at first.
         lifted_m: Of what was picked up: how far its lowest point is above where that was.
-        undecided: Whether no detector could decide.
     """
 
     reason: str | None = None
@@ -359,12 +356,7 @@ def measurements_json(records: Iterable[Measurement]) -> dict[str, object]:
 
 
 def read_measurements(written: Mapping[str, object], kinds: Iterable[type[Measurement]] = _KINDS) -> Measurements:
-    """Return the records that `measurements_json` wrote; values of no known form are left out.
-
-    Args:
-        written: The JSON object.
-        kinds: Possible kinds of records.
-    """
+    """Return the records that `measurements_json` wrote, of some kinds; values of no known form are left out."""
     from pydantic import ValidationError  # Takes as long to import as all of this package.
 
     from oag.model.forms import adapter
@@ -391,9 +383,6 @@ class GoalReading:
 
     Attributes:
         literal: The atom, or the formula, as BDDL.
-        wanted: What the goal asks for.
-        value: What was read.
-        measurements: The numbers behind it.
         predicate: Of the atom, such as "open"; empty for any other formula.
     """
 
@@ -467,11 +456,9 @@ class MeasuredEvidence:
     Attributes:
         measurements: What the step measured; None where no measurement was read.
         failure: Kind of the step's own failure; empty when it did what it should.
-        failure_measurements: The numbers behind the failure.
         unmet: Conditions that the step should have made true and did not.
         misses: How far items are from their places.
         measured: The critique by the measurements alone, where a model was asked too.
-        pictures: The pictures that were used.
         model_did_not_judge: Why a model did not judge the step; empty when it did, or was not asked.
     """
 
@@ -502,13 +489,7 @@ class MeasuredEvidence:
 def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the exact two-sided confidence interval of a success probability.
 
-    Args:
-        successes: How many trials succeeded.
-        trials: How many there were, at least one.
-        confidence: Coverage that is guaranteed, in (0, 1).
-
-    Raises:
-        EvidenceError: When the numbers are not such; it is a ValueError.
+    Raises EvidenceError, a ValueError, for impossible counts or a confidence outside of (0, 1).
     """
     if not 0.0 < confidence < 1.0:
         raise EvidenceError(f"expected a confidence between 0 and 1, such as 0.95, got {confidence:g}")
@@ -517,16 +498,7 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tu
 
 
 def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
-    """Return the exact one-sided lower confidence bound: the true probability is below it in at most `alpha` of cases.
-
-    Args:
-        successes: How many trials succeeded; with none the bound is 0.
-        trials: How many there were, at least one.
-        alpha: The error that is allowed, in (0, 1).
-
-    Raises:
-        EvidenceError: When the numbers are not such; it is a ValueError.
-    """
+    """Return the exact one-sided lower bound: the true probability is below it in at most `alpha` of cases."""
     _check_whole(successes, trials)
     if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
         raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")

@@ -61,13 +61,11 @@ class Critique(Record):
 
     Attributes:
         step: Index in the flow, from 0.
-        primitive: The primitive.
         motion_verified: Whether the robot moved as intended; None when not judged.
         state_reached: Whether the intended change occurred; None when not judged.
         state_contrast: What differs between the step's beginning and its end, in words.
         anomaly: What happened that should not have, such as a collision; None when nothing did.
         text: The diagnosis in a sentence or two.
-        evidence: The measurements behind it.
         origin: Whether measurements, a model that looked at frames, or both were asked.
 
     Source: the paper's three aspects of a critique: motion verification, state contrast, anomaly detection.
@@ -114,7 +112,6 @@ class Attempt(Record):
         failed_step: Index of the earliest step that failed; None when it succeeded, or when every step ran but the goal
             was not reached.
         failure: Kind of failure, such as "unexpected-contact"; empty on success.
-        message: The failure in a sentence.
         critiques: One for each step that was judged, in order.
         filled: The flow with the numbers that were run; None when they were all given.
         seed: Seed of the episode; None when it has none.
@@ -148,7 +145,6 @@ class Revision:
     """A changed flow, and why it was changed.
 
     Attributes:
-        flow: The new flow.
         change: "sequence" when primitives were added, taken out or exchanged, "parameters" when only numbers differ.
         explanation: The supervisor's reason, for people and for the next round.
         cause: The root cause in a few words, such as "door in the way".
@@ -206,7 +202,6 @@ class History:
     Attributes:
         subtask: Index of the subtask, from 0.
         iterations: In order; only the last may lack a revision.
-        limit: How many revisions may be made.
     """
 
     subtask: int
@@ -243,8 +238,7 @@ class History:
     def add(self, attempt: Attempt, revision: Revision | None = None) -> Self:
         """Return the history with one more attempt, and the revision made because of it.
 
-        Raises:
-            HistoryFull: The evolution has ended already, or the revision would be one too many.
+        Raises HistoryFull when the evolution has ended already, or the revision would be one too many.
         """
         which = f"subtask {self.subtask + 1}"
         if self.iterations and self.iterations[-1].revision is None:
@@ -257,10 +251,8 @@ class History:
     def reopened(self, hindsight: Hindsight) -> tuple[Attempt, Self]:
         """Return the last, successful attempt as a failed one, and the history before it.
 
-        Adding that attempt again, with its revision, continues the evolution.
-
-        Raises:
-            RecordError: There is no success to blame, or the blaming subtask does not come later.
+        Adding that attempt again, with its revision, continues the evolution. Raises RecordError when there is no
+        success to blame, or the blaming subtask does not come later.
         """
         if not self.solved or hindsight.subtask <= self.subtask:
             problem = f"T{self.subtask + 1} cannot be blamed for a failure of T{hindsight.subtask + 1}"
@@ -273,8 +265,7 @@ class History:
     def superseded(self, revision: Revision) -> Self:
         """Return the history with its last attempt superseded by the revision of an earlier subtask.
 
-        Raises:
-            RecordError: The revision is not one of an earlier subtask, or the last attempt was revised already.
+        Raises RecordError when it is no such revision, or the last attempt was revised already.
         """
         if revision.subtask is None or revision.subtask >= self.subtask or not self.iterations:
             problem = "only a change before it supersedes an attempt"
@@ -303,8 +294,7 @@ class History:
     def from_json(cls, source: Source) -> Self:
         """Return the history that a JSON file, or a mapping of the same form, describes.
 
-        Raises:
-            RecordError: The one first thing that is malformed, with its place and what was expected.
+        Raises RecordError for the one first thing that is malformed, with its place and what was expected.
         """
         document = load(source, RecordError)
         form = document.read(_HistoryForm)
@@ -331,12 +321,7 @@ class Tolerance:
     """How far two numbers may lie apart and still be the same number to the robot.
 
     Attributes:
-        distance_m: For distances.
-        angle_deg: For turns.
         joint: For joint limits: fractions of the range, or radians or metres of the joint.
-
-    Raises:
-        ValueError: A tolerance is negative, or no finite number: no flow would then repeat another one.
     """
 
     distance_m: float = 0.01
@@ -414,7 +399,6 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
 
 
 def _idle(action: Action, tolerance: Tolerance) -> bool:
-    """Decide whether an action moves by no more than the tolerance."""
     moved = action.parameter
     return action.primitive in _AXES and isinstance(moved, int | float) and abs(moved) <= tolerance.of(action.primitive)
 
@@ -470,7 +454,6 @@ def admissible(
     """Decide whether a revised flow of one subtask may run.
 
     Args:
-        task: The task as it is.
         subtask_index: Index of the revised subtask, from 0.
         new_flow: Actions, or the paper's JSON form of them as a model wrote it.
         scene: The scene to judge it in; by default the one that the task carries.
@@ -485,8 +468,6 @@ def admissible(
     Raises:
         NoSuchSubtask: The task has no subtask of that index.
         RecordError: The history is that of another subtask.
-        MissingScene: There is no scene, neither here nor with the task.
-        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
     """
     chosen = chosen_scene(task, scene)
     count = len(task.subtasks)

@@ -114,12 +114,8 @@ class Sizing:
 def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) -> float:
     """Return the factor S of the size adjustment, however small it is.
 
-    It is 1.0 for fixtures, for items that fit the gripper, and for items too wide to be scaled that have a rim.
-
-    Args:
-        thing: The object; its size is that of its bounding box with the scale it has in the scene.
-        gripper: The gripper that it must fit.
-        seed: Seed of the width, drawn uniformly over the allowed range; by default the width is the aim, or near it.
+    It is 1.0 for fixtures, for items that fit the gripper, and for items too wide to be scaled that have a rim. A seed
+    draws the width uniformly over the allowed range; by default the width is the aim, or near it.
     """
     width_m = min(thing.extent_m[:2])
     if thing.role != "B" or width_m <= gripper.widest_m:
@@ -154,7 +150,6 @@ class Resizing(Record):
     """One object that does not have its original size.
 
     Attributes:
-        object_id: Its id.
         factors: What its size is multiplied by along its own axes.
         before_m, after_m: Size of its bounding box along its own axes [m].
     """
@@ -177,12 +172,7 @@ class Resizing(Record):
 
 
 def planned_resizings(scales: Mapping[str, float], scene: Scene) -> tuple[Resizing, ...]:
-    """Return the changes of a scene's sizes by a task, in the order of the factors.
-
-    Args:
-        scales: Object id -> factor, as a task has them; factors of 1 and of unknown objects change nothing.
-        scene: The scene that the task is planned in.
-    """
+    """Return the changes of a scene's sizes by a task's factors, in order; those of unknown objects change nothing."""
     known = ((scene.objects[name], factor) for name, factor in scales.items() if name in scene.objects)
     return tuple(
         Resizing(thing.id, (factor,) * 3, thing.extent_m, thing.scaled(factor).extent_m)

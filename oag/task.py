@@ -65,8 +65,7 @@ class SubtaskForm:
 def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, ...]]:
     """Return the paths of the subtasks in order: in the list `sub_tasks`, or at `sub_task_1`, `sub_task_2`, ...
 
-    Raises:
-        InputError: There are neither, or both, of which one would be lost.
+    Raises an InputError when there are neither, or both, of which one would be lost.
     """
     matches = (re.fullmatch(r"sub_task_(\d{1,9})", key) for key in document.at())
     numbered = [(int(match[1]), match[0]) for match in matches if match is not None]
@@ -93,11 +92,7 @@ def read_formula(text: str, place: str) -> tuple[bddl.Formula, tuple[Diagnostic,
 
 
 def formula_of(given: object, place: str) -> bddl.Formula:
-    """Return a formula, or the formula of a text, where a task is built in memory.
-
-    Raises:
-        TaskError: It is neither, or the text is no formula.
-    """
+    """Return a formula, or the formula of a text, where a task is built in memory; raises TaskError for others."""
     if isinstance(given, bddl.Formula):
         return given
     if not isinstance(given, str):
@@ -109,11 +104,7 @@ def formula_of(given: object, place: str) -> bddl.Formula:
 
 
 def flow_of(given: object) -> ActionFlow:
-    """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory.
-
-    Raises:
-        FlowError: It is no list, or an item is no action.
-    """
+    """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory."""
     if not isinstance(given, list | tuple):
         return flow_from_json(given)
     return tuple(
@@ -127,7 +118,6 @@ def syntax_issues(problem: bddl.BDDLError, place: str) -> tuple[Diagnostic, ...]
 
 
 def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
-    """Return a parser's diagnostic as one of the plan's; codes without a counterpart here are syntax."""
     code = _CODES.get(found.code, "bddl/syntax")
     return Diagnostic(
         code=code,
@@ -176,14 +166,8 @@ class Roles(NamedTuple):
 def infer_roles(init: bddl.Formula, goal: bddl.Formula, target: str | None = None) -> Roles:
     """Return the roles that an initial state and a goal imply.
 
-    Args:
-        init: Where the subtask starts.
-        goal: Where it ends.
-        target: The target, where it is known.
-
-    Returns:
-        The target is the first argument of the goal's literals beyond the initial state, if that is one object.
-        Otherwise `target` is empty and `problem` gives the reason.
+    Unless it is given, the target is the first argument of the goal's literals beyond the initial state, if that is one
+    object. Otherwise `target` is empty and `problem` gives the reason.
 
     Example:
         >>> import bddl
@@ -259,12 +243,7 @@ class SimpleTask:
     issues: tuple[Diagnostic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Read what is given as a text or in the JSON form.
-
-        Raises:
-            TaskError: A condition is no formula and no text of one, or a role is no id.
-            FlowError: The flow is no list of actions.
-        """
+        """Read what is given as a text or in the JSON form; raises TaskError or FlowError for anything else."""
         for role in ("target", "support_init", "support_goal"):
             name: object = getattr(self, role)
             if not isinstance(name, str) and (name is not None or role == "target"):
@@ -300,12 +279,10 @@ class Task:
     """An ordered sequence of subtasks with the goal that the query asks for.
 
     Attributes:
-        name: Its activity.
         detail: What to do, for people and models.
         goal: The task goal G, judged after the last subtask.
         goal_given: True when G was given apart from the decomposition; False when it was derived from the subtasks,
             which cannot detect a dropped subtask.
-        subtasks: In order.
         scales: Object id -> factor of the size adjustment.
         scene: The scene it was planned for, if known.
         issues: Mistakes found while it was read that belong to no subtask.
@@ -325,11 +302,7 @@ class Task:
     source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Read a goal that is given as a text.
-
-        Raises:
-            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
-        """
+        """Read a goal that is given as a text; raises TaskError for no formula and for no `SimpleTask`."""
         object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
         object.__setattr__(self, "subtasks", tuple(self.subtasks))
         listed: tuple[object, ...] = self.subtasks
@@ -392,7 +365,6 @@ class Task:
 
 
 def _read_subtask(index: int, document: Document, place: Sequence[str | int]) -> SimpleTask:
-    """Return one subtask; `index` counts from 0 and gives it a name when it has none."""
     form = document.read(SubtaskForm, *place)
     given = document.at(*place)
     init, init_issues = read_formula(form.init, "init")
@@ -428,10 +400,7 @@ _ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path 
 def chosen_scene(task: Task, scene: Scene | None) -> Scene:
     """Return the scene to judge a task in: the one given, else the one that the task carries.
 
-    Raises:
-        TaskError: The task is no `Task`.
-        SceneError: The scene is no `Scene`.
-        MissingScene: There is none.
+    Raises MissingScene when there is none, and TaskError or SceneError for an argument of another kind.
     """
     if not isinstance(task, Task):
         raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
@@ -442,11 +411,7 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
 
 
 def required_scene(scene: object) -> Scene:
-    """Return a scene.
-
-    Raises:
-        SceneError: It is none, but the name of one, for example.
-    """
+    """Return a scene; raises SceneError for anything else, such as the name of one."""
     if not isinstance(scene, Scene):
         raise SceneError(f"expected a Scene, got {shown(scene)}", source=_ARGUMENT, hint=_READ.format("Scene"))
     return scene
@@ -518,13 +483,7 @@ class _Demand(NamedTuple):
 
 
 class _GoalChange(NamedTuple):
-    """Changes that a subtask is meant to make: by its goal, and by what it does with its target.
-
-    Attributes:
-        target: Its target.
-        demand: The atoms of its goal.
-        takes, releases, carries: It takes the target, releases it, carries it away from its place.
-    """
+    """Changes that a subtask is meant to make: by its goal, and by what it does with its target."""
 
     target: str
     demand: frozenset[_Demand]
@@ -534,7 +493,6 @@ class _GoalChange(NamedTuple):
 
 
 def _goal_change(subtask: SimpleTask) -> _GoalChange:
-    """Return what a subtask changes, by its goal or by its flow."""
     demand = frozenset(_demands(subtask.goal, strictly=False))
     placed = placement_of(subtask.goal, subtask.target) is not None
     about = [part for part in demand if _is_place(part.fact) and part.fact[1] == subtask.target]
@@ -596,9 +554,7 @@ def _meets(fact: Fact, other: Fact, target: str) -> bool:
 def _demands(formula: bddl.Formula, *, strictly: bool) -> Iterator[_Demand]:
     """Yield the atoms of a formula, each with its wanted value.
 
-    Args:
-        formula: The formula.
-        strictly: Yield atoms of exact counts with both values, since more and fewer of them break the formula.
+    Strictly, atoms of exact counts come with both values, since more and fewer of them break the formula.
     """
     pending: list[tuple[bddl.Formula, tuple[bool, ...], frozenset[str]]] = [(formula, (True,), frozenset())]
     while pending:

@@ -44,13 +44,8 @@ _MOST_LOOKED = 2_000_000
 def find_failing_place(data: Mapping[str, Any], given: Sequence[Any], stop: Place | None) -> Place | None:
     """Return the first place that one complete run does not meet; None when it meets all.
 
-    Args:
-        data: The certificate.
-        given: The run: values of unknown facts; all others are false.
-        stop: The place that it should reach; a `no-flow` place only has to be reached.
-
-    Raises:
-        Rejected: The run is invalid, or it leaves a place open.
+    In the run, what `given` does not say of unknown facts is false. A `no-flow` place at which to `stop` only has to be
+    reached. Raises Rejected when the run is invalid, or leaves a place open.
     """
     run = PlanRun(data, given, complete=True)
     for place, wanted in run.places():
@@ -67,9 +62,6 @@ def check_refutation(data: Mapping[str, Any], stop: Place) -> None:
     """Check that one run reaches a place and fails there, and that every run fails there or before.
 
     Assumptions on the way must be forced: without it, the place where an assumption is made would be false.
-
-    Raises:
-        Rejected: One of these does not hold.
     """
     failing = find_failing_place(data, data["counterexample"], stop)
     require(failing == stop, f"from the counterexample's start, {failing} fails, and not {stop}")
@@ -166,18 +158,8 @@ def check_search(
 ) -> None:
     """Check that no flow of a subtask reaches its goal.
 
-    A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree.
-
-    Args:
-        search: `facts`, the robot's three included; `states`, each a list of values in the order of the facts; `start`,
-            the state where the subtask starts.
-        context: The subtask's objects.
-        goal: Its goal.
-        read: Reader of what is known where it starts.
-        objects: Category of each object.
-
-    Raises:
-        Rejected: The start is not among the states, a primitive leaves them, or the goal may hold in one.
+    A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree. The
+    robot's three facts are among them, and `start` is the state where the subtask starts.
     """
     facts = [tuple(fact) for fact in search["facts"]]
     states = {tuple(state) for state in search["states"]}
@@ -196,7 +178,6 @@ def check_search(
 
 
 def _legal(context: Context, objects: Mapping[str, str]) -> tuple[Primitive, ...]:
-    """Return the primitives that a well-formed flow may use in a context."""
     fixture = context.target in context.articulated
     illegal = set[Primitive]() if fixture else set(ARTICULATIONS)
     if not (fixture or context.target_is_item):
@@ -263,11 +244,7 @@ def recheck(certificate: Any) -> RecheckResult:
 
 
 def certificate_in(given: Any) -> Any:
-    """Return the JSON of the certificate in anything that `recheck` accepts.
-
-    Raises:
-        Rejected: There is none.
-    """
+    """Return the JSON of the certificate in anything that `recheck` accepts; raises Rejected when there is none."""
     if not (given is None or isinstance(given, Mapping) or hasattr(given, "to_json")):
         raise Rejected(
             f"malformed certificate: expected a certificate, a report, or the JSON of one, got {given!r:.60}"
@@ -344,11 +321,7 @@ class LinkedPlan:
             self.statements |= {(stated, time): ((fact, time), facts) for stated in facts}
 
     def check(self) -> str:
-        """Return what was confirmed.
-
-        Raises:
-            Rejected: A need is not shown, or an assumption or a link is not needed.
-        """
+        """Return what was confirmed; raises Rejected for a need not shown, and for a needless assumption or link."""
         links, cases, unneeded = self.links, self.cases, self.unneeded
         for place, wanted in self.run.places():
             if type(wanted) is not tuple or (cases and place in cases):
@@ -412,13 +385,11 @@ class LinkedPlan:
         return with_values(read, {fact: run.before[fact, time] for fact in statements if run.last(fact)[0] == time})
 
     def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
-        """Return whether a formula holds for a reader, by a distinction of cases if there is one."""
         if tree is None:
             return truth_of(wanted, read, self.objects)
         return truth_by_cases(wanted, tree, read, self.objects)
 
     def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool:
-        """Decide whether a formula is shown for a reader without an assumption."""
         try:
             return self._truth(wanted, tree, read) is True
         except Rejected:

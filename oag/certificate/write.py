@@ -49,8 +49,6 @@ class RefutedPlan:
     """A plan that fails, as its certificate has it.
 
     Attributes:
-        subtasks: Its subtasks.
-        goal: The task goal.
         start: What the scene states and, of what the reset supplies, the plan uses.
         objects: Category of each object.
         failure: The place that fails; where it is one without a flow, a search shows that it fails.
@@ -78,9 +76,7 @@ class Refutation(NamedTuple):
 def refutation(plan: RefutedPlan, candidates: Iterable[Given]) -> Refutation:
     """Return the proof that no run of a plan gets past its failure.
 
-    Args:
-        plan: The plan.
-        candidates: Assumptions made on the way, in order; some may be choices, which prove nothing.
+    `candidates` are assumptions made on the way, in order; some may be choices, which prove nothing.
     """
     run, left = _Run(plan), list(candidates)
     forced: list[Given] = []
@@ -206,7 +202,6 @@ class Certificate:
 
     Attributes:
         verdict: "PROVED", "CONDITIONAL" or "REFUTED".
-        task_hash: SHA-256 of the plan.
         scene_sha: SHA-256 of the objects and the start knowledge.
         body: Everything else, as JSON values; `to_json` has all of it.
     """

@@ -15,9 +15,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import bddl
 from bddl.files import read_bounded_text
@@ -55,7 +54,6 @@ def _no_constant(name: str) -> object:
 
 
 def _first_constant(text: str) -> str:
-    """Return the place of the first constant that is no number in a JSON text."""
     found = next(one for one in _CONSTANT.finditer(text) if not one[0].startswith('"'))
     before = text[: found.start()]
     return f"line {before.count(chr(10)) + 1}, column {found.start() - before.rfind(chr(10))}"
@@ -70,9 +68,7 @@ class Document:
     """The content of a JSON file, or a mapping in its place.
 
     Attributes:
-        data: Any JSON value.
         source: The file's name, for messages.
-        error: What is raised for its mistakes.
     """
 
     data: object
@@ -87,14 +83,10 @@ class Document:
         return value
 
     def read(self, form: type[_Form], *path: str | int) -> _Form:
-        """Return the value at a path, read by a form.
+        """Return the value at a path, read by a form; raises the first deviation from it as the document's `error`."""
+        from oag.model.forms import examine  # Loads pydantic, which takes as long as this package.
 
-        Raises:
-            InputError: As `error`: the first deviation from the form.
-        """
-        # Loads pydantic, which takes as long as this package.
-        examine = import_module("oag.model.forms").examine
-        found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path))
+        found, mistakes = examine(self, form, *path)
         if found is None:
             raise mistakes[0]
         return found
@@ -107,9 +99,7 @@ class Document:
 def load(source: Source, error: type[InputError]) -> Document:
     """Return a JSON document from a file's path, or of a mapping that is one already.
 
-    Raises:
-        InputError: As `error`: the file cannot be read, is no regular file or too large, or is no JSON (with line and
-            column).
+    Raises `error` when the file cannot be read, is no regular file or too large, or is no JSON (with line and column).
     """
     if isinstance(source, Mapping):
         return Document(dict(source), "(mapping)", error)

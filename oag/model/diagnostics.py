@@ -244,7 +244,6 @@ class CodeInfo:
     """Meaning of a diagnostic code.
 
     Attributes:
-        meaning: One sentence.
         eai: Label in the Embodied Agent Interface's taxonomy of errors, None where it has none.
     """
 

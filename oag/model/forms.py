@@ -163,7 +163,6 @@ def _keys_at(form: object, path: tuple[str | int, ...]) -> list[str]:
 
 
 def _models(annotation: object) -> Iterator[type[BaseModel]]:
-    """Yield the models in an annotation, such as the one of `dict[str, ObjectForm] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -200,7 +199,6 @@ def _sayable(category: object) -> object:
 
 
 def _robot_scale(value: object) -> object:
-    """Return the size of a robot; there are two."""
     if isinstance(value, int | float) and not isinstance(value, bool) and value in (PAPER_SCALE, FULL_SCALE):
         return value
     raise unfit(f"expected {PAPER_SCALE:g} (the paper's) or {FULL_SCALE:g} (full size), got {shown(value)}")
@@ -330,11 +328,7 @@ def examine_scene(document: Document) -> tuple[SceneForm | None, tuple[InputErro
 
 
 def read_scene(document: Document) -> SceneForm:
-    """Return a scene file's content.
-
-    Raises:
-        SceneError: The first thing that is malformed, with its place and what was expected.
-    """
+    """Return a scene file's content; raises a SceneError with the place of the first thing that is malformed."""
     form, problems = examine_scene(document)
     if form is None:
         raise problems[0]

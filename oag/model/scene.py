@@ -10,7 +10,6 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Self
 
 import bddl
@@ -20,7 +19,7 @@ from oag.model.diagnostics import SceneError
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
 
 if TYPE_CHECKING:
-    from oag.model.forms import ObjectForm, RobotForm, SceneForm
+    from oag.model.forms import ObjectForm, RobotForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -77,7 +76,6 @@ class SceneObject:
         category: What it is, such as `water_glass`; decides `kind` and `role`.
         model: Name of the asset that stands for it.
         position: Centre of its bounding box [m].
-        orientation: Unit quaternion w x y z.
         bbox_extent: Size of its bounding box [m] along its own axes, before `scale`.
         scale: Factor along each of its own axes.
         parameters: Geometry of the asset, not read by this package.
@@ -143,12 +141,7 @@ class Scene:
     variation: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much.
-
-        Raises:
-            SceneError: A fact is no literal about these objects or contradicts another one, `closed` lists no
-                predicates, or an object is no `SceneObject`.
-        """
+        """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much."""
         refused = partial(SceneError, source="(Scene)")
         given: object = self.objects
         if not isinstance(given, Mapping):
@@ -165,7 +158,7 @@ class Scene:
         return f"<Scene {self.name!r}: {pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}>"
 
     def _check_held(self) -> None:
-        """Raise the error for a fact that puts something into the gripper that it cannot hold."""
+        """Refuse a fact that puts something into the gripper that it cannot hold."""
         for number, fact in enumerate(self.facts):
             for literal in bddl.literals(fact) or ():
                 predicate, first, *rest = literal.atom.label
@@ -181,8 +174,10 @@ class Scene:
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
+        from oag.model.forms import read_scene  # Loads pydantic, which takes as long as this package.
+
         document = load(source, SceneError)
-        form: SceneForm = import_module("oag.model.forms").read_scene(document)
+        form = read_scene(document)
         objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
         return cls(
             name="scene" if form.name is None else form.name,
@@ -210,11 +205,7 @@ class Scene:
         return {key: thing.category for key, thing in self.objects.items()}
 
     def with_scales(self, factors: Mapping[str, float]) -> Self:
-        """Return the scene with some objects scaled (the paper's size adjustment), their bottoms in place.
-
-        Raises:
-            SceneError: A factor names no object, or is not positive.
-        """
+        """Return the scene with some objects scaled (the paper's size adjustment), their bottoms in place."""
         objects = dict(self.objects)
         for key, factor in factors.items():
             if not factor > 0.0:
@@ -246,13 +237,7 @@ def robot_of(form: RobotForm) -> RobotPose:
 def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
     """Return an object from its entry in a scene file; one without a place is at the origin.
 
-    Args:
-        document: The file, for messages.
-        key: Its id.
-        form: The entry's content.
-
-    Raises:
-        SceneError: Its size is missing, its place is given by a support, or a value does not fit.
+    Raises SceneError when its size is missing, its place is given by a support, or a value does not fit.
     """
     place = ("objects", key)
     for relation, other in (("on", form.on), ("in", form.in_)):
@@ -296,12 +281,7 @@ def _write_object(thing: SceneObject) -> dict[str, object]:
 
 
 def id_problem(key: str, category: object) -> str:
-    """Return why an object cannot have an id: no formula can name it, or it is reserved; empty if it can.
-
-    Args:
-        key: The id.
-        category: The object's category; the floor may be listed.
-    """
+    """Return why an object of a category cannot have an id: no formula can name it, or it is reserved; else ""."""
     if key in _OWN_NAMES and not key == category == FLOOR:
         own = f"{', '.join(_OWN_NAMES[:-1])} and {_OWN_NAMES[-1]}"
         return f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise"
@@ -319,11 +299,7 @@ def about_z(turn_rad: float) -> tuple[float, float, float, float]:
 
 
 def read_closed(given: object, source: str) -> frozenset[str]:
-    """Return the predicates that a scene declares to know completely.
-
-    Raises:
-        SceneError: It is no list of predicates.
-    """
+    """Return the predicates that a scene declares to know completely; raises SceneError for anything else."""
     names = _listed(given, "closed", source)
     for index, name in enumerate(names):
         if not isinstance(name, str) or name not in bddl.PREDICATES:
@@ -334,15 +310,9 @@ def read_closed(given: object, source: str) -> frozenset[str]:
 
 
 def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl.Formula, ...]:
-    """Return the literals that hold at the start; each must be ground, of this scene, and not contradicted.
+    """Return the literals that hold at the start, from formulas or their texts.
 
-    Args:
-        given: A list of formulas or their texts.
-        objects: The scene's ids.
-        source: Where they are from, for messages.
-
-    Raises:
-        SceneError: One of them is not.
+    Each must be ground, of this scene, and not contradicted; raises SceneError otherwise. The source is for messages.
     """
     known = (*objects, *_OWN_NAMES)
     values: dict[bddl.Atom, bool] = {}

@@ -202,11 +202,7 @@ def condition_edit(index: int, field: str, formula: bddl.Formula) -> ChangeSubta
 
 
 def item_at(items: Sequence[_Item], index: int, what: str) -> _Item:
-    """Return an item of a sequence.
-
-    Raises:
-        FixError: There is none of that index.
-    """
+    """Return an item of a sequence; raises FixError when there is none of that index."""
     if not 0 <= index < len(items):
         raise FixError(f"there is no {what} {index}: the task has {len(items)}")
     return items[index]
@@ -270,14 +266,9 @@ class Fix(Record):
     assumption: bool = False
 
     def apply(self, task: Task) -> Task:
-        """Return the repaired task.
+        """Return the repaired task; raises FixError for another task than the one whose report offered the fix.
 
-        Args:
-            task: The one whose report offered the fix. If it carries its scene, a fact that the fix states is in the
-                scene of the result.
-
-        Raises:
-            FixError: It is another task, without the places that the fix changes.
+        If the task carries its scene, a fact that the fix states is in the scene of the result.
         """
         for edit in self.edits:
             task = edit.apply(task)

@@ -212,7 +212,6 @@ def _subtasks_with_wrong_conditions(mistake: Mistake) -> tuple[int, ...]:
 
 
 def _objects_of(formula: bddl.Formula, scene: Scene) -> set[str]:
-    """Return the objects that a formula names, and those that its quantifiers range over."""
     names = {name for atom in bddl.atoms(formula) for name in atom.args}
     ranges = {b.category for node in formula.walk() if isinstance(node, Quantified) for b in node.binders}
     return names | {key for key, thing in scene.objects.items() if thing.category in ranges}
@@ -288,7 +287,6 @@ def _open_and_close(mistake: Mistake, part: SimpleTask, places: list[int], lates
 
 
 def _wanted(mistake: Mistake) -> Iterator[Condition]:
-    """Yield the literals that would remove the mistake."""
     if mistake.condition is not None:
         yield mistake.condition
         return
@@ -461,10 +459,7 @@ class Rehearsal:
     def passes(self, index: int, flow: ActionFlow, *, elsewhere: bool) -> bool:
         """Decide whether a subtask with this flow may reach its goal and let the next one start.
 
-        Args:
-            index: The subtask.
-            flow: Its changed flow.
-            elsewhere: The mistake shows in a later subtask, so that the flow must lead to another state.
+        A flow for a mistake `elsewhere`, which shows in a later subtask, must lead to another state.
         """
         subtask = self.subtasks[index]
         state = run_flow(self.before[index], subtask, flow)

@@ -230,14 +230,10 @@ def _dropped(report: Report) -> int:
 def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:
     """Decide whether everything that a changed plan leaves open was open in the plan before it.
 
-    Args:
-        before: Report of the plan.
-        after: Report of the changed plan, CONDITIONAL.
-        inserted: Whether the change only inserts a subtask, which may need more facts of the start than the rest.
-
     A formula of the plan that was false, or open as a whole, may be met in several ways once a mistake is removed. It
     then rests on some of its literals. These do not count, as long as no step of either plan writes such a literal. A
-    change that removes the step that writes it, and then assumes it, repairs nothing.
+    change that removes the step that writes it, and then assumes it, repairs nothing. One that only inserts a subtask
+    may need more facts of the start than the rest.
     """
     if before.trace is None or after.trace is None:
         return False
@@ -274,11 +270,10 @@ _MOST_STEPS_TOGETHER = 100_000
 
 
 def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
-    """Return the verified repairs of a refuted plan.
+    """Return the verified repairs of a refuted plan: those that make it PROVED first, the smallest change first.
 
-    Returns:
-        Those that make the plan PROVED first, the smallest change first; at most `MOST_FIXES` for each error, each of
-        another kind. Where no single change proves a plan with several mistakes, the first fix removes them all.
+    There are at most `MOST_FIXES` for each error, each of another kind. Where no single change proves a plan with
+    several mistakes, the first fix removes them all.
     """
     found = mistakes(report)[:_MOST_CAUSES]
     offered = [offer for mistake in found for offer in FixSearch(report, judge).offers(mistake)]

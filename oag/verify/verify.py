@@ -45,8 +45,6 @@ class Report:
     """What was decided of one plan; true exactly when it is PROVED.
 
     Attributes:
-        task: The plan.
-        scene: The scene it was judged in.
         verdict: PROVED, CONDITIONAL (holds if what the warnings list holds) or REFUTED.
         explain: What makes the diagnostics; they are made when they are first read.
         trace: How the obligations were decided; None when the plan is not well formed.
@@ -250,16 +248,14 @@ def _born(link: CausalLink, obligation: Obligation, trace: Trace) -> int:
 def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: bool = False) -> Report:
     """Decide whether a plan reaches its goal from every start state that is consistent with what is known.
 
+    It is REFUTED when the plan is not well formed or an obligation fails; CONDITIONAL when an obligation needs an
+    unknown fact, or the plan is too large to be decided; PROVED when all obligations hold.
+
     Args:
         task: The plan.
         scene: Its objects and what is known of the start.
         searched: Indices of the subtasks whose flow was searched; each gets a note.
         exact: Decide everything by a solver, even what progression decides; the verdict is the same.
-
-    Returns:
-        A report. Its verdict is REFUTED when the plan is not well formed or an obligation fails. It is CONDITIONAL when
-        an obligation needs an unknown fact, or the plan is too large to be decided. It is PROVED when all obligations
-        hold.
     """
     malformed = check(task, scene)
     if malformed:
@@ -288,10 +284,7 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
 def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
     """Return the progression of a well-formed plan, exact where three-valued progression alone would not be.
 
-    Args:
-        task: The plan.
-        scene: Its scene.
-        exact: Decide everything exactly, what progression alone decides included.
+    `exact` decides everything exactly, what progression alone decides included.
     """
     subtasks, goal = compile_plan(task.subtasks, scene), needed(task.goal)
     start = start_state(scene, task.subtasks[0].target if task.subtasks else None)
