@@ -303,7 +303,7 @@ def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completi
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
     if not lacking or check(task, scene):
         return Completion(task, (), lacking), not lacking
-    chain = _Chain(task, scene)
+    chain = PlanSearch(task, scene)
     through = next(filter(None, (chain.through(leave) for leave in Leave)), None)
     found = through or chain.as_far_as_possible()
     subtasks = list(task.subtasks)
@@ -333,8 +333,14 @@ def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iter
     return furthest, False
 
 
-class _Chain:
-    """The subtasks of a task as one search: given flows are followed, missing ones are tried."""
+class PlanSearch:
+    """The subtasks of a task as one search: given flows are followed, missing ones are tried.
+
+    Attributes:
+        subtasks: Prepared for progression.
+        start: What is known at the start of the facts that the plan reads.
+        legal: The primitives that each subtask's flow may use.
+    """
 
     def __init__(self, task: Task, scene: Scene) -> None:
         objects = scene.categories

@@ -96,7 +96,6 @@ class InsertSubtask(Edit):
     inserted: SimpleTask
 
     def apply(self, task: Task) -> Task:
-        """Return the longer task."""
         if not 0 <= self.subtask <= len(task.subtasks):
             raise FixError(f"there is no place {self.subtask} among {pluralize(len(task.subtasks), 'subtask')}")
         subtasks = list(task.subtasks)
@@ -112,7 +111,6 @@ class DeleteSubtask(Edit):
     subtask: int
 
     def apply(self, task: Task) -> Task:
-        """Return the shorter task."""
         item_at(task.subtasks, self.subtask, "subtask")
         return _with_subtasks(task, (*task.subtasks[: self.subtask], *task.subtasks[self.subtask + 1 :]))
 
@@ -126,7 +124,6 @@ class MoveSubtask(Edit):
     to: int
 
     def apply(self, task: Task) -> Task:
-        """Return the task in the other order."""
         for index in (self.subtask, self.to):
             item_at(task.subtasks, index, "subtask")
         return _with_subtasks(task, move_item(task.subtasks, self.subtask, self.to))
@@ -141,7 +138,6 @@ class SwapSubtasks(Edit):
     other: int
 
     def apply(self, task: Task) -> Task:
-        """Return the task in the other order."""
         subtasks = list(task.subtasks)
         first, second = (item_at(task.subtasks, index, "subtask") for index in (self.subtask, self.other))
         subtasks[self.subtask], subtasks[self.other] = second, first
@@ -169,7 +165,6 @@ class SetScale(Edit):
     factor: float | None
 
     def apply(self, task: Task) -> Task:
-        """Return the task with the scale."""
         scales = {key: value for key, value in task.scales.items() if key != self.name}
         if self.factor is not None:
             scales[self.name] = self.factor
@@ -192,7 +187,6 @@ class AddFact(Edit):
         return task if task.scene is None else replace(task, scene=self.apply_to_scene(task.scene))
 
     def apply_to_scene(self, scene: Scene) -> Scene:
-        """Return the scene with the fact."""
         return replace(scene, facts=(*scene.facts, self.fact))
 
 

@@ -88,16 +88,8 @@ class Candidate:
 
     def as_fix(self, cause: int) -> Fix:
         """Return the candidate as a fix of an error, not yet verified."""
-        return Fix(
-            self.kind,
-            self.summary,
-            self.subtask,
-            self.step,
-            self.edits,
-            cause,
-            proves=False,
-            assumption=self.assumption,
-        )
+        at = (self.subtask, self.step)
+        return Fix(self.kind, self.summary, *at, self.edits, cause, proves=False, assumption=self.assumption)
 
 
 @dataclass(frozen=True, slots=True)

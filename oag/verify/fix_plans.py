@@ -18,11 +18,11 @@ from oag.flows import (
     PICK,
     PLACE,
     TAKE_OUT,
+    PlanSearch,
     PrimitiveFlow,
     TooManyStates,
     flows,
     force_flow,
-    legal_primitives,
     run_flow,
 )
 from oag.model.actions import Action, ActionFlow
@@ -41,9 +41,8 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
-from oag.primitives.state import View, Window, assume_true, contradictions, start_state
-from oag.primitives.table import NAVIGATION, RESTING, Placement, needed
-from oag.progression import compile_plan, facts_read
+from oag.primitives.state import View, assume_true, contradictions
+from oag.primitives.table import NAVIGATION, RESTING, Placement
 from oag.rewriting import (
     Variant,
     negated_variants,
@@ -442,16 +441,11 @@ class Rehearsal:
     """
 
     def __init__(self, mistake: Mistake) -> None:
-        task, scene = mistake.task, mistake.scene
-        objects = scene.categories
-        self.subtasks = compile_plan(task.subtasks, scene)
-        self.legal = tuple(
-            legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
-        )
-        self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
+        plan = PlanSearch(mistake.task, mistake.scene)
+        self.subtasks, self.legal, self.window = plan.subtasks, plan.legal, plan.start.window
         # The state before every subtask, as if everything had held so far.
         self.before: list[View] = []
-        state = self.window.view(start_state(scene, task.subtasks[0].target))
+        state = plan.start
         for subtask in self.subtasks:
             self.before.append(assume_true(state, subtask.init))
             state = assume_true(force_flow(self.before[-1], subtask), subtask.goal)
