@@ -41,6 +41,7 @@ from oag.model.symbols import (
 )
 from oag.primitives.table import Clause, Context, effect, requirements
 from oag.task import SimpleTask, Task, chosen_scene
+from oag.verify.fixes import find_fixes
 from oag.verify.verify import Report, verify
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ class ObjectActionGraph:
 
     @cached_property
     def _report(self) -> Report:
-        return verify(self.task, self.scene, self.searched)
+        return verify(self.task, self.scene, self.searched, repair=find_fixes)
 
 
 def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:

@@ -15,8 +15,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import bddl
 from bddl.files import read_bounded_text
@@ -84,9 +85,9 @@ class Document:
 
     def read(self, form: type[_Form], *path: str | int) -> _Form:
         """Return the value at a path, read by a form; raises the first deviation from it as the document's `error`."""
-        from oag.model.forms import examine  # Loads pydantic, which takes as long as this package.
-
-        found, mistakes = examine(self, form, *path)
+        # Loads pydantic, which takes as long as this package.
+        examine = import_module("oag.model.forms").examine
+        found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path))
         if found is None:
             raise mistakes[0]
         return found

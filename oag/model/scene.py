@@ -10,16 +10,14 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Self
+from importlib import import_module
+from typing import Self
 
 import bddl
 from bddl.terminal import pluralize
-from oag.model.codec import Document, Source, did_you_mean, expected, fields_json, load, missing, shown
+from oag.model.codec import Source, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
-
-if TYPE_CHECKING:
-    from oag.model.forms import ObjectForm, RobotForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -174,19 +172,9 @@ class Scene:
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
-        from oag.model.forms import read_scene  # Loads pydantic, which takes as long as this package.
-
-        document = load(source, SceneError)
-        form = read_scene(document)
-        objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
-        return cls(
-            name="scene" if form.name is None else form.name,
-            robot=RobotPose() if form.robot is None else robot_of(form.robot),
-            objects=objects,
-            facts=read_facts(form.facts or (), objects, document.source),
-            closed=read_closed(form.closed or (), document.source),
-            variation=dict(form.variation or {}),
-        )
+        # Loads pydantic, which takes as long as this package.
+        found: Self = import_module("oag.model.forms").scene_in(load(source, SceneError), cls)
+        return found
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal scene."""
@@ -225,47 +213,6 @@ class Scene:
             near = bddl.near_names(object_id, tuple(self.objects))
             hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(self.objects) or 'none'}"
             raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
-
-
-def robot_of(form: RobotForm) -> RobotPose:
-    """Return the robot's start from its entry in a scene file."""
-    x, y, *z = form.position or (0.0, 0.0)
-    yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
-    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
-
-
-def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
-    """Return an object from its entry in a scene file; one without a place is at the origin.
-
-    Raises SceneError when its size is missing, its place is given by a support, or a value does not fit.
-    """
-    place = ("objects", key)
-    for relation, other in (("on", form.on), ("in", form.in_)):
-        if other is not None:
-            hint = "executor.load_scene finds the place; or give a position"
-            raise document.fail(place, f"its place is said by {relation!r}, which takes its model's geometry", hint)
-    if form.bbox_extent is None:
-        problem, hint = missing("bbox_extent", document.at(*place))
-        raise document.fail(place, problem, hint or "executor.load_scene takes it from the library of assets")
-    scale = form.scale or (1.0, 1.0, 1.0)
-    for side, factor in zip(form.bbox_extent, scale, strict=True):
-        if not SMALLEST_M <= side * factor <= LARGEST_M:
-            problem = f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m"
-            raise document.fail((*place, "scale"), problem)
-    thing = SceneObject(
-        id=key,
-        category=form.category,
-        model=form.model or form.category,
-        position=(0.0, 0.0, 0.0),
-        orientation=form.orientation or about_z(math.radians(form.heading_deg or 0.0)),
-        bbox_extent=form.bbox_extent,
-        scale=scale,
-        parameters=dict(form.parameters or {}),
-    )
-    if form.position is None:
-        return thing
-    x, y, *z = form.position
-    return replace(thing, position=(x, y, z[0] if z else thing.height_m / 2))
 
 
 def _write_robot(robot: RobotPose) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """Decision of a plan: obligations in order, their grades, and the report with verdict, diagnostics and certificate.
 
-Diagnostics and fixes are made when a report is first asked for them, and their modules are loaded then.
+Diagnostics and fixes are made when a report is first asked for them.
 
 Source: docs/semantics.md, Verdicts and Proposition 1'.
 """
@@ -16,7 +16,7 @@ import bddl
 from bddl.terminal import pluralize
 from oag.certificate.write import Certificate, certify
 from oag.exact import Counterexample, Undecided, counterexample, decide, needs_exact_decision, unroll
-from oag.flows import NoFlow, complete, prove_no_flow
+from oag.flows import NoFlow, prove_no_flow
 from oag.model.diagnostics import Diagnostic
 from oag.model.scene import Scene
 from oag.model.symbols import Condition, conjunction
@@ -30,6 +30,9 @@ from oag.wellformed import check
 _SEVERITIES = ("error", "warning", "note")
 # Fixes that remove a whole place with all its mistakes.
 _WIPING = ("set-flow", "delete-subtask")
+
+
+Repair = Callable[["Report"], tuple[Fix, ...]]
 
 
 class Verdict(Enum):
@@ -49,6 +52,7 @@ class Report:
         explain: What makes the diagnostics; they are made when they are first read.
         trace: How the obligations were decided; None when the plan is not well formed.
         no_flow: The proof that a subtask has no flow, where that was shown.
+        repair: How fixes are searched; None for a report that offers none.
     """
 
     task: Task
@@ -57,6 +61,7 @@ class Report:
     explain: Callable[[], tuple[Diagnostic, ...]] = field(repr=False, compare=False)
     trace: Trace | None = field(repr=False, compare=False)
     no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
+    repair: Repair | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         return f"<Report {self.verdict.value} of {self.task!r}>"
@@ -91,13 +96,9 @@ class Report:
     def fixes(self) -> tuple[Fix, ...]:
         """Repairs of a refuted plan, each verified: those that prove it first, the smallest change first.
 
-        They are searched when this is first read; the missing flow of a subtask is searched as well.
+        They are searched when this is first read; a plan that is not refuted has none and pays nothing.
         """
-        if self.verdict is not Verdict.REFUTED:
-            return ()
-        from oag.verify.fixes import find_fixes
-
-        return find_fixes(self, lambda task, scene: verify(complete(task, scene).task, scene))
+        return self.repair(self) if self.repair is not None and self.verdict is Verdict.REFUTED else ()
 
     @cached_property
     def findings(self) -> tuple[Diagnostic, ...]:
@@ -245,7 +246,9 @@ def _born(link: CausalLink, obligation: Obligation, trace: Trace) -> int:
     return 0 if any(a.about_start for a in assumed) else obligation.subtask
 
 
-def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: bool = False) -> Report:
+def verify(
+    task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: bool = False, repair: Repair | None = None
+) -> Report:
     """Decide whether a plan reaches its goal from every start state that is consistent with what is known.
 
     It is REFUTED when the plan is not well formed or an obligation fails; CONDITIONAL when an obligation needs an
@@ -256,6 +259,7 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
         scene: Its objects and what is known of the start.
         searched: Indices of the subtasks whose flow was searched; each gets a note.
         exact: Decide everything by a solver, even what progression decides; the verdict is the same.
+        repair: How the report searches for fixes, such as `find_fixes`; by default it offers none.
     """
     malformed = check(task, scene)
     if malformed:
@@ -263,7 +267,7 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
         wrong = any(finding.severity == "error" for finding in malformed)
         ordered = sorted(malformed, key=lambda finding: finding.severity != "error")
         verdict = Verdict.REFUTED if wrong else Verdict.CONDITIONAL
-        return Report(task, scene, verdict, partial(tuple, ordered), None)
+        return Report(task, scene, verdict, partial(tuple, ordered), None, repair=repair)
     trace = follow(task, scene, exact=exact)
     # A choice among unknown alternatives may be wrong, and then proves nothing about reachability.
     proof = None if trace.chose else prove_no_flow(task, scene, trace)
@@ -278,7 +282,7 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
 
         return all_findings(task, scene, trace, proof, searched)
 
-    return Report(task, scene, verdict, explain, trace, proof)
+    return Report(task, scene, verdict, explain, trace, proof, repair)
 
 
 def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
