@@ -58,7 +58,7 @@ from executor.system.workers import HandoverRefused
 from llm.errors import RefusalCode
 from llm.offline.reader import paraphrases
 from oag import ObjectActionGraph, Scene, SceneObject, Task, compose
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 from oag.sizes import Sizing, resized_targets
 

@@ -44,7 +44,7 @@ from executor.sim.world import World
 from executor.skills.control import FINGER_SPEED_M_S
 from executor.skills.trajectories import SPEED_LIMITS
 from oag import Scene, Task
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 
 
 class Views:

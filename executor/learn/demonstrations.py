@@ -38,7 +38,7 @@ from executor.learn.observations import (
 )
 from executor.learn.settings import PolicySettings, Sees
 from executor.system.files import content_key
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.model.symbols import ARTICULATIONS, Primitive
 
 

@@ -39,7 +39,7 @@ from executor.data.state_readers import HANDLE, HANDLES, THING, THINGS
 from executor.learn.settings import Sees
 from executor.sim.robot.actions import joint_limits
 from oag import Task
-from oag.model.scene_rules import FULL_SCALE
+from oag.model.scene import FULL_SCALE
 from oag.model.symbols import OPPOSITE, Primitive
 
 Count = TypeVar("Count", int, NDArray[np.int64])

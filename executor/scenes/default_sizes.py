@@ -13,7 +13,7 @@ from executor.assets.parameters import ModelEntry, Range
 from executor.scenes.reconstruction import NoMatchingModel, category_of, implausible_size, model_for, models_of
 from oag import Kind, SceneObject, kind_of
 from oag.model.forms import ObjectForm
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import has_rim
 from oag.sizes import PAPER_GRIPPER
 

@@ -47,7 +47,7 @@ from executor.scenes.reconstruction import (
 )
 from executor.scenes.room import CLOSED, NoRoom
 from oag import Kind, RobotPose, Scene, SceneError, SceneObject, kind_of
-from oag.model.scene_rules import FLOOR, id_problem
+from oag.model.scene import FLOOR, id_problem
 
 MOST_MOVED_M = 0.30
 """Largest displacement of a thing, sideways or vertically, before it is refused."""

@@ -28,7 +28,7 @@ from executor.scenes.library import is_collection
 from oag import SceneError, kind_of
 from oag.model.codec import load
 from oag.model.forms import Extent, OpenForm, numbers, unfit
-from oag.model.scene_rules import FLOOR, LARGEST_M
+from oag.model.scene import FLOOR, LARGEST_M
 
 _POSE_DIGITS = 1e-3  # Tolerance for rounding in a file.
 

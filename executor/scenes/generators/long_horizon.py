@@ -42,7 +42,7 @@ from executor.scenes.layout import (
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair, draw_first_valid
 from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units
 from oag import SceneObject
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Sizing
 
 TABLES = ("table_four_legs", "table_four_legs", "table_round")

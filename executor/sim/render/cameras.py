@@ -26,7 +26,7 @@ from executor.geometry import Array, transform, transform_from_quaternion
 from executor.sim.render.solids import Solids, joints_at_start, link_frames
 from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
 from oag import Scene, SceneObject, Task
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 
 VIEWS = ("global", "head", "wrist")

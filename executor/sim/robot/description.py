@@ -28,7 +28,7 @@ from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.sim.robot.meshes import decimated_mesh
 from executor.system.files import cache_dir, content_key
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 
 MOUNT_HEIGHT_M = 0.30
 ARM_HOME: tuple[float, ...] = (0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785)

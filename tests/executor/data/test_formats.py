@@ -26,7 +26,7 @@ from executor.geometry import inverse, quaternions_last
 from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
 from executor.sim.world import World
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.executor.data.conftest import numbers
 from tests.executor.helpers import MakeWorld
 

@@ -49,7 +49,7 @@ from executor.learn.policy_record import (
 from executor.learn.settings import Sees, SettingsError, known_settings, read_settings, settings_of
 from executor.learn.training import Trainer, learning_rate, parameters
 from executor.sim.robot.actions import joint_limits
-from oag.model.scene_rules import FULL_SCALE
+from oag.model.scene import FULL_SCALE
 from oag.model.symbols import Primitive
 from tests.executor.learn.conftest import small
 
