@@ -205,9 +205,6 @@ class _ResultForm(_StrictForm):
     seed: Count
     index: Count | None = None
     query: str = ""
-    mistake: str = ""
-    grasps_tried: Count = 0
-    grasps_held: Count = 0
     failure: _StepFailureForm | _FailureForm | None = None
     subtask_names: list[str] = []
     subtasks: list[_SubtaskForm] = []

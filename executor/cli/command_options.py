@@ -97,7 +97,6 @@ class RecheckOptions(CommonOptions):
 
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
-Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
 
 
 @dataclass(frozen=True)
@@ -254,8 +253,6 @@ class BenchOptions(CommonOptions):
     """How many processes; one that crashes costs its unit only."""
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
-    baseline: Maybe[Baseline] = None
-    """What others do, in the executor's place, on the same units (docs/baselines.md)."""
     evolve: Flag = False
     """Revise the flows that fail."""
     views: Flag = False
