@@ -11,6 +11,7 @@ import pytest
 import oag
 from executor.cli import app
 from executor.data.store import EpisodeStore
+from executor.envs.demonstration_replay import replay_episode
 
 WRITTEN = Path(__file__).parent / "data" / "written_by_0_1_0"
 
@@ -30,6 +31,22 @@ def test_a_store_is_checked_and_exported(tmp_path: Path, capsys: pytest.CaptureF
     assert app.run(["dataset", "export", str(store), "--out", str(tmp_path / "set")]) == 0
     assert json.loads((tmp_path / "set" / "meta" / "info.json").read_text())["total_episodes"] == 1
     capsys.readouterr()
+
+
+@pytest.mark.physics
+def test_corrections_of_a_policy_are_replayed_and_learned_from() -> None:
+    """No command makes them any more; what there is of them stays a demonstration from a start of its own."""
+    pytest.importorskip("torch")
+    from executor.learn.demonstrations import read_demonstrations
+    from executor.learn.settings import read_settings
+
+    store = EpisodeStore(WRITTEN / "corrections")
+    (episode,) = store.episodes()
+    assert episode.start is not None and episode.meta["takeover"]["because"] == "anew"
+    assert replay_episode(episode, "exact").good and replay_episode(episode, "joint_target").good
+    settings = read_settings(str(WRITTEN / "small.toml"))
+    both = read_demonstrations([WRITTEN / "store", store.path], settings)
+    assert both.takeovers == 1 and len(both.names) == 2
 
 
 @pytest.mark.physics

@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from executor.cli.data_options import (
-    CorrectOptions,
     DatasetOptions,
     EvaluateOptions,
     GenerateOptions,
@@ -431,7 +430,6 @@ SubCommand = (
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
     | Annotated[TrainOptions, tyro.conf.subcommand("train")]
     | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
-    | Annotated[CorrectOptions, tyro.conf.subcommand("correct")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[BenchPhotoOptions, tyro.conf.subcommand("bench-photo")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]

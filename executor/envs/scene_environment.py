@@ -6,7 +6,6 @@ the state of the first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
@@ -30,7 +29,6 @@ from executor.envs.episodes import (
 from executor.envs.hand_control import ARM_SPEEDS_RAD_S, Elbow, HandFollower
 from executor.geometry import Array
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.takeover import checkpoint_of
 from executor.scenes.generators.families import Family
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED, check_seed
@@ -119,7 +117,6 @@ class Simulation:
         world: The physics.
         target: (12,) present joint targets of the drives.
         period_s: Duration of an action [s].
-        before_step: Called before every physics step, such as a pusher.
     """
 
     def __init__(
@@ -133,7 +130,6 @@ class Simulation:
         self._joints = list(self.world.robot.active_joints)
         self._low, self._high = joint_limits(scene.robot.scale).T
         self._speeds = speeds
-        self.before_step: Callable[[World], None] = lambda world: None
         self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
 
     def advance(self, wanted: Array) -> None:
@@ -165,7 +161,6 @@ class Simulation:
         for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * change)[:, moving].tolist():
             for tell_joint, target in zip(tell, targets, strict=True):
                 tell_joint(target)
-            self.before_step(world)
             world.step()
         self.target = start + change
 
@@ -312,33 +307,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
                 f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
             )
         self._episode, self.task_description = episode, episode.query
-        return self._begin(episode, episode.start)
-
-    def checkpoint(self) -> Checkpoint:
-        """Return the present state, from which a planner can continue."""
-        return checkpoint_of(self.world, float(self.target[-1]))
-
-    def resume(self, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
-        """Continue the present episode from a state that someone else reached.
-
-        Returns:
-            The observation, and the info.
-        """
-        return self._begin(self.episode, start)
-
-    def disturb(self, before_step: Callable[[World], None]) -> None:
-        """Call a function before every physics step of the present episode, such as one that pushes things."""
-        self._running().before_step = before_step
-
-    def wait(self) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Hold all drives for the time of an action; return the same as `step`."""
-        return self._advance(self._running().target)
-
-    def _begin(self, episode: DrawnEpisode, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
         self._leave()
         follows = self._modes[1] == "paper"
         speeds = FOLLOWING_SPEEDS if follows else SPEEDS
-        self._simulation = Simulation(episode.scene, start, self._rate_hz, episode.physics, speeds)
+        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
         self._follower = self._following() if follows else None
         world = self._simulation.world
         self._reader = StateReader(world, episode.task)

@@ -63,10 +63,6 @@ class EpisodeOutcome:
         simulated_s: Simulated time up to the success or to the end [s].
         measured: The underlying measurements.
         monitors: Failure kinds of the executor's monitors -> time of the first [s].
-        drawn: Drawn numbers of the episode, by name.
-        pushes: Completed pushes.
-        helped: The planner's help where the policy got no further; the successes above are without it.
-        success_with_help: Whether it succeeded after all, with help or without; None where no help was available.
     """
 
     seed: int
@@ -76,10 +72,6 @@ class EpisodeOutcome:
     simulated_s: float
     measured: Mapping[str, float]
     monitors: Mapping[str, float] = field(default_factory=dict)
-    drawn: Mapping[str, float] = field(default_factory=dict)
-    pushes: tuple[Mapping[str, Any], ...] = ()
-    helped: tuple[Mapping[str, Any], ...] = ()
-    success_with_help: bool | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -117,11 +109,6 @@ class OutcomeWatch:
     def over(self) -> bool:
         """Whether the outcome is final: it succeeded, and the time after that is over."""
         return self.succeeded_s is not None and self.elapsed_s >= self.succeeded_s + AFTER_S - 1e-9
-
-    def follow(self, world: World) -> None:
-        """Switch to another world that has taken on the state of this one, as after a planner's help."""
-        self._world = world
-        self._looked_s = world.time_s
 
     def look(self, info: Mapping[str, Any]) -> None:
         """Observe the world; call it once per action.

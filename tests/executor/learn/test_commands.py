@@ -143,7 +143,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     assert "0 of 1" in told.out and "No space left on device" in told.err
 
     def invented(
-        actors: list[TrainedPolicy], kind: object, seeds: range, told: Callable[..., None], _: object
+        actors: list[TrainedPolicy], kind: object, seeds: range, told: Callable[..., None], **_: object
     ) -> object:
         ends = [
             EpisodeOutcome(seed, good, good, "" if good else FAILURES[0], 1.0, {})
@@ -159,7 +159,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
 
-    def never(*_: object) -> None:
+    def never(*_: object, **__: object) -> None:
         raise AssertionError("an episode began")
 
     monkeypatch.setattr("executor.cli.commands.evaluate.evaluate", never)

@@ -24,7 +24,7 @@ from executor.learn.action_chunks import to_base_targets, to_world_targets
 from executor.learn.demonstrations import Demonstrations, read_demonstrations
 from executor.learn.evaluation.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
 from executor.learn.evaluation.scores import PolicyScore, paired_tests
-from executor.learn.evaluation.trials import TrialConditions, environment_for, run_episode
+from executor.learn.evaluation.trials import environment_for, run_episode
 from executor.learn.networks import NetworkSizes, PolicyNetwork
 from executor.learn.observations import (
     HANDLE_NUMBERS,
@@ -350,7 +350,7 @@ def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pyt
     monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    outcome, footage = run_episode(env, TrainedPolicy.load(out), 62985, TrialConditions(keep_states=True))
+    outcome, footage = run_episode(env, TrainedPolicy.load(out), 62985, keep_states=True)
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
 
