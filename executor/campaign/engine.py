@@ -112,12 +112,14 @@ class Campaign(Generic[AnyUnit]):
         worker: Module of the worker process.
         workers: Number of processes.
         limit_s: Maximum wall time of a unit [s].
+        more: Gives further fields of the request of a unit for a version.
     """
 
     store: ResultStore[AnyUnit]
     worker: str
     workers: int
     limit_s: float = UNIT_LIMIT_S
+    more: Callable[[AnyUnit, str], Mapping[str, Any]] = lambda unit, version: {}
 
     def run(
         self,
@@ -140,7 +142,7 @@ class Campaign(Generic[AnyUnit]):
         # Each process's software renderer would use all cores.
         threads = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         pool = WorkerPool(self.worker, self.workers, limit_s=self.limit_s, environment=threads)
-        requests = [self.store.request(*job) for job in jobs]
+        requests = [{**self.store.request(*job), **self.more(*job)} for job in jobs]
         job_of = {id(request): job for request, job in zip(requests, jobs, strict=True)}
         # Closed on every exit, such as a full disk, so that no worker process stays behind.
         with closing(pool.run(requests)) as outcomes:

@@ -374,20 +374,6 @@ def load_network(folder: Path, record: PolicyRecord, step: int | None = None) ->
     return network.eval()
 
 
-def policy_key(folder: Path, step: int | None = None) -> str:
-    """Return the key of a policy and its weights.
-
-    Raises:
-        NotAPolicy: There is none, or these weights are missing.
-    """
-    record = read_record(folder)
-    path = folder / WEIGHTS if step is None else step_path(folder, step)
-    try:
-        return content_key(record.key, path.read_bytes())
-    except OSError as problem:
-        raise NotAPolicy(f"{path} cannot be read: {problem.strerror}") from None
-
-
 def step_path(folder: Path, step: int) -> Path:
     """Return the path of the weights of a step."""
     return folder / STEPS / f"{step:06d}.safetensors"
