@@ -16,8 +16,7 @@ from pathlib import Path
 
 from benchmarks.baselines.methods import BASELINES
 from executor.bench.folder import BenchFolder, NotABench
-from executor.bench.paper import main_table
-from executor.bench.tables import Cell, number, rate_text
+from executor.bench.tables import Cell, main_table, number, rate_text
 from executor.bench.units import BenchSetting
 from executor.campaign.rate import Rate
 from executor.scenes.generators.families import FAMILIES

@@ -21,8 +21,9 @@ from executor.data.units import Origin, scene_key
 from executor.data.views import check_drawable
 from executor.learn.acting import LeRobotPolicy, Policy, TrainedPolicy, is_stock
 from executor.learn.demonstrations import EpisodeKind, learned_from
-from executor.learn.evaluation.outcomes import EpisodeOutcome
-from executor.learn.evaluation.scores import (
+from executor.learn.evaluation import EpisodeOutcome, EpisodeStates, draw_video, evaluate
+from executor.learn.policy_record import LOSSES, PolicyRecord
+from executor.learn.scores import (
     Curve,
     EvaluationReport,
     PolicyScore,
@@ -33,8 +34,6 @@ from executor.learn.evaluation.scores import (
     rate_words,
     success_curve,
 )
-from executor.learn.evaluation.trials import EpisodeStates, draw_video, evaluate
-from executor.learn.policy_record import LOSSES, PolicyRecord
 from executor.reports.run_folder import FolderUnusable
 from executor.scenes.file import scene_for
 from executor.sim.render.pool import check_size

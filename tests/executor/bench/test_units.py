@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.baselines.methods import BASELINES
-from executor.bench.paper import main_table
+from executor.bench.tables import main_table
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.campaign import versions
 from executor.campaign.engine import Shard

@@ -21,16 +21,19 @@ from executor.data.store import EpisodeStore
 from executor.data.work import prepare_unit
 from executor.envs.scene_environment import SceneEnvironment
 from executor.learn.acting import Policy, TrainedPolicy
-from executor.learn.evaluation.outcomes import AFTER_S, EpisodeOutcome, MonitorWatch, OutcomeWatch
-from executor.learn.evaluation.scores import Curve, by_training, diagram, loss_curve
-from executor.learn.evaluation.trials import (
+from executor.learn.evaluation import (
+    AFTER_S,
     MOST_S,
     UNDONE_S,
+    EpisodeOutcome,
+    MonitorWatch,
+    OutcomeWatch,
     PlanGuide,
     most_steps,
     run_episode,
 )
 from executor.learn.observations import subtask_of
+from executor.learn.scores import Curve, by_training, diagram, loss_curve
 from executor.rollouts.rollout import rollout
 from llm import propose
 from tests.executor.learn.conftest import KITCHEN, PLAN
@@ -128,8 +131,8 @@ def test_who_succeeds_as_the_time_runs_out_is_looked_at_for_as_long_as_anybody(
 
     actor = Pretender()
     actor.act = lambda observation: env.target  # type: ignore[attr-defined]
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
-    monkeypatch.setattr("executor.learn.evaluation.trials.OutcomeWatch", Late)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.OutcomeWatch", Late)
     outcome, _ = run_episode(env, cast(Policy, actor), 0)
     assert outcome.success_once and not outcome.success_at_end, "it did not hold"
     assert outcome.simulated_s == pytest.approx(0.9, abs=0.05) and env.world.time_s >= 0.9 + AFTER_S
@@ -162,7 +165,7 @@ def test_evaluate_tells_of_steps_and_seeds_and_keeps_what_an_interruption_left(
     for seed in (0, 1):
         told = ["--data", str(picked.path), "--out", str(tmp_path / f"p{seed}"), "--seed", str(seed), "--json"]
         assert run(["train", str(settings), "--threads", "1", *told]) == 0
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.5)
     capsys.readouterr()
     policies = [str(tmp_path / "p0"), str(tmp_path / "p1")]
     asked = ["--episodes", "2", "--seed", "62985", "--steps", "2", "4", "--json"]
@@ -179,7 +182,7 @@ def test_evaluate_tells_of_steps_and_seeds_and_keeps_what_an_interruption_left(
             raise KeyboardInterrupt
         return run_episode(env, actor, seed, keep_states=keep_states)
 
-    monkeypatch.setattr("executor.learn.evaluation.trials.run_episode", ended)
+    monkeypatch.setattr("executor.learn.evaluation.run_episode", ended)
     asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
     assert run(["evaluate", *policies, *asked]) == 130
     kept = last_json(capsys)

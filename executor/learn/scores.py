@@ -13,7 +13,7 @@ from typing import Any
 from scipy.stats import binomtest
 
 from executor.campaign.rate import Rate
-from executor.learn.evaluation.outcomes import EpisodeOutcome
+from executor.learn.evaluation import EpisodeOutcome
 from executor.reports.html import render
 
 
