@@ -53,6 +53,8 @@ def test_corrections_of_a_policy_are_replayed_and_learned_from() -> None:
 def test_a_policy_is_evaluated_and_its_training_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torch")
     policy = Path(shutil.copytree(WRITTEN / "policy", tmp_path / "policy"))
+    about = json.loads((policy / "policy.json").read_text(encoding="utf-8"))
+    (policy / "policy.json").write_text(json.dumps({**about, "of_another_version": [1]}), encoding="utf-8")
     assert app.run(["evaluate", str(policy), "--task", "T5", "--episodes", "1", "--seed", "95500", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["ok"]
     words = ["train", str(WRITTEN / "small.toml"), "--data", str(WRITTEN / "store"), "--out", str(policy)]

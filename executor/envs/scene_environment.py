@@ -311,8 +311,12 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         follows = self._modes[1] == "paper"
         speeds = FOLLOWING_SPEEDS if follows else SPEEDS
         self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
-        self._follower = self._following() if follows else None
         world = self._simulation.world
+        self._follower = (
+            HandFollower(self._scale, self._simulation.target, self._simulation.period_s, Elbow(world))
+            if follows
+            else None
+        )
         self._reader = StateReader(world, episode.task)
         self._watch = ProgressWatch(episode.graph, world)
         if self._modes[0] == "point_cloud":
@@ -337,10 +341,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         wanted = self._physical_action(action)
         if self._follower is not None:
             wanted = self._follower.joint_target(simulation.target, wanted)
-        return self._advance(wanted)
-
-    def _advance(self, wanted: Array) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        self._running().advance(wanted)
+        simulation.advance(wanted)
         progress = self._watch.look()
         reward, self._value = progress.value - self._value, progress.value
         return self._observe(), reward, progress.success, False, self._info(progress)
@@ -374,7 +375,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         raise AssertionError("the last draw returns or raises")
 
     def _physical_action(self, action: NDArray[np.float32]) -> Array:
-        """Return an action in m, rad and shares."""
         low, high = self._limits
         given = np.asarray(action, dtype=float)
         if given.shape != low.shape:
@@ -415,10 +415,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._simulation is None:
             raise gymnasium.error.ResetNeeded("call reset before anything else")
         return self._simulation
-
-    def _following(self) -> HandFollower:
-        simulation = self._running()
-        return HandFollower(self._scale, simulation.target, simulation.period_s, Elbow(simulation.world))
 
     def _leave(self) -> None:
         if self._simulation is not None:

@@ -6,7 +6,8 @@
     resume.safetensors      state of training: weights, averages, the optimiser's state
     training.jsonl          loss by step
 
-Reading executes nothing.
+Reading executes nothing. Keys of `policy.json` that this version does not know are ignored, and are no part of the key
+by which a finished training is recognised.
 """
 
 from __future__ import annotations
