@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
 from bddl.files import open_input
-from executor.campaign.claims import exclusive_lock
-from executor.campaign.engine import UNFINISHED, result_of
+from executor.campaign.engine import UNFINISHED, exclusive_lock, result_of
 from executor.data import samples
 from executor.data.units import SCHEMA, DemoUnit
 from executor.rollouts.checkpoint import Checkpoint

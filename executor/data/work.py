@@ -134,10 +134,6 @@ class NotPlannable(Scene2DemoError, ValueError):
     exit_code = 1
 
 
-class NotNeeded(RuntimeError):
-    """A unit has nothing to show, such as a correction where the policy succeeded by itself."""
-
-
 @dataclass(frozen=True, slots=True)
 class Prepared:
     """Task and scene of a unit.
@@ -159,17 +155,15 @@ class Made:
 
     Attributes:
         of: The prepared unit.
-        graph: The composed task that was run: after a takeover, the rest of it.
+        graph: The composed task that was run.
         rollout: The rollout.
         story: The revisions, where flows evolve.
-        takeover: Record of the policy that acted before, and of the planner's start; None from an episode's start.
     """
 
     of: Prepared
     graph: ObjectActionGraph
     rollout: Rollout
     story: Evolution | None = None
-    takeover: Mapping[str, Any] | None = None
 
 
 def prepare_unit(unit: DemoUnit) -> Prepared:
@@ -339,7 +333,6 @@ def meta_of(made: Made) -> dict[str, Any]:
         "joint_ids": list(done.trajectory.joint_positions),
         "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
         "versions": versions(),
-        **({} if made.takeover is None else {"takeover": made.takeover}),
     }
 
 

@@ -15,7 +15,7 @@ from executor.learn.demonstrations import (
     grasp_modes_per_step,
     read_demonstrations,
 )
-from executor.learn.evaluation.outcomes import NEAR_M
+from executor.learn.evaluation import NEAR_M
 from executor.learn.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, OVERDUE, PATIENCE_S, PlanFollower
 from executor.learn.policy_record import PolicyRecord
 from tests.executor.learn.conftest import small

@@ -22,7 +22,7 @@ from executor.data.store import EpisodeStore, NotADataset
 from executor.data.worker import run_unit
 from executor.learn.action_chunks import hand_poses, to_hand_frame
 from executor.learn.demonstrations import learned_from, read_demonstrations
-from executor.learn.evaluation.trials import environment_for
+from executor.learn.evaluation import environment_for
 from executor.learn.policy_record import PolicyRecord
 from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from tests.executor.learn.conftest import KITCHEN, PLAN, small
