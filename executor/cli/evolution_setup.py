@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
-from executor.cli.command_options import JudgeOptions, PhotoOptions, RunOptions
 from executor.cli.errors import BadOption
+from executor.cli.options import JudgeOptions
 from executor.cli.output import tell
 from executor.reports.run_folder import EXCHANGES, kept_aside, unused_path
 from executor.rollouts.evolution_record import AttemptFrames, Evolution
@@ -248,8 +248,21 @@ def _silent(line: str) -> None:
     """Tell nobody."""
 
 
+class ModelOptions(Protocol):
+    """A typed model and its budget."""
+
+    @property
+    def model(self) -> str | None: ...
+    @property
+    def max_tokens(self) -> int | None: ...
+    @property
+    def max_cost_usd(self) -> float | None: ...
+    @property
+    def max_time_s(self) -> float | None: ...
+
+
 def connect_model(
-    options: RunOptions | JudgeOptions | PhotoOptions,
+    options: ModelOptions,
     record: Path | None,
     *,
     resume: bool = False,

@@ -10,21 +10,59 @@ Source: the paper's ablations over camera views and over p_1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
-from executor.cli.command_options import AblateOptions
+import tyro
+
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.evolution_setup import EvolutionSetup, parse_views
-from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
-from executor.cli.inputs import refuse_existing
+from executor.cli.options import (
+    CommonOptions,
+    FirstSeed,
+    GoOn,
+    JudgeOptions,
+    KeepSizes,
+    Limit,
+    Maybe,
+    ReplaceResults,
+    SceneName,
+    TaskToRun,
+)
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.rollouts.evolution_record import Evolution
-from executor.sim.render.cameras import VIEWS
 from executor.system.files import write_json
-from llm.structured.conversation import Conversation, Spending
-from oag import ObjectActionGraph, clopper_pearson, compose
-from oag.sizes import planned_resizings
+
+if TYPE_CHECKING:
+    from executor.cli.evolution_setup import EvolutionSetup
+    from executor.rollouts.evolution_record import Evolution
+    from llm.structured.conversation import Conversation, Spending
+    from oag import ObjectActionGraph
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
+
+    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
+    are shown to the model, and none are written, so that no setting profits from another.
+    """
+
+    what: tyro.conf.Positional[Literal["views", "look-back"]]
+    """What is varied: the subsets of the three cameras, or 0, 1 and 2 steps back."""
+    task: TaskToRun
+    scene: SceneName
+    seed: FirstSeed = 0
+    episodes: int = 1
+    """How many episodes to run in each setting."""
+    limit: Limit = 5
+    keep_sizes: KeepSizes = False
+    judged: JudgeOptions = field(default_factory=JudgeOptions)
+    out: Maybe[Path] = None
+    """Folder for the table, the recording and the pictures."""
+    resume: GoOn = False
+    force: ReplaceResults = False
+
 
 LOOK_BACKS = (0, 1, 2)
 
@@ -49,6 +87,8 @@ class AblationSetting:
 
 def view_settings(look_back: int) -> tuple[AblationSetting, ...]:
     """Return a setting for each subset of the cameras, the small ones first."""
+    from executor.sim.render.cameras import VIEWS
+
     subsets = (subset for count in range(1, len(VIEWS) + 1) for subset in combinations(VIEWS, count))
     return tuple(AblationSetting(subset, look_back) for subset in subsets)
 
@@ -97,6 +137,8 @@ class AblationRow:
 
     def to_json(self) -> dict[str, object]:
         """Return the row as plain data."""
+        from oag import clopper_pearson
+
         return {
             "views": list(self.setting.views),
             "look_back": self.setting.look_back,
@@ -171,8 +213,14 @@ FILE = "ablation.json"
 BY_CTRL_C = "interrupted"
 
 
-def execute(options: AblateOptions) -> int:
+def execute(options: Options) -> int:
     """Run every setting, print the table, and return the exit code."""
+    from executor.cli.evolution_setup import EvolutionSetup, parse_views
+    from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
+    from executor.cli.inputs import refuse_existing
+    from oag import compose
+    from oag.sizes import planned_resizings
+
     check_seed(options.seed, options.episodes)
     if options.judged.model is None:
         raise BadOption("--model", "is missing", "a model: without one nothing is looked at, and nothing can be varied")
@@ -203,12 +251,14 @@ def execute(options: AblateOptions) -> int:
     return _finish(options, kept, rows[-1].stopped, judging.spending)
 
 
-def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
+def settings(options: Options, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
     """Return the settings that a command compares.
 
     Raises:
         BadOption: There are no views to look back with, or views were chosen that are to be varied.
     """
+    from executor.sim.render.cameras import VIEWS
+
     if options.what == "views":
         if views != VIEWS:
             raise BadOption("--views", options.judged.views, "all three, since their subsets are compared")
@@ -218,9 +268,7 @@ def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSe
     return look_back_settings(views)
 
 
-def _row(
-    options: AblateOptions, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup
-) -> AblationRow:
+def _row(options: Options, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup) -> AblationRow:
     """Run the episodes of a setting; Ctrl-C, too, keeps the finished ones."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
@@ -239,7 +287,7 @@ def _row(
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
+def _finish(options: Options, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
     """Write and print the table.
 
     Args:

@@ -3,35 +3,74 @@
 from __future__ import annotations
 
 from contextlib import closing, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from executor.campaign.engine import Campaign
-from executor.campaign.versions import outcome_version
-from executor.cli.commands.evaluate import kind_of
-from executor.cli.commands.generate import Missing, make_missing
-from executor.cli.data_options import CorrectOptions
+import tyro
+
 from executor.cli.errors import check
-from executor.cli.execution import check_seed, check_unit_limit, check_workers
-from executor.data.store import EpisodeStore
-from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Recording, Takeover
-from executor.learn.acting import TrainedPolicy
-from executor.learn.correcting import WORKER
-from executor.learn.demonstrations import EpisodeKind
-from executor.learn.evaluation.trials import environment_for
-from executor.learn.observations import plan_of
-from executor.learn.policy_record import PolicyRecord, policy_key, read_record
-from executor.scenes.generators.families import indices_of
-from executor.scenes.pair import NotDrawn
+from executor.cli.options import CommonOptions, Family, Maybe, Pushed, Read, ResultsFolder
+
+if TYPE_CHECKING:
+    from executor.data.units import DemoSeries, DemoUnit
+    from executor.learn.demonstrations import EpisodeKind
+    from executor.learn.policy_record import PolicyRecord
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Have a policy act, and the planner go on with a proved plan from where it fails: demonstrations into a store.
+
+    The planner takes over where the policy begins a grasp anew or stalls; what it does well by itself is counted as not
+    needed. Train on the store beside others. Goes on where an earlier run with the same folder ended.
+    """
+
+    policy: tyro.conf.Positional[
+        Annotated[
+            Path,
+            tyro.conf.arg(metavar="POLICY", help="Folder that `train` filled.", help_behavior_hint="(required)"),
+            Read(),
+        ]
+    ]
+    out: ResultsFolder
+    task: Maybe[Family] = None
+    """A family of the benchmark; by default what the policy was trained on."""
+    episodes: int = 50
+    """How many episodes."""
+    seed: int = 0
+    """Seed of the first episode; the following ones count up."""
+    execute: Maybe[int] = None
+    """How many actions of a chunk are done before the policy looks again; by default what its settings say."""
+    step: Maybe[int] = None
+    """The weights after so many steps of training, where they were kept; by default the last."""
+    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
+    """What is pushed once while the policy acts."""
+    noise_m: float = 0.0
+    """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
+    stances: int = 4
+    """How many stances to plan, as `generate` does."""
+    workers: int = 2
+    """How many processes; one that crashes costs its episode only."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""
+
 
 _MOST_NOISE_M = 0.05
 
 
-def execute(options: CorrectOptions) -> int:
+def execute(options: Options) -> int:
     """Make the missing corrections; return the exit code.
 
     Raises:
         NotAPolicy, NotADataset, BadOption, SceneError, SceneNotFound: Something that was named cannot be used.
     """
+    from executor.campaign.engine import Campaign
+    from executor.cli.commands.generate import make_missing
+    from executor.data.store import EpisodeStore
+    from executor.learn.correcting import WORKER
+    from executor.learn.policy_record import read_record
+
     record = read_record(options.policy)
     series = _series(options, record)
     if options.task is not None:
@@ -39,11 +78,17 @@ def execute(options: CorrectOptions) -> int:
     # A worker starts wherever it likes.
     fields = {"policy": str(options.policy.resolve()), "step": options.step}
     campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s, lambda *job: fields)
-    return make_missing(campaign, Missing([series], outcome_version()), as_json=options.json)
+    return make_missing(campaign, [series], as_json=options.json)
 
 
-def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
+def _series(options: Options, record: PolicyRecord) -> DemoSeries:
     """Return the requested series, after refusing options that make no sense."""
+    from executor.cli.commands.evaluate import kind_of
+    from executor.cli.execution import check_seed, check_unit_limit, check_workers
+    from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Recording, Takeover
+    from executor.learn.policy_record import policy_key
+    from executor.scenes.generators.families import indices_of
+
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
@@ -70,12 +115,18 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
     return DemoSeries(unit, options.episodes)
 
 
-def _check_learned(options: CorrectOptions, first: DemoUnit) -> None:
+def _check_learned(options: Options, first: DemoUnit) -> None:
     """Refuse a task with steps that the policy has never learned, before hundreds of its episodes fail so.
 
     Raises:
         NotAPolicy: It is one; or the policy's weights are missing.
     """
+    from executor.learn.acting import TrainedPolicy
+    from executor.learn.demonstrations import EpisodeKind
+    from executor.learn.evaluation.trials import environment_for
+    from executor.learn.observations import plan_of
+    from executor.scenes.pair import NotDrawn
+
     actor = TrainedPolicy.load(options.policy, options.step)
     kind = EpisodeKind(first.origin, replace(first.variation, noise_m=0), first.full_size)
     with closing(environment_for(actor, kind)) as env, suppress(NotDrawn):

@@ -26,13 +26,13 @@ from executor.data.formats.zarr_v2 import read_zarr, write_zarr
 from executor.data.store import INDEX, EpisodeStore, NotADataset
 from executor.sim.render.frames import VideoFailed
 from executor.system.files import write_json, write_text
+from executor.system.progress import OnProgress, ignore_progress
 
 Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 STATISTICS = "statistics.json"
 """Statistics of the columns, for formats that have no place for them."""
 
-CountCallback = Callable[[int, int], None]
 # Marker file of an export of this program -> its reader.
 _READERS = {ABOUT: read_lerobot, FILE: read_demonstrations, ".zattrs": read_zarr}
 _UNREADABLE = (
@@ -54,7 +54,7 @@ def write_set(
     out: Path,
     *,
     replace: bool = False,
-    on_progress: CountCallback = lambda done, total: None,
+    on_progress: OnProgress = ignore_progress,
 ) -> DatasetSpec:
     """Write a data set, complete or not at all, and return its common properties.
 
@@ -149,7 +149,7 @@ def _broken(path: Path, problem: Exception) -> NotADataset:
     return NotADataset(f"{path} cannot be read as what was exported: {words}; export it anew, or copy all of it")
 
 
-def _with_progress(episodes: Iterator[EpisodeTable], total: int, on_progress: CountCallback) -> Iterator[EpisodeTable]:
+def _with_progress(episodes: Iterator[EpisodeTable], total: int, on_progress: OnProgress) -> Iterator[EpisodeTable]:
     for episode in episodes:
         on_progress(episode.index, total)
         yield episode

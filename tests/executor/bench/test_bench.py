@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import signal
@@ -12,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -37,7 +35,7 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     """Run the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
+    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
@@ -52,8 +50,8 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for version in ("outcome_version", "baseline_version"):
-        monkeypatch.setattr(bench, version, lambda: "0123456789abcdef")
+    for version in ("campaign.versions.outcome_version", "bench.baselines.methods.baseline_version"):
+        monkeypatch.setattr(f"executor.{version}", lambda: "0123456789abcdef")
     given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
     assert app.run(given) == 1
     said = " ".join(capsys.readouterr().err.split())
@@ -119,7 +117,7 @@ def test_another_version_of_the_program_counts_for_itself(
     run_bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_bench("--seed", SEED, "--episodes", 2)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "a later version")
+    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: "a later version")
     _, summary = run_bench("--seed", SEED, "--episodes", 1)
     assert summary["cells"][0]["all"]["trials"] == 1 and len(unit_files(tmp_path / "b")) == 3
     found = BenchFolder(tmp_path / "b").find("T3-014000-planned")
@@ -262,17 +260,13 @@ def test_two_runs_do_not_do_the_same_units_at_once(run_bench: Bench, tmp_path: P
     assert run_bench("--seed", SEED, "--episodes", 2)[0] == 0
 
 
-def test_ctrl_c_before_anything_is_loaded(
+def test_ctrl_c_while_libraries_load(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    load = importlib.import_module
+    def interrupted(options: object) -> int:
+        raise KeyboardInterrupt
 
-    def interrupted(name: str) -> ModuleType:
-        if name == "executor.cli.commands.bench":
-            raise KeyboardInterrupt
-        return load(name)
-
-    monkeypatch.setattr(importlib, "import_module", interrupted)
+    monkeypatch.setattr(bench, "execute", interrupted)
     assert app.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 130
     assert capsys.readouterr().err == "scene2demo: interrupted\n"
 

@@ -17,7 +17,7 @@ from executor.bench.paper import main_table
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.campaign import versions
 from executor.campaign.engine import Shard
-from executor.cli import command_options
+from executor.cli.commands import bench
 from executor.scenes.generators import household
 from executor.scenes.generators.families import (
     FAMILIES,
@@ -44,7 +44,7 @@ def test_other_units_have_other_names_and_ids(a: Unit, b: Unit) -> None:
 
 
 def test_every_baseline_is_said_in_the_same_words_everywhere() -> None:
-    assert get_args(units.Baseline) == get_args(command_options.Baseline) == tuple(units.BASELINES)
+    assert get_args(units.Baseline) == get_args(bench.Baseline) == tuple(units.BASELINES)
     named = {BenchSetting(baseline=baseline).name for baseline in get_args(units.Baseline)}
     assert len(named) == len(units.BASELINES) and BenchSetting().name not in named
 

@@ -11,8 +11,8 @@ import pytest
 
 import oag
 from executor.cli import app, evolution_setup
-from executor.cli.command_options import JudgeOptions
 from executor.cli.evolution_setup import EvolutionSetup
+from executor.cli.options import JudgeOptions
 from executor.system import vulkan
 from llm import Metered
 from llm.evolve import Situation
