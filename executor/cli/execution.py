@@ -68,9 +68,6 @@ def task_to_run(task_path: Path, scene: str | None, *, keep_sizes: bool) -> tupl
         task_path: The task's file.
         scene: Name or file of the scene; by default it lies in the task's folder.
         keep_sizes: Whether the task's factors are left out, so that everything keeps its size.
-
-    Raises:
-        TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
     """
     task, found = task_and_scene(task_path, scene)
     tell_warnings(require_valid(found))

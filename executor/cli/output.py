@@ -46,6 +46,11 @@ def tell(text: str, style: str | None = None) -> None:
     ERR.print(text, style=style, markup=False)
 
 
+def tell_progress(quiet: bool) -> Callable[[str], None]:
+    """Return what prints a sentence about the progress in a line on standard error; when quiet, nothing."""
+    return (lambda words: None) if quiet else (lambda words: tell(f"  {words}"))
+
+
 def tell_notes(notes: Iterable[str]) -> None:
     """Print notes about the result on standard error, a line each."""
     for note in notes:

@@ -252,11 +252,7 @@ def execute(options: Options) -> int:
 
 
 def settings(options: Options, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
-    """Return the settings that a command compares.
-
-    Raises:
-        BadOption: There are no views to look back with, or views were chosen that are to be varied.
-    """
+    """Return the settings that a command compares."""
     from executor.sim.render.cameras import VIEWS
 
     if options.what == "views":

@@ -73,10 +73,6 @@ def execute(options: SubCommand) -> int:
     Returns:
         2 when a file cannot be read, else 1 when a file has mistakes (or warnings with `--strict`, or another layout
         with `fmt --check`), else 0.
-
-    Raises:
-        BadOption: A file does not exist, there is no such profile, `--check` and `--write` are both given, or what is
-            to be written is no file.
     """
     from bddl import PROFILES
 
@@ -236,11 +232,7 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _find_files(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the named files, those in named folders included, each once.
-
-    Raises:
-        BadOption: A file does not exist, a folder has no file that ends in .bddl, or nothing was named.
-    """
+    """Return the named files, those in named folders included, each once."""
     found: list[str] = []
     for name in names:
         path = Path(name)

@@ -181,11 +181,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
 
 
 def _checked(options: Options) -> Shard:
-    """Return the shard, after refusing options that make no sense.
-
-    Raises:
-        BadOption: One does not.
-    """
+    """Return the shard, after refusing options that make no sense."""
     from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
@@ -203,11 +199,7 @@ def _checked(options: Options) -> Shard:
 
 
 def _check_rooms(seed: int, asked: Sequence[Series]) -> None:
-    """Refuse to measure a demonstration in the room that it was made in.
-
-    Raises:
-        BadOption: A unit is of one of their seeds.
-    """
+    """Refuse to measure a demonstration in the room that it was made in."""
     from executor.bench.baselines.one_demonstration import SOURCE_SEEDS, source_seeds_text
 
     own = any(unit.seed in SOURCE_SEEDS for series in asked for unit in series.units())

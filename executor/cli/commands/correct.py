@@ -60,11 +60,7 @@ _MOST_NOISE_M = 0.05
 
 
 def execute(options: Options) -> int:
-    """Make the missing corrections; return the exit code.
-
-    Raises:
-        NotAPolicy, NotADataset, BadOption, SceneError, SceneNotFound: Something that was named cannot be used.
-    """
+    """Make the missing corrections; return the exit code."""
     from executor.campaign.engine import Campaign
     from executor.cli.commands.generate import make_missing
     from executor.data.store import EpisodeStore
@@ -116,11 +112,7 @@ def _series(options: Options, record: PolicyRecord) -> DemoSeries:
 
 
 def _check_learned(options: Options, first: DemoUnit) -> None:
-    """Refuse a task with steps that the policy has never learned, before hundreds of its episodes fail so.
-
-    Raises:
-        NotAPolicy: It is one; or the policy's weights are missing.
-    """
+    """Refuse a task with steps that the policy has never learned, before hundreds of its episodes fail so."""
     from executor.learn.acting import TrainedPolicy
     from executor.learn.demonstrations import EpisodeKind
     from executor.learn.evaluation.trials import environment_for

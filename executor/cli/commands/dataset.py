@@ -166,12 +166,7 @@ class Options:
 
 
 def execute(options: SubCommand) -> int:
-    """Run the requested sub-command on a store; return the exit code.
-
-    Raises:
-        NotADataset: A folder is no store, or an episode in it cannot be read.
-        NothingToExport, ExportExists, BadOption: The request cannot be met.
-    """
+    """Run the requested sub-command on a store; return the exit code."""
     from executor.data.formats.export import open_set
     from executor.data.formats.selection import Selection
     from executor.data.formats.store_reader import stream_of

@@ -75,12 +75,6 @@ def execute(options: Options) -> int:
     """Evaluate policies; return the exit code: 0 whatever the outcomes, since it is a measurement.
 
     Ctrl-C ends it with the results so far.
-
-    Raises:
-        NotAPolicy, BadOption: Something that was named cannot be used.
-        FolderUnusable: Results cannot be written into the folder.
-        NotDrawn: No room could be made of a seed.
-        RendererNotFound, VideoFailed: Videos were requested, and cannot be drawn.
     """
     from executor.campaign.versions import EVALUATION_VERSION, outcome_version
     from executor.data.views import check_drawable
@@ -134,11 +128,7 @@ def execute(options: Options) -> int:
 
 
 def _make(out: Path) -> None:
-    """Make the folder for results, before there are any.
-
-    Raises:
-        FolderUnusable: Nothing can be written there.
-    """
+    """Make the folder for results, before there are any."""
     from executor.reports.run_folder import FolderUnusable
 
     try:
@@ -192,13 +182,7 @@ def _stock(path: Path, options: Options) -> LeRobotPolicy:
 
 
 def _kind(options: Options, actors: Sequence[Policy]) -> EpisodeKind:
-    """Return the kind of the episodes, and pass it to policies of LeRobot.
-
-    Raises:
-        BadOption: No task is given, and the policies' demonstrations are of several kinds; or a seed is one of those
-            that a policy was trained on.
-        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
-    """
+    """Return the kind of the episodes, and pass it to policies of LeRobot."""
     from executor.learn.acting import LeRobotPolicy
 
     kind = kind_of(options.task, [actor.record for actor in actors])
@@ -215,12 +199,7 @@ def _kind(options: Options, actors: Sequence[Policy]) -> EpisodeKind:
 
 
 def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind:
-    """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations.
-
-    Raises:
-        BadOption: No task is given, and they are of several kinds; or their scene has changed.
-        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
-    """
+    """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations."""
     from executor.data.units import Origin, scene_key
     from executor.learn.demonstrations import EpisodeKind
     from executor.scenes.file import scene_for

@@ -100,11 +100,7 @@ class FaultOption:
 
     @classmethod
     def parse(cls, text: str) -> FaultOption:
-        """Parse a fault.
-
-        Raises:
-            BadFault: The text names none, or lacks something; the message describes the syntax.
-        """
+        """Parse a fault."""
         from bddl import near_names
         from executor.sim.faults import KINDS
 
@@ -129,11 +125,7 @@ class FaultOption:
         return words
 
     def drawn(self, seed: int) -> Fault:
-        """Return the fault of an episode.
-
-        Raises:
-            BadFault: Something is missing, or a number is not one that the fault can have.
-        """
+        """Return the fault of an episode."""
         from executor.sim.faults import KINDS, NavigationOffset, PoseError
 
         made = KINDS[self.kind]
@@ -319,11 +311,7 @@ def _write(
 
 
 def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:
-    """Return the episode of a file, None when it has none.
-
-    Raises:
-        BadOption: It is one of another experiment.
-    """
+    """Return the episode of a file, None when it has none."""
     from executor.sim.faults import fault_json
 
     try:

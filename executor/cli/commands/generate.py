@@ -187,11 +187,7 @@ def _warn_alike(series: Sequence[DemoSeries]) -> None:
 
 
 def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
-    """Return the requested series, after refusing options that make no sense.
-
-    Raises:
-        BadOption, PlanError, SceneError, SceneNotFound: They do not, or nothing can be made of them.
-    """
+    """Return the requested series, after refusing options that make no sense."""
     from executor.cli.execution import check_seed, check_unit_limit, check_workers
     from executor.data.generation import read_plan, series_of
 
@@ -233,11 +229,7 @@ def _request_fields(options: Options) -> dict[str, Any]:
 
 
 def channels_of(channels: Sequence[Channel]) -> dict[str, bool]:
-    """Return which of depth and segmentation are drawn in addition to the colours.
-
-    Raises:
-        BadOption: Colours are left out.
-    """
+    """Return which of depth and segmentation are drawn in addition to the colours."""
     check("rgb" in channels, "--channels", " ".join(channels) or "nothing", "rgb, with depth or segmentation beside it")
     return {"depth": "depth" in channels, "segmentation": "segmentation" in channels}
 

@@ -29,11 +29,7 @@ class Options(CommonOptions):
 
 
 def execute(options: Options) -> int:
-    """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
-
-    Raises:
-        BadOption: When neither `--format` nor the file's ending determines the format.
-    """
+    """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too."""
     from executor.cli.inputs import refuse_existing, task_and_scene
     from executor.reports.graph_picture import graph_file
     from oag import compose, to_dot, to_drawing, to_graphml, to_mermaid

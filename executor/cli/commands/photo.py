@@ -25,7 +25,7 @@ from executor.cli.options import (
     ReplaceResults,
     ResultsFolder,
 )
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell_progress
 from executor.system.files import write_json
 
 if TYPE_CHECKING:
@@ -64,11 +64,6 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
         picture: The picture, or a recording.
         inputs: Files and values typed with it.
         asked: The model that is asked for boxes, where there is one.
-
-    Raises:
-        BadOption: There are two sources of boxes or depths, or a number is out of its range.
-        PhotoRefused: A file cannot be used.
-        ModelError, AnswersRefused: The model gives no usable answer.
     """
     from executor.photo.geometry.observation import HEIGHTS_M
     from executor.photo.pipeline import AuxiliaryInputs, read_inputs
@@ -126,10 +121,6 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
         inputs: Files and values typed with it.
         folder: Folder of the reconstruction.
         quiet: Whether to print no progress.
-
-    Raises:
-        BadOption, PhotoRefused: The inputs make no scene.
-        RoomRefused: Physics refuses the reconstruction.
     """
     from executor.photo.errors import RoomRefused
     from executor.photo.output import prepared, remove_empty_folder, reusable_scene, write_result
@@ -141,7 +132,7 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
         return kept
     prepared(folder, force=True)
     with remove_empty_folder(folder):
-        result = reconstruct_scene(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
+        result = reconstruct_scene(given, tell_progress(quiet))
     write_result(folder, result)
     if result.made.refused:
         raise RoomRefused(picture, result.made.refused, folder)
@@ -149,13 +140,7 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
 
 
 def execute(options: Options) -> int:
-    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction.
-
-    Raises:
-        PhotoRefused: The inputs make no scene; the message has the reason.
-        ResultsExist, FolderUnusable: The folder.
-        ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
-    """
+    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction."""
     from executor.photo.output import prepared, remove_empty_folder, result_json, write_result
     from executor.photo.pipeline import reconstruct_scene
 
@@ -168,7 +153,7 @@ def execute(options: Options) -> int:
     # Where a model was asked, the folder has the conversation already.
     folder = options.out if options.model is not None else prepared(options.out, force=options.force)
     with remove_empty_folder(folder):
-        result = reconstruct_scene(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
+        result = reconstruct_scene(given, tell_progress(options.json))
     write_result(folder, result)
     code = FAILED if result.made.refused else DONE
     if options.json:
@@ -189,9 +174,6 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
         options: The typed options.
         spent: Receives the model's usage, once it is asked.
         counted: Prints the usage on failure.
-
-    Raises:
-        ModelError: The model is not known, or its recording cannot be read.
     """
     from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, tell_kept
     from executor.photo.output import CONVERSATION, EXCHANGES, prepared
@@ -215,7 +197,7 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
         folder = prepared(options.out, force=options.force or options.resume, keep=kept)
         live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
         asked = live or model
-        spending = Spending(asked) if options.json else Spending(asked, lambda line: tell(f"  {line}"))
+        spending = Spending(asked, tell_progress(options.json))
         spent.append(spending)
         counted.enter_context(report_spending_on_error(spending, quiet=options.json))
         subject = f"what is in {picture.source.name}"

@@ -33,12 +33,7 @@ class Options(CommonOptions):
 
 
 def execute(options: Options) -> int:
-    """Print the verdict as soon as there is one, and what the hand has to reach.
-
-    Raises:
-        SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
-        QueryError: The sentence is not understood, or cannot be planned in the scene.
-    """
+    """Print the verdict as soon as there is one, and what the hand has to reach."""
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed

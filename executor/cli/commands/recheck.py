@@ -26,12 +26,7 @@ class Options(CommonOptions):
 
 
 def execute(options: Options) -> int:
-    """Print whether a certificate supports its verdict about the given task and scene; return 0 when it does, else 1.
-
-    Raises:
-        TaskError, SceneError, SceneNotFound: The given task or scene cannot be read.
-        CertificateError: The file is no JSON object, or one that is neither a certificate nor a report.
-    """
+    """Print whether a certificate supports its verdict about task and scene; return 0 when it does, else 1."""
     from executor.scenes.library import load_own
     from oag import recheck
     from oag.model.codec import load

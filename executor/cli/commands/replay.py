@@ -96,12 +96,7 @@ def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, inte
 
 
 def _redone(options: Options, mode: ReplayMode, total: int) -> Generator[ReplayOutcome, None, None]:
-    """Yield the outcome of each demonstration, as they end.
-
-    Raises:
-        NotADataset: One cannot be read.
-        WorkersUnusable: No worker process can be started.
-    """
+    """Yield the outcome of each demonstration, as they end."""
     from executor.envs.demonstration_replay import WORKER, iterate_replays
     from executor.system.workers import WorkerPool
 

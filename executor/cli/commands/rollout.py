@@ -185,11 +185,7 @@ def _run_here(
 
 
 def _run_apart(options: Options) -> Iterator[EpisodeResult]:
-    """Yield the episodes' results as they come, from worker processes: a crash in native code costs one episode.
-
-    Raises:
-        WorkersUnusable: No worker process can be started.
-    """
+    """Yield the episodes' results as they come, from worker processes: a crash in native code costs one episode."""
     from executor.system.workers import WorkerPool
 
     given: dict[str, object] = {"task": str(options.task), "scene": options.scene}

@@ -294,13 +294,7 @@ def _finish(record: RunRecord, folder: RunFolder, options: Options) -> int:
 def _propose_with_model(
     spending: Spending, options: Options, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> Proposal:
-    """Return a model's proposal for a run's query; the conversation is in the folder, also on failure.
-
-    Raises:
-        QueryError: The query is not understood, or cannot be done in the scene.
-        ModelError: The model did not reply, or the budget is spent.
-        AnswersRefused: None of the model's answers held.
-    """
+    """Return a model's proposal for a run's query; the conversation is in the folder, also on failure."""
     from llm import ModelProposer
     from oag.sizes import Sizing
 
@@ -329,10 +323,6 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
     Args:
         paths: As typed after `--image`.
         model: The model that looks at them.
-
-    Raises:
-        BadOption: There is no model, or a file cannot be read, is too large, or is no picture that models take.
-        PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
         raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")

@@ -46,13 +46,7 @@ PICTURES = (".png", ".jpg", ".jpeg")
 
 
 def execute(options: Options) -> int:
-    """List scenes, or describe, check, draw or write one; return 0, or 2 for a checked scene with errors.
-
-    Raises:
-        SceneError, SceneNotFound: There is no such scene, or it is not right; the message lists all errors.
-        BadOption: A file to write exists, or there is nothing to write into it.
-        RendererNotFound: A picture was requested, and nothing can draw one.
-    """
+    """List scenes, or describe, check, draw or write one; return 0, or 2 for a checked scene with errors."""
     from oag.model.forms import json_schema
 
     if options.schema:

@@ -45,11 +45,7 @@ class Options(CommonOptions):
 
 
 def execute(options: Options) -> int:
-    """Train a policy; return the exit code.
-
-    Raises:
-        SettingsError, NotADataset, NothingToExport, NotAPolicy, BadOption: Something that was named cannot be used.
-    """
+    """Train a policy; return the exit code."""
     import torch
 
     from executor.cli.execution import check_seed
@@ -121,12 +117,7 @@ def _settings(options: Options) -> PolicySettings:
 
 
 def _make_room(options: Options, record: PolicyRecord) -> None:
-    """Check that the folder is new, or holds the beginning of this policy.
-
-    Raises:
-        BadOption: It holds something else.
-        NotAPolicy: What it holds cannot be read.
-    """
+    """Check that the folder is new, or holds the beginning of this policy."""
     from executor.learn.policy_record import ABOUT, read_record
 
     out = options.out

@@ -36,9 +36,6 @@ def execute(options: Options) -> int:
 
     Returns:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
-
-    Raises:
-        BadOption: A fix is asked for and no file is named, a file exists, or there is no fix of that number.
     """
     from executor.cli.inputs import refuse_existing, task_and_scene
     from llm.offline.planner import other_readings

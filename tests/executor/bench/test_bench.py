@@ -15,9 +15,10 @@ from typing import Any
 
 import pytest
 
+from executor.bench.baselines import methods
 from executor.bench.folder import BenchFolder, NotABench
 from executor.bench.units import BenchSetting, Series
-from executor.campaign import engine
+from executor.campaign import engine, versions
 from executor.cli import app
 from executor.cli.commands import bench
 from executor.system.workers import WorkerOutcome
@@ -35,7 +36,7 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     """Run the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
     monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
-    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: "the version of a test")
+    monkeypatch.setattr(versions, "outcome_version", lambda *constants: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
@@ -50,8 +51,8 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for version in ("campaign.versions.outcome_version", "bench.baselines.methods.baseline_version"):
-        monkeypatch.setattr(f"executor.{version}", lambda: "0123456789abcdef")
+    monkeypatch.setattr(versions, "outcome_version", lambda: "0123456789abcdef")
+    monkeypatch.setattr(methods, "baseline_version", lambda: "0123456789abcdef")
     given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
     assert app.run(given) == 1
     said = " ".join(capsys.readouterr().err.split())
@@ -117,7 +118,7 @@ def test_another_version_of_the_program_counts_for_itself(
     run_bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_bench("--seed", SEED, "--episodes", 2)
-    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: "a later version")
+    monkeypatch.setattr(versions, "outcome_version", lambda *constants: "a later version")
     _, summary = run_bench("--seed", SEED, "--episodes", 1)
     assert summary["cells"][0]["all"]["trials"] == 1 and len(unit_files(tmp_path / "b")) == 3
     found = BenchFolder(tmp_path / "b").find("T3-014000-planned")
