@@ -33,7 +33,7 @@ TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 """Commands of two words whose first word is a command with positional arguments of its own."""
 
 _ORDER = (
-    *("run", "plan", "rollout", "evolve", "ablate", "bench", "generate", "dataset", "replay", "train", "evaluate"),
+    *("run", "plan", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate"),
     *("correct", "bench-replay", "bench-photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
     *("assets-import", "bddl"),
 )

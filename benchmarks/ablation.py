@@ -1,4 +1,7 @@
-"""`scene2demo ablate views|look-back`: the same episodes with a model that gets more or fewer pictures of them.
+"""The paper's ablations: the same episodes with a model that gets more or fewer pictures of them.
+
+    python -m benchmarks.ablation views TASK.json --scene SCENE --model MODEL [--episodes 5] [--out FOLDER]
+    python -m benchmarks.ablation look-back TASK.json --scene SCENE --model MODEL --views head
 
 Varies the subset of the cameras, or the number of steps to look back. Every setting runs the same scenes and seeds.
 Exit code 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 130 after Ctrl-C,
@@ -9,15 +12,19 @@ Source: the paper's ablations over camera views and over p_1.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import tyro
 
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check, explain
+from executor.cli.evolution_setup import EvolutionSetup, parse_views
+from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
+from executor.cli.inputs import refuse_existing
 from executor.cli.options import (
     CommonOptions,
     FirstSeed,
@@ -31,38 +38,12 @@ from executor.cli.options import (
     TaskToRun,
 )
 from executor.cli.output import print_json, say, tell, tell_notes
+from executor.rollouts.evolution_record import Evolution
+from executor.sim.render.cameras import VIEWS
 from executor.system.files import write_json
-
-if TYPE_CHECKING:
-    from executor.cli.evolution_setup import EvolutionSetup
-    from executor.rollouts.evolution_record import Evolution
-    from llm.structured.conversation import Conversation, Spending
-    from oag import ObjectActionGraph
-
-
-@dataclass(frozen=True)
-class Options(CommonOptions):
-    """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
-
-    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
-    are shown to the model, and none are written, so that no setting profits from another.
-    """
-
-    what: tyro.conf.Positional[Literal["views", "look-back"]]
-    """What is varied: the subsets of the three cameras, or 0, 1 and 2 steps back."""
-    task: TaskToRun
-    scene: SceneName
-    seed: FirstSeed = 0
-    episodes: int = 1
-    """How many episodes to run in each setting."""
-    limit: Limit = 5
-    keep_sizes: KeepSizes = False
-    judged: JudgeOptions = field(default_factory=JudgeOptions)
-    out: Maybe[Path] = None
-    """Folder for the table, the recording and the pictures."""
-    resume: GoOn = False
-    force: ReplaceResults = False
-
+from llm.structured.conversation import Conversation, Spending
+from oag import ObjectActionGraph, clopper_pearson, compose
+from oag.sizes import planned_resizings
 
 LOOK_BACKS = (0, 1, 2)
 
@@ -87,8 +68,6 @@ class AblationSetting:
 
 def view_settings(look_back: int) -> tuple[AblationSetting, ...]:
     """Return a setting for each subset of the cameras, the small ones first."""
-    from executor.sim.render.cameras import VIEWS
-
     subsets = (subset for count in range(1, len(VIEWS) + 1) for subset in combinations(VIEWS, count))
     return tuple(AblationSetting(subset, look_back) for subset in subsets)
 
@@ -137,8 +116,6 @@ class AblationRow:
 
     def to_json(self) -> dict[str, object]:
         """Return the row as plain data."""
-        from oag import clopper_pearson
-
         return {
             "views": list(self.setting.views),
             "look_back": self.setting.look_back,
@@ -208,19 +185,37 @@ def _cells(row: AblationRow) -> tuple[str, ...]:
     )
 
 
+@dataclass(frozen=True)
+class AblationOptions(CommonOptions):
+    """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
+
+    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
+    are shown to the model, and none are written, so that no setting profits from another.
+    """
+
+    what: tyro.conf.Positional[Literal["views", "look-back"]]
+    """What is varied: the subsets of the three cameras, or 0, 1 and 2 steps back."""
+    task: TaskToRun
+    scene: SceneName
+    seed: FirstSeed = 0
+    episodes: int = 1
+    """How many episodes to run in each setting."""
+    limit: Limit = 5
+    keep_sizes: KeepSizes = False
+    judged: JudgeOptions = field(default_factory=JudgeOptions)
+    out: Maybe[Path] = None
+    """Folder for the table, the recording and the pictures."""
+    resume: GoOn = False
+    force: ReplaceResults = False
+
+
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"
 BY_CTRL_C = "interrupted"
 
 
-def execute(options: Options) -> int:
+def execute(options: AblationOptions) -> int:
     """Run every setting, print the table, and return the exit code."""
-    from executor.cli.evolution_setup import EvolutionSetup, parse_views
-    from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
-    from executor.cli.inputs import refuse_existing
-    from oag import compose
-    from oag.sizes import planned_resizings
-
     check_seed(options.seed, options.episodes)
     if options.judged.model is None:
         raise BadOption("--model", "is missing", "a model: without one nothing is looked at, and nothing can be varied")
@@ -251,10 +246,12 @@ def execute(options: Options) -> int:
     return _finish(options, kept, rows[-1].stopped, judging.spending)
 
 
-def settings(options: Options, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
-    """Return the settings that a command compares."""
-    from executor.sim.render.cameras import VIEWS
+def settings(options: AblationOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
+    """Return the settings that a command compares.
 
+    Raises:
+        BadOption: There are no views to look back with, or views were chosen that are to be varied.
+    """
     if options.what == "views":
         if views != VIEWS:
             raise BadOption("--views", options.judged.views, "all three, since their subsets are compared")
@@ -264,7 +261,9 @@ def settings(options: Options, views: tuple[str, ...]) -> tuple[AblationSetting,
     return look_back_settings(views)
 
 
-def _row(options: Options, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup) -> AblationRow:
+def _row(
+    options: AblationOptions, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup
+) -> AblationRow:
     """Run the episodes of a setting; Ctrl-C, too, keeps the finished ones."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
@@ -283,7 +282,7 @@ def _row(options: Options, setting: AblationSetting, graph: ObjectActionGraph, j
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: Options, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
+def _finish(options: AblationOptions, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
     """Write and print the table.
 
     Args:
@@ -314,9 +313,35 @@ def _finish(options: Options, rows: list[AblationRow], stopped: str, spending: S
     if spending is not None:
         say(spending.total())
     if interrupted:
-        tell("scene2demo: interrupted; finished episodes are in the table", style="yellow")
+        tell("ablation: interrupted; finished episodes are in the table", style="yellow")
     elif stopped:
-        tell(f"scene2demo: stopped: {stopped}", style="red")
+        tell(f"ablation: stopped: {stopped}", style="red")
     if options.out is not None and rows:
         say(f"results in {options.out}")
     return code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one ablation and return the exit code.
+
+    Args:
+        arguments: What was typed after the module's name; by default that of this process.
+    """
+    options = tyro.cli(
+        AblationOptions,
+        prog="python -m benchmarks.ablation",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
+    )
+    try:
+        return execute(options)
+    except (Exception, KeyboardInterrupt) as error:
+        ending = explain(error)
+        if options.debug and not ending.expected:
+            raise
+        tell(f"ablation: {ending.message}", style="red")
+        return ending.code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
