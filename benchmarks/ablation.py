@@ -21,7 +21,6 @@ from typing import Literal
 
 import tyro
 
-from executor.cli.command_options import JudgeOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check, explain
 from executor.cli.evolution_setup import EvolutionSetup, parse_views
 from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
@@ -30,6 +29,7 @@ from executor.cli.options import (
     CommonOptions,
     FirstSeed,
     GoOn,
+    JudgeOptions,
     KeepSizes,
     Limit,
     Maybe,

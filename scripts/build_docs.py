@@ -76,11 +76,11 @@ _ENVIRONMENT = {
 
 
 def _command_names() -> Iterator[tuple[str, ...]]:
-    from executor.cli.app import _BELOW, TWO_WORDS, commands
+    from executor.cli.app import TWO_WORDS, commands, second_words
 
     for name, options in commands().items():
-        if options in _BELOW:
-            yield from ((name, second) for second in commands(_BELOW[options]))
+        if seconds := second_words(options):
+            yield from ((name, second) for second in seconds)
         else:
             words = tuple(name.split("-"))
             yield words if words in TWO_WORDS else (name,)

@@ -1,80 +1,61 @@
 """The console script: parse the options, run one sub-command, turn every exception into a message and an exit code.
 
-A sub-command's module is imported when it is chosen, so that `--help` answers at once. Unknown words and missing input
-files are reported before anything is loaded.
+Command files import libraries only inside their functions, so that `--help`, a mistyped word and a missing input file
+are answered at once.
 """
 
 from __future__ import annotations
 
 import errno
-import importlib
 import os
 import pkgutil
 import re
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stderr, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import redirect_stderr, suppress
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, reduce
 from importlib import import_module
 from io import StringIO
+from operator import or_
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, TextIO, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TextIO, Union, get_args, get_origin, get_type_hints
 
 import tyro
 
 import executor
 import executor.cli.commands
-from executor.cli.command_options import BddlOptions, BddlSubCommand, SubCommand
-from executor.cli.data_options import DatasetOptions, DatasetSubCommand
 from executor.cli.options import Read
 
 TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 """Commands of two words whose first word is a command with positional arguments of its own."""
 
+_ORDER = (
+    *("run", "plan", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate"),
+    *("bench-replay", "bench-photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
+    *("assets-import", "bddl"),
+)
+"""Commands in the order of the help; others follow by name."""
+
 _POSITIONAL = get_args(tyro.conf.Positional[str])[1]
 _OF_ALL = ("--help",)
 _OF_THE_PROGRAM = ("--help", "--version")
-_BELOW: Mapping[type, object] = {BddlOptions: BddlSubCommand, DatasetOptions: DatasetSubCommand}
-# Commands whose file has another name.
-_FILES = {
-    "check": "bddl",
-    "fmt": "bddl",
-    "benchreplay": "bench",
-    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "dataset"),
-    "benchphoto": "bench_photo",
-    "runphoto": "run_photo",
-    "scenes": "catalog",
-    "assets": "catalog",
-    "import": "catalog",
-}
-
-
-def commands(union: object = None) -> dict[str, type]:
-    """Return the options of each sub-command, by its name; by default of all commands."""
-    return {get_args(choice)[1].name: get_args(choice)[0] for choice in get_args(union or all_commands())}
 
 
 @cache
-def all_commands() -> Any:
-    """Return the union of all commands' options: those of `SubCommand`, then those that stand in their command's file.
-
-    The latter are files of `executor.cli.commands` with a class `Options`; `_` in a file's name becomes `-`.
-    """
-    unions = (SubCommand, *_BELOW.values())
-    served = {*_FILES.values(), *(_short_name(options) for one in unions for options in commands(one).values())}
-    union: Any = SubCommand
-    for found in pkgutil.iter_modules(executor.cli.commands.__path__):
-        if found.name not in served:
-            options = import_module(f"executor.cli.commands.{found.name}").Options
-            union |= Annotated[options, tyro.conf.subcommand(found.name.replace("_", "-"))]
-    return union
+def commands() -> dict[str, type]:
+    """Return the options of each command: class `Options` of each file in `commands/`, `_` in its name being `-`."""
+    files = {found.name.replace("_", "-"): found.name for found in pkgutil.iter_modules(executor.cli.commands.__path__)}
+    names = [name for name in _ORDER if name in files] + sorted(set(files) - set(_ORDER))
+    return {name: import_module(f"executor.cli.commands.{files[name]}").Options for name in names}
 
 
-def _short_name(options: type) -> str:
-    return options.__name__.removesuffix("Options").lower()
+def second_words(options: type) -> dict[str, type]:
+    """Return the options of each second word of a command such as `dataset`; empty for other commands."""
+    union = get_type_hints(options, include_extras=True).get("command")
+    return {get_args(choice)[1].name: get_args(choice)[0] for choice in get_args(union)}
 
 
 def option_names(options: type) -> tuple[str, ...]:
@@ -94,11 +75,7 @@ def _own_names(options: type) -> Iterator[str]:
 
 
 def find_mistake(arguments: Sequence[str]) -> str:
-    """Return which command or option does not exist, with suggestions; else empty.
-
-    Args:
-        arguments: What was typed after the program's name, and is not right.
-    """
+    """Return which typed command or option does not exist, with suggestions; else empty."""
     if not arguments:
         return ""
     first, *rest = arguments
@@ -109,8 +86,7 @@ def find_mistake(arguments: Sequence[str]) -> str:
         spoken = [name for name in known if tuple(name.split("-")) not in TWO_WORDS]
         return _no_such(f"there is no command {first!r}", first, spoken)
     command, options = " ".join(first.split("-")) if tuple(first.split("-")) in TWO_WORDS else first, known[first]
-    if options in _BELOW:
-        seconds = commands(_BELOW[options])
+    if seconds := second_words(options):
         if not rest or rest[0].startswith("-"):
             return ""  # The parser lists them.
         command, second = f"{command} {rest[0]}", rest.pop(0)
@@ -134,9 +110,11 @@ def _no_such(problem: str, typed: str, legal: Sequence[str]) -> str:
 
 def _near(typed: str, legal: Sequence[str]) -> list[str]:
     """Return the legal words with a similar spelling or a common beginning; the likeliest first."""
+    from bddl import near_names
+
     bare = {_bare(word): word for word in legal}
     name = _bare(typed)
-    near = (name,) if name in bare else import_module("bddl").near_names(name, bare)
+    near = (name,) if name in bare else near_names(name, bare)
     begun = [word for word in bare if len(name) > 1 and (word.startswith(name) or name.startswith(word))]
     return [bare[word] for word in near or begun]
 
@@ -187,11 +165,7 @@ _DESCRIPTION = (
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and end the process with its exit code.
-
-    Args:
-        arguments: What was typed after the program's name; by default that of this process.
-    """
+    """Run the command line, by default that of this process, and end the process with its exit code."""
     # A scheduler whose time is up asks like this: what is done is kept, as after Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -199,7 +173,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except (OSError, KeyboardInterrupt) as end:
         # The reader of the help is gone, the disk is full, or Ctrl-C came while the first libraries loaded.
-        ending = importlib.import_module("executor.cli.errors").explain(end)
+        from executor.cli.errors import explain
+
+        ending = explain(end)
         if ending.message:
             sys.stderr.write(f"scene2demo: {ending.message}\n")
         code = ending.code
@@ -226,13 +202,15 @@ def run(arguments: list[str]) -> int:
     except ImportError as foreign:
         return _refuse(str(foreign), "ImportError", as_json=False)
     if arguments == ["--version"]:
-        extras = importlib.import_module("executor.system.extras")
-        print(f"scene2demo {extras.installed_version('scene2demo') or '(not installed)'}")
+        from executor.system.extras import installed_version
+
+        print(f"scene2demo {installed_version('scene2demo') or '(not installed)'}")
         return 0
     if tuple(arguments[:2]) in TWO_WORDS:
         arguments = ["-".join(arguments[:2]), *arguments[2:]]
     try:
-        chosen = _parse_quietly(arguments)
+        with redirect_stderr(StringIO()):
+            chosen = _parse(arguments)
     except SystemExit as end:
         if not end.code:
             return 0
@@ -242,77 +220,65 @@ def run(arguments: list[str]) -> int:
         if as_json:
             _refuse("the command line is not right; see scene2demo --help", "usage", as_json=True)
         return 2
-    options: Any = chosen.command if isinstance(chosen, BddlOptions | DatasetOptions) else chosen
+    options = getattr(chosen, "command", chosen)
     # What a command needs takes seconds to load, and a path that is mistyped is known at once.
     if problem := find_missing_input(options):
         return _refuse(problem, "FileNotFoundError", as_json=options.json)
     try:
-        # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
-        name = _short_name(type(options))
-        name += "photo" if getattr(options, "photo", None) is not None else ""
-        own = type(options).__module__ if not name else f"executor.cli.commands.{_FILES.get(name, name)}"
-        with _show_begin(options.begins, quiet=options.json):
-            module = importlib.import_module(own)
-        return int(module.execute(options))
+        return int(import_module(type(chosen).__module__).execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
             raise
         return _end(error, options)
 
 
-def _show_begin(what: str, *, quiet: bool) -> AbstractContextManager[object]:
-    """Show a message while slow imports run, unless quiet."""
-    if quiet or not what:
-        return nullcontext()
-    return cast("AbstractContextManager[object]", importlib.import_module("executor.cli.output").counting(what))
-
-
 def _refuse(problem: str, kind: str, *, as_json: bool) -> int:
     """Print a usage error with control characters escaped; return the exit code."""
     if as_json:
-        importlib.import_module("executor.cli.output").print_json(_error_json(2, kind, problem))
+        from executor.cli.output import print_json
+
+        print_json(_error_json(2, kind, problem))
     else:
-        if not problem.isprintable():
-            problem = importlib.import_module("bddl.terminal").escape_control(problem)
-        sys.stderr.write(f"scene2demo: {problem}\n")
+        sys.stderr.write(f"scene2demo: {_legible(problem)}\n")
     return 2
 
 
-def _parse_quietly(arguments: list[str]) -> SubCommand:
-    """Parse a command line; errors are not printed.
+def _legible(text: str) -> str:
+    if text.isprintable():
+        return text
+    from bddl.terminal import escape_control
 
-    Raises:
-        SystemExit: The command line is not right, or help was requested.
-    """
-    with redirect_stderr(StringIO()):
-        return _parse(arguments)
+    return escape_control(text)
 
 
 def _print_parser_message(arguments: list[str]) -> None:
     """Print the parser's message about a command line, with control characters escaped."""
-    if not all(argument.isprintable() for argument in arguments):
-        legible = importlib.import_module("bddl.terminal").escape_control
-        arguments = [legible(argument) for argument in arguments]
     with suppress(SystemExit):
-        _parse(arguments)
+        _parse([_legible(argument) for argument in arguments])
 
 
-def _parse(arguments: list[str]) -> SubCommand:
-    chosen: SubCommand = tyro.cli(
-        all_commands(),
+def _parse(arguments: list[str]) -> Any:
+    """Return the chosen command's options.
+
+    Raises:
+        SystemExit: The command line is not right, or help was requested.
+    """
+    union: Any = reduce(or_, (Annotated[one, tyro.conf.subcommand(name)] for name, one in commands().items()))
+    return tyro.cli(
+        union,
         prog="scene2demo",
         description=_DESCRIPTION,
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes, tyro.conf.DisallowNone),
     )
-    return chosen
 
 
 def _end(error: BaseException, options: Any) -> int:
     """Print the message of an exception and return the exit code; re-raise an internal error with `--debug`."""
-    errors = importlib.import_module("executor.cli.errors")
-    output = importlib.import_module("executor.cli.output")
-    ending = errors.explain(error)
+    from executor.cli.errors import explain
+    from executor.cli.output import print_json, tell
+
+    ending = explain(error)
     if options.debug and not ending.expected:
         raise error
     if ending.kind == "unread":
@@ -320,10 +286,10 @@ def _end(error: BaseException, options: Any) -> int:
     elif options.json:
         usage = getattr(error, "usage", None)
         used = {} if usage is None else {"usage": usage}
-        output.print_json({**_error_json(ending.code, ending.kind, ending.message), **used})
+        print_json({**_error_json(ending.code, ending.kind, ending.message), **used})
     else:
-        output.tell(f"scene2demo: {ending.message}", style="red" if ending.code else None)
-    return int(ending.code)
+        tell(f"scene2demo: {ending.message}", style="red" if ending.code else None)
+    return ending.code
 
 
 def _error_json(code: int, kind: str, message: str) -> dict[str, object]:

@@ -31,11 +31,7 @@ class BadOption(Scene2DemoError, ValueError):
 
 
 def check(good: bool, option: str, value: object, expected: str) -> None:
-    """Refuse an option's value that is not good.
-
-    Raises:
-        BadOption: It is not.
-    """
+    """Refuse an option's value that is not good."""
     if not good:
         raise BadOption(option, value, expected)
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
-from executor.cli.command_options import JudgeOptions, PhotoOptions, RunOptions
 from executor.cli.errors import BadOption
-from executor.cli.output import tell
+from executor.cli.options import JudgeOptions
+from executor.cli.output import tell, tell_progress
 from executor.reports.run_folder import EXCHANGES, kept_aside, unused_path
 from executor.rollouts.evolution_record import AttemptFrames, Evolution
 from executor.rollouts.evolve import evolve
@@ -62,12 +62,6 @@ class EvolutionSetup:
             pictures: Whether the report needs pictures, without a model that looks at them; a machine that cannot draw
                 prints a warning, and everything else is done.
             quiet: Prints no rounds.
-
-        Raises:
-            BadOption: An option makes no sense.
-            ModelError: The model is not known, or its recording cannot be made.
-            PicturesMissing: The model is to look at pictures, and nothing can draw them.
-            MemoryFolderError: The memory cannot be used.
         """
         self._options, self._out, self._resume = options, out, resume
         self.views = parse_views(options.views)
@@ -204,7 +198,7 @@ def stopped_message(reason: str) -> str:
 
 def spending_of(model: Metered | None, *, quiet: bool) -> Spending | None:
     """Return the usage counter of a model, which prints each round in a line; None without a model."""
-    return None if model is None else Spending(model, _silent if quiet else _tell_round)
+    return None if model is None else Spending(model, tell_progress(quiet))
 
 
 @contextmanager
@@ -240,16 +234,21 @@ class ModelInterrupted(KeyboardInterrupt):
         self.usage = usage
 
 
-def _tell_round(line: str) -> None:
-    tell(f"  {line}")
+class ModelOptions(Protocol):
+    """A typed model and its budget."""
 
-
-def _silent(line: str) -> None:
-    """Tell nobody."""
+    @property
+    def model(self) -> str | None: ...
+    @property
+    def max_tokens(self) -> int | None: ...
+    @property
+    def max_cost_usd(self) -> float | None: ...
+    @property
+    def max_time_s(self) -> float | None: ...
 
 
 def connect_model(
-    options: RunOptions | JudgeOptions | PhotoOptions,
+    options: ModelOptions,
     record: Path | None,
     *,
     resume: bool = False,
@@ -263,9 +262,6 @@ def connect_model(
         options: The typed options.
         record: The file of its recording; a replay has its recording already.
         resume, same_start: As for `llm.connect`.
-
-    Raises:
-        ModelError: The model is not known, or its recording cannot be read or made.
     """
     if options.model is None:
         return None
@@ -292,11 +288,7 @@ def judge_arguments(options: JudgeOptions) -> dict[str, object]:
 
 
 def parse_views(text: str) -> tuple[str, ...]:
-    """Parse the cameras that an option names, in the order of `VIEWS`; "none" names none.
-
-    Raises:
-        BadOption: It names anything else.
-    """
+    """Parse the cameras that an option names, in the order of `VIEWS`; "none" names none."""
     words = [word.strip().lower() for word in text.split(",") if word.strip()]
     if words == [NO_VIEWS]:
         return ()

@@ -11,11 +11,7 @@ from oag import Scene, Task
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
-    """Refuse to replace a file, unless forced.
-
-    Raises:
-        BadOption: The file exists and `force` is false, or the path is a folder.
-    """
+    """Refuse to replace a file, unless forced."""
     if path.is_dir():
         raise BadOption(option, path, "a file, not a folder")
     if path.exists() and not force:
@@ -28,11 +24,6 @@ def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
     Args:
         task_path: The task's file.
         scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` in the task's folder.
-
-    Raises:
-        TaskError: When the task's file is missing or malformed.
-        SceneError, SceneNotFound: When the scene is.
-        BadOption: When no scene is named and none lies in the task's folder.
     """
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
     found = load_with_notes(scene if scene is not None else _default_scene(task_path))

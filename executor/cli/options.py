@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import tyro
 
@@ -138,17 +138,18 @@ Profile = Annotated[
         help_behavior_hint="",
     ),
 ]
+Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
+View = Literal["global", "head", "wrist"]
+Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
+Channel = Literal["rgb", "depth", "segmentation"]
+ALL_CHANNELS: tuple[Channel, ...] = ("rgb", "depth", "segmentation")
+Channels = Annotated[tuple[Channel, ...], tyro.conf.arg(metavar="CHANNEL...", help_behavior_hint="(default: all)")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions:
-    """What every command takes.
+    """What every command takes."""
 
-    Attributes:
-        begins: What a command does first, where that takes seconds and nothing is printed before it.
-    """
-
-    begins: ClassVar[str] = ""
     json: Json = False
     debug: Debug = False
 
@@ -181,3 +182,23 @@ class PhotoInputs:
     """Without depth: how high above the floor the camera was."""
     find_more: Flag = False
     """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""
+
+
+@dataclass(frozen=True)
+class JudgeOptions:
+    """Who judges the steps of a failed attempt and revises its flow."""
+
+    model: Maybe[str] = None
+    """Language model that judges and revises, such as openai:gpt-5.2 or replay:FILE; by default measurements do."""
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
+    views: str = "global,head,wrist"
+    """Cameras whose pictures the model sees, with commas between them; none: it is told measurements only."""
+    look_back: int = 1
+    """How many steps before the judged one the model sees as well."""
+    measurements: Annotated[Flag, negated_flag("Show the model pictures only, and not what was measured.")] = True
+    most_pictures: Maybe[int] = None
+    """Most pictures in a question; by default 36 for a step, 24 for a revision."""
+    memory: Maybe[Path] = None
+    """Folder of notes: corrections that helped before are tried first, and new ones are written down."""

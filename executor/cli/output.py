@@ -15,6 +15,7 @@ from rich.segment import Segment
 
 from bddl.terminal import escape_control
 from executor.system.files import json_text
+from executor.system.progress import OnProgress
 
 
 class _Terminal(Console):
@@ -45,6 +46,11 @@ def tell(text: str, style: str | None = None) -> None:
     ERR.print(text, style=style, markup=False)
 
 
+def tell_progress(quiet: bool) -> Callable[[str], None]:
+    """Return what prints a sentence about the progress in a line on standard error; when quiet, nothing."""
+    return (lambda words: None) if quiet else (lambda words: tell(f"  {words}"))
+
+
 def tell_notes(notes: Iterable[str]) -> None:
     """Print notes about the result on standard error, a line each."""
     for note in notes:
@@ -71,7 +77,7 @@ def print_json(value: object) -> None:
 
 
 @contextmanager
-def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+def counting(what: str, *, quiet: bool = False) -> Iterator[OnProgress]:
     """Provide a function that shows how many of a number of things are done.
 
     Args:
@@ -86,6 +92,24 @@ def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int],
     else:
         tell(f"  {what}")
         yield lambda done, total: None
+
+
+@contextmanager
+def bar(what: str, total: int, *, done: int = 0, quiet: bool = False) -> Iterator[Callable[[int, str], None]]:
+    """Provide a function that shows how many things are done, with a note, in a bar; only on a terminal.
+
+    Args:
+        what: The first note.
+        total: How many things there are.
+        done: How many of them were done before.
+        quiet: Shows nothing.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=ERR, disable=quiet or not ERR.is_terminal) as progress:
+        task = progress.add_task(what, total=total, completed=done)
+        yield lambda done, note: progress.update(task, completed=done, description=note)
 
 
 @contextmanager

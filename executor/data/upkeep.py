@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from executor.data.units import DemoUnit, Recording
 from executor.data.views import DEPTH, SEGMENTATION, footage_path
 from executor.sim.render.frames import VideoFailed
 from executor.system.files import content_key, json_text
+from executor.system.progress import OnProgress, ignore_progress
 from oag.model.diagnostics import InputError
 
 _PER_SAMPLE = (
@@ -40,9 +41,7 @@ class StoreFlaw:
     what: str
 
 
-def find_flaws(
-    store: EpisodeStore, on_progress: Callable[[int, int], None] = lambda done, total: None
-) -> Iterator[StoreFlaw]:
+def find_flaws(store: EpisodeStore, on_progress: OnProgress = ignore_progress) -> Iterator[StoreFlaw]:
     """Yield the flaws of a store's episodes.
 
     Args:
@@ -148,9 +147,7 @@ class Merged:
     same: int = 0
 
 
-def merge(
-    stores: Sequence[EpisodeStore], out: Path, on_progress: Callable[[int, int], None] = lambda done, total: None
-) -> Merged:
+def merge(stores: Sequence[EpisodeStore], out: Path, on_progress: OnProgress = ignore_progress) -> Merged:
     """Copy all episodes of some stores into one, which is created when absent; existing episodes stay.
 
     Folders are copied as they are, and requests are joined.

@@ -39,7 +39,7 @@ from executor.photo.inputs.picture import Intrinsics, Photograph, read_camera, r
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
 
-OnProgress = Callable[[str], None]
+OnSentence = Callable[[str], None]
 
 _ABOUT_M = 0.1  # Between an object and its top without exact depth: one of them may have been fitted better since.
 _LEAST_BOX_SHARE = 0.01  # Share of the picture below which an object may be left out.
@@ -221,7 +221,7 @@ def _sensed(picture: Path, auxiliary: AuxiliaryInputs) -> tuple[Photograph, Dept
 
 
 def reconstruct_scene(
-    given: PhotoInput, on_progress: OnProgress = lambda words: None, *, variations: bool = True
+    given: PhotoInput, on_progress: OnSentence = lambda words: None, *, variations: bool = True
 ) -> PhotoResult:
     """Reconstruct the scene of a photograph.
 

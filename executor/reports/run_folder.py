@@ -37,6 +37,7 @@ from executor.sim.render.frames import Frames, VideoFailed, write_video
 from executor.sim.render.pool import RenderFailed, RenderPool, render
 from executor.system.extras import MissingExtra, require
 from executor.system.files import read_json, write_json, write_text
+from executor.system.progress import OnProgress
 from executor.system.vulkan import RendererNotFound
 from llm.errors import LlmError
 
@@ -251,10 +252,6 @@ def episode_folder(out: Path, seed: int) -> Path:
     return out / f"seed_{seed:05d}"
 
 
-Counting = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
-"""Takes a label, such as "drawing pictures"; a context that provides a callback (done, total)."""
-
-
 @dataclass
 class ResultsWriter:
     """Draws, encodes and writes the results of a run; its workers start while the physics runs.
@@ -269,7 +266,7 @@ class ResultsWriter:
 
     wanted: bool
     size: tuple[int, int]
-    counting: Counting
+    counting: Callable[[str], AbstractContextManager[OnProgress]]
     tell: Callable[[str], None]
     problem: str = ""
     _pool: RenderPool | None = None
@@ -319,12 +316,14 @@ class ResultsWriter:
             return None
         began = time.perf_counter()
         try:
-            with self.counting("drawing pictures") as listen:
-                frames = render(rollout, scratch, size=self.size, listen=listen, pool=self._pool)
+            with self.counting("drawing pictures") as on_progress:
+                frames = render(rollout, scratch, size=self.size, on_progress=on_progress, pool=self._pool)
             self._wall_s["pictures"] = time.perf_counter() - began
             began = time.perf_counter()
-            with self.counting("encoding the video") as listen:
-                write_video(folder.video, frames, captions_of(rollout), rate_hz=rollout.record_hz, listen=listen)
+            with self.counting("encoding the video") as on_progress:
+                write_video(
+                    folder.video, frames, captions_of(rollout), rate_hz=rollout.record_hz, on_progress=on_progress
+                )
             self._wall_s["video"] = time.perf_counter() - began
         except (RenderFailed, VideoFailed) as problem:
             # What the robot did stands without pictures; the sentence goes into report and summary.

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -47,6 +47,7 @@ from executor.records import require_flows
 from executor.sim.robot.description import JOINT_NAMES
 from executor.sim.robot.kinematics import ARM, Kinematics
 from executor.sim.world import World
+from executor.system.progress import OnProgress, ignore_progress
 from oag import Primitive, RobotPose, Scene, SceneObject, Task
 
 CLOSING_FRACTION = 0.75  # Open fraction of a door to be closed.
@@ -169,13 +170,13 @@ class Reach:
         return {"reachable": self.reachable, "margin_rad": self.margin_rad, "parts": parts}
 
 
-def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda done, total: None) -> Reach:
+def reach(scene: Scene, task: Task, on_progress: OnProgress = ignore_progress) -> Reach:
     """Return the reachability of a task.
 
     Args:
         scene: Concrete: objects at the sizes at which they are handled.
         task: With a flow for every subtask.
-        listen: Called with the number of decided subtasks, and their total.
+        on_progress: Called with the number of decided subtasks, and their total.
 
     Raises:
         MissingFlow: A subtask has no flow, so that its grasps are unknown.
@@ -183,15 +184,15 @@ def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda 
     """
     require_flows(task)
     with World(Scene("empty", RobotPose(scale=scene.robot.scale), {})) as world:
-        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)), listen)))
+        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)), on_progress)))
 
 
-def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int, int], None]) -> Iterator[PartReach]:
+def _parts(scene: Scene, task: Task, search: ReachSearch, on_progress: OnProgress) -> Iterator[PartReach]:
     """Yield the hand's objects and places, subtask by subtask."""
     assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
     pitches: dict[str, frozenset[float]] = {}  # Object id -> pitches at which it can be grasped.
     for index, subtask in enumerate(task.subtasks):
-        listen(index, len(task.subtasks))
+        on_progress(index, len(task.subtasks))
         used = {action.primitive for action in subtask.flow or ()}
         obj, asset = scene.objects[subtask.target], assets[subtask.target]
         if used & _OF_DOORS:

@@ -12,8 +12,8 @@ import pytest
 import oag
 from benchmarks import ablation
 from executor.cli import evolution_setup
-from executor.cli.command_options import JudgeOptions
 from executor.cli.evolution_setup import EvolutionSetup
+from executor.cli.options import JudgeOptions
 from executor.system import vulkan
 from executor.system.files import write_json
 from llm import Metered

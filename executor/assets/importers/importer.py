@@ -6,7 +6,7 @@ The asset is assembled from the files' content, from inferred affordances, and f
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +41,7 @@ from executor.assets.importers.store import NAME, Imported, keep
 from executor.assets.importers.urdf import PARTNET_FILE, read_partnet, read_urdf
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape, Vector
 from executor.geometry import Array, transform
+from executor.system.progress import OnProgress, ignore_progress
 from oag import Kind, kind_of
 
 DENSITY_KG_M3 = 500.0  # Of a furnished cupboard or a filled vessel, air included.
@@ -157,7 +158,6 @@ def _unit(vector: Vector) -> Vector:
     return rounded(array / max(float(np.linalg.norm(array)), 1e-9))
 
 
-Listener = Callable[[int, int], None]
 SIDE_NAME = "affordances.json"
 SMALLEST_M, LARGEST_M = 0.01, 4.0  # What a room holds; other sizes come of other units.
 WIDEST = {"revolute": 2 * np.pi, "prismatic": LARGEST_M}
@@ -173,7 +173,7 @@ def import_asset(
     category: str | None = None,
     height_m: float | None = None,
     side_file: Path | None = None,
-    listen: Listener = lambda done, count: None,
+    on_progress: OnProgress = ignore_progress,
 ) -> Imported:
     """Read an asset, infer its affordances, store it, and return it.
 
@@ -183,7 +183,7 @@ def import_asset(
         category: Its category, such as "cabinet"; by default that of the files, else a known word in the name.
         height_m: Its height when upright; by default lengths in the files are metres.
         side_file: Overrules inference; by default `affordances.json` beside the source, if it exists.
-        listen: Receives the number of decomposed meshes and their total; each may take seconds.
+        on_progress: Receives the number of decomposed meshes and their total; each may take seconds.
 
     Raises:
         ImportRefused: The files cannot be used; the message has a remedy.
@@ -220,7 +220,7 @@ def import_asset(
         note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
         raw = replace(raw.merge_links(), notes=(*raw.notes, note))
     _check_side(side_file or adjacent_file, side, raw, kind)
-    pieces, flat = _pieces(source, raw, listen)
+    pieces, flat = _pieces(source, raw, on_progress)
     asset, found = assemble(raw, pieces, side, what, kind)
     notes = list(found)
     if kind is Kind.ARTICULATED and not asset.joints:
@@ -280,14 +280,14 @@ def _check_side(file: Path, side: SideFile, raw: RawAsset, kind: Kind) -> None:
             raise ImportRefused(file, f"names a {what} {name!r} that the asset does not have", hint)
 
 
-def _pieces(source: Path, raw: RawAsset, listen: Listener) -> tuple[dict[str, tuple[Array, ...]], int]:
+def _pieces(source: Path, raw: RawAsset, on_progress: OnProgress) -> tuple[dict[str, tuple[Array, ...]], int]:
     """Return the points (N, 3) of every link's convex pieces, and the number of flat meshes."""
     count, done, flat = sum(len(link.collision_meshes) for link in raw.links), 0, 0
     pieces: dict[str, tuple[Array, ...]] = {}
     for link in raw.links:
         pieces[link.name] = ()
         for part in link.collision_meshes:
-            listen(done, count)
+            on_progress(done, count)
             found = convex_pieces(part)
             pieces[link.name] += found
             flat += not found
@@ -298,5 +298,5 @@ def _pieces(source: Path, raw: RawAsset, listen: Listener) -> tuple[dict[str, tu
         if not pieces[link.name]:
             hint = "give it a closed mesh, or a box as its collision"
             raise ImportRefused(source, f"{link.name} has no volume", hint)
-    listen(done, count)
+    on_progress(done, count)
     return pieces, flat

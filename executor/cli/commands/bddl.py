@@ -8,15 +8,57 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from bddl import PROFILES, Diagnostic, analyse, check, lay_out
-from bddl.dialects import detect_dialect, find_profile
+import tyro
+
 from bddl.files import atomic_path, read_bounded, read_stream
-from bddl.printer import comments
 from bddl.terminal import pluralize
-from executor.cli.command_options import CheckOptions, FmtOptions
 from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
+from executor.cli.options import BddlFiles, CommonOptions, Flag, Profile
 from executor.cli.output import ERR, counting, print_json, say, tell
+
+if TYPE_CHECKING:
+    from bddl import Diagnostic
+
+
+@dataclass(frozen=True)
+class CheckOptions(CommonOptions):
+    """Examine BDDL files: what is wrong in them, and what is legal but suspicious.
+
+    The exit code is 0 when nothing is wrong, 1 when something is, 2 when a file cannot be read.
+    """
+
+    files: BddlFiles
+    profile: Profile = None
+    strict: Flag = False
+    """Count warnings as mistakes."""
+
+
+@dataclass(frozen=True)
+class FmtOptions(CommonOptions):
+    """Lay out BDDL files anew; every word and every comment stays.
+
+    The exit code is 0 when all is well, 1 when a file has mistakes or, with --check, another layout.
+    """
+
+    files: BddlFiles
+    profile: Profile = None
+    check: Flag = False
+    """Change nothing; name the files that would change."""
+    write: Flag = False
+    """Write the files instead of printing them."""
+
+
+SubCommand = Annotated[CheckOptions, tyro.conf.subcommand("check")] | Annotated[FmtOptions, tyro.conf.subcommand("fmt")]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Examine BDDL files, or lay them out anew."""
+
+    command: SubCommand
+
 
 # Fewer files than this are checked before anyone could read how far it is.
 _MANY = 20
@@ -25,17 +67,15 @@ _STANDARD_INPUT = "-"
 _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
 
 
-def execute(options: CheckOptions | FmtOptions) -> int:
+def execute(options: SubCommand) -> int:
     """Check files, or lay them out.
 
     Returns:
         2 when a file cannot be read, else 1 when a file has mistakes (or warnings with `--strict`, or another layout
         with `fmt --check`), else 0.
-
-    Raises:
-        BadOption: A file does not exist, there is no such profile, `--check` and `--write` are both given, or what is
-            to be written is no file.
     """
+    from bddl import PROFILES
+
     if options.profile is not None and options.profile not in PROFILES:
         raise BadOption("--profile", options.profile, f"one of {', '.join(PROFILES)}")
     return _check(options) if isinstance(options, CheckOptions) else _lay_out(options)
@@ -60,6 +100,9 @@ class _BddlText:
 
 def _check(options: CheckOptions) -> int:
     """Print the diagnostics of some files."""
+    from bddl import analyse
+    from bddl.dialects import detect_dialect
+
     names = _find_files(options.files)
     results: list[dict[str, object]] = []
     unreadable: list[_BddlText] = []
@@ -115,6 +158,8 @@ def _lay_out(options: FmtOptions) -> int:
 
     A file with errors is left as it is: its meaning has to be settled first.
     """
+    from bddl.dialects import detect_dialect
+
     if options.check and options.write:
         raise BadOption("--check", "goes with --write", "one of them")
     outcomes: dict[str, str] = {}
@@ -147,6 +192,10 @@ def _lay_out(options: FmtOptions) -> int:
 
 def _laid_out(source: _BddlText, profile: str, *, quiet: bool) -> str | None:
     """Return the new text of a file, or None when it has errors, the first of which is printed."""
+    from bddl import check, lay_out
+    from bddl.dialects import find_profile
+    from bddl.printer import comments
+
     wrong = [found for found in check(source.text, profile) if found.severity == "error"]
     if wrong:
         if not quiet:
@@ -183,11 +232,7 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _find_files(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the named files, those in named folders included, each once.
-
-    Raises:
-        BadOption: A file does not exist, a folder has no file that ends in .bddl, or nothing was named.
-    """
+    """Return the named files, those in named folders included, each once."""
     found: list[str] = []
     for name in names:
         path = Path(name)

@@ -1,51 +1,78 @@
-"""`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
-unit again, as a video and a report.
+"""`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table.
 
-`bench` exits with 0 when every requested unit is done and at least one succeeded, 1 when none did, 130 after Ctrl-C.
-Failures are what a benchmark measures. `replay` exits with 0 when the states were the same as when it was measured,
-whether it succeeded or not; 1 when they were not.
+Exit code 0 when every requested unit is done and at least one succeeded, 1 when none did, 130 after Ctrl-C.
+Failures are what a benchmark measures.
 """
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rich.box import SIMPLE_HEAD
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+import tyro
 
 from bddl.terminal import pluralize
-from executor.bench.folder import BenchFolder
-from executor.bench.tables import FOOTNOTE, Cell, bench_json, detail_rows, main_rows, write_results
-from executor.bench.units import BenchSetting, Series, Unit
-from executor.bench.work import replay
-from executor.campaign.engine import Campaign, Shard, claimed, pending
-from executor.campaign.versions import outcome_version
-from executor.cli.command_options import BenchOptions, BenchReplayOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.execution import check_seed, check_unit_limit, check_workers, command_line, read_shard, results_writer
-from executor.cli.output import ERR, OUT, print_json, say, tell
-from executor.cli.rollout_display import print_summary, summary_json
-from executor.reports.run_folder import RunFolder
-from executor.rollouts.run_record import RunRecord, evolution_json
-from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
-from executor.sim.render.pool import check_size
-from executor.system.files import write_json
+from executor.cli.options import CommonOptions, Family, Flag, FullSize, KeepSizes, ResultsFolder
+from executor.cli.output import ERR, OUT, bar, print_json, say, tell
+
+if TYPE_CHECKING:
+    from executor.bench.folder import BenchFolder
+    from executor.bench.tables import Cell
+    from executor.bench.units import BenchSetting, Series, Unit
+    from executor.campaign.engine import Shard
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Measure success rates over many episodes, and print them beside the paper's main table.
+
+    Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT --out OTHER` shows
+    one unit as a video.
+    """
+
+    families: tyro.conf.Positional[
+        Annotated[tuple[Family, ...], tyro.conf.arg(metavar="T1..T6", help_behavior_hint="(required)")]
+    ]
+    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing."""
+    out: ResultsFolder
+    episodes: int = 20
+    """How many units of each family; those of T5 and T6 go through one set of pairs after the other."""
+    seed: int = 0
+    """Seed of the first episode, or of the first set of pairs; the following ones count up."""
+    workers: int = 2
+    """How many processes; one that crashes costs its unit only."""
+    flows: Literal["planned", "paper"] = "planned"
+    """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
+    evolve: Flag = False
+    """Revise the flows that fail."""
+    views: Flag = False
+    """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
+    keep_sizes: KeepSizes = False
+    full_size: FullSize = False
+    shard: str = "1/1"
+    """Which part of the units to run, such as 3/8; all parts may share a folder."""
+    again: Flag = False
+    """Run units once more whose process crashed, hung, or met a mistake of the program."""
+    limit_s: float = 900.0
+    """Wall time that a unit may take before its process is ended."""
+
 
 WORKER = "executor.bench.worker"
 
 
-def execute(options: BenchOptions | BenchReplayOptions) -> int:
-    """Measure, or run one unit again; return the exit code."""
-    return _replay(options) if isinstance(options, BenchReplayOptions) else _measure(options)
-
-
-def _measure(options: BenchOptions) -> int:
+def execute(options: Options) -> int:
     """Run what is not done yet, print the table, and write summary and report."""
+    from executor.bench.folder import BenchFolder
+    from executor.bench.tables import bench_json, write_results
+    from executor.bench.units import BenchSetting, Series
+    from executor.campaign.engine import Campaign, claimed, pending
+    from executor.campaign.versions import outcome_version
+    from executor.scenes.generators.families import FAMILIES
+
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
@@ -81,6 +108,13 @@ def _measure(options: BenchOptions) -> int:
 
 def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
     """Print the main table, and the details of the requested cells."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from executor.bench.tables import FOOTNOTE, detail_rows, main_rows
+    from executor.cli.execution import command_line
+    from executor.scenes.generators.families import FAMILIES
+
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("SR / score [%]")
     for family in FAMILIES:
@@ -106,12 +140,11 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
             say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
 
 
-def _checked(options: BenchOptions) -> Shard:
-    """Return the shard, after refusing options that make no sense.
+def _checked(options: Options) -> Shard:
+    """Return the shard, after refusing options that make no sense."""
+    from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
+    from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
-    Raises:
-        BadOption: One does not.
-    """
     if not options.families:
         raise BadOption("T1..T6", "is missing", f"at least one of {', '.join(FAMILIES)}")
     check_seed(options.seed, options.episodes)
@@ -143,9 +176,7 @@ def _progress(
     if before:
         tell(f"  {before} of {pluralize(total, 'unit')} done already, {remaining} to run now")
     shows_bar = ERR.is_terminal and remaining > 0
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=ERR, disable=not shows_bar) as bar:
-        task = bar.add_task(f"{endings['succeeded']} of {before} succeeded", total=total, completed=before)
+    with bar(f"{endings['succeeded']} of {before} succeeded", total, done=before, quiet=not shows_bar) as show:
 
         def show_unit(unit: Unit, result: Mapping[str, Any]) -> None:
             endings[result["ended"]] += 1
@@ -153,49 +184,6 @@ def _progress(
             words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
             if not (shows_bar and good):
                 tell(f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
-            bar.update(task, advance=1, description=f"{endings['succeeded']} of {endings.total()} succeeded")
+            show(endings.total(), f"{endings['succeeded']} of {endings.total()} succeeded")
 
         yield show_unit
-
-
-def _replay(options: BenchReplayOptions) -> int:
-    """Run the unit again, write what `run` writes, and print whether the states were the same."""
-    check_size(options.size)
-    recorded = BenchFolder(options.folder).find(options.unit)
-    if recorded["setting"].get("baseline") is not None:
-        raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
-    folder = RunFolder.prepare(options.out, force=options.force)
-    if not options.json:
-        tell(f"  {recorded['name']}: {recorded.get('query', '')}")
-    with folder.filling(), results_writer(options) as studio:
-        began = time.perf_counter()
-        again = replay(recorded)
-        wall = {"planning and physics": time.perf_counter() - began}
-        record = RunRecord(
-            graph=again.graph,
-            report=again.graph.verify(),
-            query=again.pair.query,
-            notes=(f"unit {recorded['name']}: {again.verdict}",),
-            rollout=again.rollout,
-            wall_s=wall,
-            command=command_line(
-                "bench replay",
-                options.folder,
-                options.unit,
-                out=options.out,
-                no_video=not options.video,
-                size=None if options.size == BenchReplayOptions.size else options.size,
-            ),
-        )
-        record = folder.write_rollout(record)
-        if again.story is not None:
-            write_json(folder.path / "evolution.json", evolution_json(again.story))
-        record = studio.finish(record, folder)
-    code = FAILED if again.same is False else DONE
-    if options.json:
-        found = {"unit": recorded["name"], "same_states": again.same, "comparison": again.verdict}
-        print_json({**summary_json(record, folder), **found, "ok": code == DONE, "exit_code": code})
-    else:
-        print_summary(record, folder)
-        say(f"{'compared':11} {again.verdict}", style="red" if again.same is False else "green")
-    return code

@@ -3,25 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
-
-from executor.bench.photo.measure import CAMERA, measure, transfer, transfer_rows
-from executor.bench.photo.rooms import HOUSEHOLD, MOST_ROOMS, drawn
-from executor.bench.photo.score import PRINTED, card_rows
-from executor.bench.photo.tracks import TITLES, MockedDetector
-from executor.cli.command_options import BenchPhotoOptions
 from executor.cli.errors import DONE, check
+from executor.cli.options import CommonOptions, Flag, Maybe, ResultsFolder
 from executor.cli.output import OUT, print_json, say, tell
-from executor.photo.perception import detector_in
 from executor.system.files import write_json
 
 
-def execute(options: BenchPhotoOptions) -> int:
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Measure how good reconstructions from photographs are, on rooms that are known.
+
+    Rooms are drawn from a seed and seen by a camera; each track gives the reconstruction something else, and its title
+    says what of that is taken from the simulator. Goes on where an earlier run with the same folder ended.
+    """
+
+    out: ResultsFolder
+    rooms: int = 20
+    """How many rooms of households: 102 of a seed, then of the next one."""
+    kitchens: int = 0
+    """How many kitchens of T1 to T4 beside them."""
+    seed: int = 0
+    """Of the rooms, the cameras and the noise."""
+    track: Literal["A", "B", "C", "D", "E", "F", "G"] = "B"
+    """A: clean depth, the simulator's masks (an upper bound). B: noisy depth and spoilt boxes. C: noisy depth alone.
+    D: boxes and the camera's height, no depth. E: the same with depth as bent as a network's. F: noisy depth and what
+    --detector finds. G: B with foreign shapes."""
+    detector: Maybe[Path] = None
+    """Of track F: folder with a detector's weights (docs/photo.md says which)."""
+    transfer: Flag = False
+    """Plan in the reconstructions and execute in the true rooms, with and without self-evolution."""
+
+
+def execute(options: Options) -> int:
     """Measure, print the report card, and return 0 when every room is done; finished rooms are kept."""
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
+    from rich.table import Table
+
+    from executor.bench.photo.measure import CAMERA, measure, transfer, transfer_rows
+    from executor.bench.photo.rooms import HOUSEHOLD, MOST_ROOMS, drawn
+    from executor.bench.photo.score import PRINTED, card_rows
+    from executor.bench.photo.tracks import TITLES, MockedDetector
+    from executor.photo.perception import detector_in
+
     check(options.seed >= 0, "--seed", options.seed, "a whole number from 0")
     check(0 <= options.rooms <= MOST_ROOMS, "--rooms", options.rooms, f"0 to {MOST_ROOMS}")
     check(0 <= options.kitchens <= MOST_ROOMS, "--kitchens", options.kitchens, f"0 to {MOST_ROOMS}")

@@ -1,44 +1,163 @@
-"""`scene2demo dataset export|info|check|merge|card`: work with a filled store."""
+"""`scene2demo dataset export|render|info|check|merge|card`: work with a filled store of demonstrations."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
 
 from bddl.terminal import pluralize
-from executor.cli.data_options import (
-    CardOptions,
-    CheckStoreOptions,
-    ExportOptions,
-    InfoOptions,
-    MergeOptions,
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.options import (
+    ALL_CHANNELS,
+    Channels,
+    CommonOptions,
+    Maybe,
+    Read,
+    ReplaceFile,
+    ReplaceResults,
+    ResultsFolder,
+    View,
 )
-from executor.cli.errors import DONE, FAILED, BadOption, check
 from executor.cli.output import counting, print_json, print_text, say, tell
-from executor.data.card import Contents, card, contents_of, page, shares
-from executor.data.formats.export import write_set
-from executor.data.formats.selection import Selection
-from executor.data.formats.store_reader import stream_of
-from executor.data.formats.table import EpisodeStream, repeats_text
-from executor.data.store import EpisodeStore
-from executor.data.upkeep import find_flaws, merge
 from executor.system.files import write_text
-from oag import clopper_pearson
 
-Options = ExportOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
+if TYPE_CHECKING:
+    from executor.data.card import Contents
+    from executor.data.formats.table import EpisodeStream
+    from executor.data.rerender import RerenderSettings
+    from executor.data.units import DemoUnit
 
 
-def execute(options: Options) -> int:
-    """Run the requested sub-command on a store; return the exit code.
+Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
+Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
+Look = Literal["surfaces", "lights", "cameras"]
+Store = tyro.conf.Positional[
+    Annotated[
+        Path,
+        tyro.conf.arg(metavar="STORE", help="Folder that `generate` filled.", help_behavior_hint="(required)"),
+        Read(),
+    ]
+]
 
-    Raises:
-        NotADataset: A folder is no store, or an episode in it cannot be read.
-        NothingToExport, ExportExists, BadOption: The request cannot be met.
+
+@dataclass(frozen=True)
+class ExportOptions(CommonOptions):
+    """Fold the successes of a store into a data set that a trainer loads; the same store gives the same bytes."""
+
+    store: Store
+    out: ResultsFolder
+    format: Format = "lerobot"
+    """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
+    include: Annotated[tuple[Extra, ...], tyro.conf.arg(metavar="WHAT...", help_behavior_hint="")] = ()
+    """What is to be in it too: depth and segmentation (which all episodes have to have), point_cloud (of what is there,
+    1,024 points), corrections (attempts that failed and were revised, as episodes of their own)."""
+    only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all successes)")] = ""
+    """Which episodes, such as origin=T5+T6,views=head: origin, ended (succeeded, failed), rate, robot, size (128x128),
+    channels (depth, segmentation), and views, which are all that the data set has then (none: no pictures)."""
+    force: ReplaceResults = False
+
+
+@dataclass(frozen=True)
+class RenderOptions(CommonOptions):
+    """Draw the pictures of a store anew into another store, from its states and without simulating.
+
+    Goes on where an earlier run with the same folder ended; the same request gives the same bytes.
     """
+
+    store: Store
+    out: ResultsFolder
+    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...", help_behavior_hint="(default: all)")] = (
+        "global",
+        "head",
+        "wrist",
+    )
+    """Cameras to draw: global, head, wrist."""
+    size: tuple[int, int] = (128, 128)
+    """Width and height of the pictures."""
+    channels: Channels = ALL_CHANNELS
+    """What of each camera is kept: rgb, which always is, depth, segmentation."""
+    vary: Annotated[tuple[Look, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
+    """What varies: surfaces, lights, cameras; as in `generate`."""
+    seed: int = 0
+    """Which look is drawn of what varies; 0 is the one that `generate` draws."""
+    workers: int = 2
+    """How many processes."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""
+
+
+@dataclass(frozen=True)
+class InfoOptions(CommonOptions):
+    """Tell what a store has: yield, failures, durations and bytes, by origin."""
+
+    store: Store
+
+
+@dataclass(frozen=True)
+class CheckStoreOptions(CommonOptions):
+    """Read every episode of a store, and name what is wrong; the exit code is 1 when something is."""
+
+    store: Store
+
+
+@dataclass(frozen=True)
+class MergeOptions(CommonOptions):
+    """Put the episodes of several stores into one; what both have is there once."""
+
+    stores: tyro.conf.Positional[
+        Annotated[
+            tuple[Path, ...],
+            tyro.conf.arg(metavar="STORE...", help="Folders that `generate` filled.", help_behavior_hint="(required)"),
+            Read(),
+        ]
+    ]
+    out: ResultsFolder
+
+
+@dataclass(frozen=True)
+class CardOptions(CommonOptions):
+    """Write the page that goes with a data set: what is in it, how it was made, its yield."""
+
+    store: Store
+    out: Maybe[Path] = None
+    """A Markdown file; by default the page is printed."""
+    force: ReplaceFile = False
+
+
+SubCommand = (
+    Annotated[ExportOptions, tyro.conf.subcommand("export")]
+    | Annotated[RenderOptions, tyro.conf.subcommand("render")]
+    | Annotated[InfoOptions, tyro.conf.subcommand("info")]
+    | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
+    | Annotated[MergeOptions, tyro.conf.subcommand("merge")]
+    | Annotated[CardOptions, tyro.conf.subcommand("card")]
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Fold a store of demonstrations into formats, look through it, merge it."""
+
+    command: SubCommand
+
+
+def execute(options: SubCommand) -> int:
+    """Run the requested sub-command on a store; return the exit code."""
+    from executor.data.formats.selection import Selection
+    from executor.data.formats.store_reader import stream_of
+    from executor.data.store import EpisodeStore
+
     match options:
         case ExportOptions():
             _check_apart(options.out, options.store)
             only = Selection.parse(options.only)
             return _write(stream_of(EpisodeStore.open(options.store), options.include, only), options)
+        case RenderOptions():
+            return _render(options)
         case InfoOptions():
             return _info(options)
         case CheckStoreOptions():
@@ -57,6 +176,9 @@ def _check_apart(out: Path, source: Path) -> None:
 
 
 def _write(stream: EpisodeStream, options: ExportOptions) -> int:
+    from executor.data.formats.export import write_set
+    from executor.data.formats.table import repeats_text
+
     with counting("writing episodes", quiet=options.json) as progress:
         found = write_set(stream, options.format, options.out, overwrite=options.force, on_progress=progress)
     numbers = {"train": found.train, "validation": found.validation, "corrections": found.corrections}
@@ -79,6 +201,9 @@ def _write(stream: EpisodeStream, options: ExportOptions) -> int:
 
 
 def _info(options: InfoOptions) -> int:
+    from executor.data.card import contents_of, shares
+    from executor.data.store import EpisodeStore
+
     found = contents_of(EpisodeStore.open(options.store))
     if options.json:
         print_json({"ok": True, "store": str(options.store), **found.to_json()})
@@ -100,6 +225,8 @@ def _info(options: InfoOptions) -> int:
 
 
 def _share(found: Contents) -> str:
+    from oag import clopper_pearson
+
     if not found.made:
         return "nothing made yet"
     low, high = clopper_pearson(found.succeeded, found.made)
@@ -107,6 +234,9 @@ def _share(found: Contents) -> str:
 
 
 def _check(options: CheckStoreOptions) -> int:
+    from executor.data.store import EpisodeStore
+    from executor.data.upkeep import find_flaws
+
     store, wrong, looked_at = EpisodeStore.open(options.store), [], 0
 
     with counting("reading episodes", quiet=options.json) as progress:
@@ -131,6 +261,9 @@ def _check(options: CheckStoreOptions) -> int:
 
 
 def _merge(options: MergeOptions) -> int:
+    from executor.data.store import EpisodeStore
+    from executor.data.upkeep import merge
+
     check(len(options.stores) > 0, "STORE", "is missing", "folders that generate filled")
     if options.out.resolve() in {path.resolve() for path in options.stores}:
         raise BadOption("--out", options.out, "another folder than those that are merged")
@@ -146,6 +279,9 @@ def _merge(options: MergeOptions) -> int:
 
 
 def _card(options: CardOptions) -> int:
+    from executor.data.card import card, page
+    from executor.data.store import EpisodeStore
+
     text = card(page(EpisodeStore.open(options.store)))
     if options.out is None:
         if options.json:
@@ -160,3 +296,68 @@ def _card(options: CardOptions) -> int:
     else:
         say(f"{'card':11} {options.out}")
     return DONE
+
+
+def _render(options: RenderOptions) -> int:
+    """Draw the missing episodes; return the exit code."""
+    from executor.campaign.engine import claimed
+    from executor.data.rerender import plan_rerender, rerender
+    from executor.data.store import EpisodeStore
+    from executor.data.views import check_drawable
+
+    wanted = _wanted(options)
+    source, out = EpisodeStore.open(options.store), EpisodeStore(options.out)
+    if options.out.resolve() == options.store.resolve():
+        raise BadOption("--out", options.out, "another folder than the store that is drawn")
+    check_drawable()
+    left = plan_rerender(source, out, wanted)
+    broken: list[str] = []
+    drawn, interrupted = 0, False
+    jobs = [(unit, str(episode.meta["version"])) for episode, unit in left]
+    with claimed(out, jobs), counting("drawing episodes", quiet=options.json) as progress:
+
+        def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
+            nonlocal drawn
+            if result["ended"] == "drawn":
+                drawn += 1
+                progress(drawn, len(left))
+                return
+            broken.append(unit.name)
+            if not options.json:
+                tell(f"  {unit.name:24} {result['message']}", style="red")
+
+        try:
+            rerender(out, left, options.workers, show_unit, limit_s=options.limit_s)
+        except KeyboardInterrupt:
+            interrupted = True
+    code = INTERRUPTED if interrupted else FAILED if broken else DONE
+    if options.json:
+        print_json({"ok": code == DONE, "exit_code": code, "store": str(out.path), "drawn": drawn, "broken": broken})
+        return code
+    words = f", {len(broken)} not: the same command tries them again" if broken else ""
+    say(f"{'drawn now':11} {pluralize(drawn, 'episode')}{words}", style="bold")
+    say(f"{'store':11} {out.path}")
+    if interrupted:
+        tell("scene2demo: interrupted; finished episodes are kept, the same command goes on", style="yellow")
+    return code
+
+
+def _wanted(options: RenderOptions) -> RerenderSettings:
+    from executor.cli.commands.generate import channels_of
+    from executor.cli.execution import check_unit_limit, check_workers
+    from executor.data.rerender import RerenderSettings
+    from executor.scenes.vary import LARGEST_SEED
+    from executor.sim.render.pool import check_size
+
+    check_workers(options.workers)
+    check_unit_limit(options.limit_s)
+    check(len(options.views) > 0, "--views", "nothing", "one of global, head, wrist, or several")
+    check(len(set(options.views)) == len(options.views), "--views", " ".join(options.views), "each view once")
+    check(0 <= options.seed <= LARGEST_SEED, "--seed", options.seed, f"a number from 0 to {LARGEST_SEED}")
+    return RerenderSettings(
+        views=options.views,
+        size=check_size(options.size),
+        **channels_of(options.channels),
+        vary=options.vary,
+        look=options.seed,
+    )

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from executor.cli.command_options import DoctorOptions
+from dataclasses import dataclass
+
 from executor.cli.errors import DONE, FAILED
+from executor.cli.options import CommonOptions
 from executor.cli.output import print_json, say
-from executor.system.doctor import examine, healthy
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Examine this machine: what works, what is missing, what to do."""
+
 
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "problem": ("problem", "red")}
 
 
-def execute(options: DoctorOptions) -> int:
+def execute(options: Options) -> int:
     """Print the findings and their remedies; return 1 when something is a problem, else 0."""
+    from executor.system.doctor import examine, healthy
+
     findings = examine()
     good = healthy(findings)
     if options.json:

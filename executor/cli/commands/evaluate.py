@@ -4,71 +4,93 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import count as counter
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import torch
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import tyro
 
 from bddl.files import read_bounded_text
-from executor.campaign.versions import EVALUATION_VERSION, outcome_version
-from executor.cli.data_options import EvaluateOptions, Family
 from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
-from executor.cli.execution import check_seed
-from executor.cli.output import ERR, print_json, say, tell
-from executor.data.units import Origin, scene_key
-from executor.data.views import check_drawable
-from executor.learn.acting import LeRobotPolicy, Policy, TrainedPolicy, is_stock
-from executor.learn.demonstrations import EpisodeKind, learned_from
-from executor.learn.evaluation import EpisodeOutcome, EpisodeStates, draw_video, evaluate
-from executor.learn.policy_record import LOSSES, PolicyRecord
-from executor.learn.scores import (
-    Curve,
-    EvaluationReport,
-    PolicyScore,
-    by_training,
-    evaluation_page,
-    loss_curve,
-    paired_tests,
-    rate_words,
-    success_curve,
-)
-from executor.reports.run_folder import FolderUnusable
-from executor.scenes.file import scene_for
-from executor.sim.render.pool import check_size
-from executor.sim.render.stage import shared_renderer
+from executor.cli.options import CommonOptions, Family, Flag, Maybe, Read
+from executor.cli.output import bar, print_json, say, tell
 from executor.system.files import write_json, write_text
+
+if TYPE_CHECKING:
+    from executor.learn.acting import LeRobotPolicy, Policy
+    from executor.learn.demonstrations import EpisodeKind
+    from executor.learn.evaluation import EpisodeOutcome, EpisodeStates
+    from executor.learn.policy_record import PolicyRecord
+    from executor.learn.scores import Curve, EvaluationReport, PolicyScore
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Have policies act in the environment, all of them in the same episodes, and count what comes of it."""
+
+    policies: tyro.conf.Positional[
+        Annotated[
+            tuple[Path, ...],
+            tyro.conf.arg(
+                metavar="POLICY...",
+                help="Folders that `train` filled, or policies of LeRobot (its `pretrained_model`).",
+                help_behavior_hint="(required)",
+            ),
+            Read(),
+        ]
+    ]
+    task: Maybe[Family] = None
+    """A family of the benchmark; by default what the policies were trained on."""
+    data: Maybe[Path] = None
+    """The data set that policies of LeRobot were trained on, or its store; ours say it themselves."""
+    episodes: int = 50
+    """How many episodes."""
+    seed: int = 0
+    """Seed of the first episode, one that no demonstration has; the following ones count up."""
+    execute: Maybe[int] = None
+    """How many actions of a chunk are done before a policy looks again; by default what its settings say."""
+    steps: Annotated[tuple[int, ...], tyro.conf.arg(metavar="STEP...", help_behavior_hint="")] = ()
+    """The weights after so many steps of training, where they were kept, each as a policy; by default the last."""
+    out: Maybe[Path] = None
+    """Folder for results: evaluation.json and evaluation.html, and with --videos the videos."""
+    videos: Flag = False
+    """Draw a video of every failure."""
+    size: tuple[int, int] = (320, 240)
+    """Width and height of the videos."""
+    threads: int = 1
+    """How many threads a network has."""
+
 
 RESULTS, PAGE = "evaluation.json", "evaluation.html"
 
 
-def execute(options: EvaluateOptions) -> int:
+def execute(options: Options) -> int:
     """Evaluate policies; return the exit code: 0 whatever the outcomes, since it is a measurement.
 
     Ctrl-C ends it with the results so far.
-
-    Raises:
-        NotAPolicy, BadOption: Something that was named cannot be used.
-        FolderUnusable: Results cannot be written into the folder.
-        NotDrawn: No room could be made of a seed.
-        RendererNotFound, VideoFailed: Videos were requested, and cannot be drawn.
     """
+    from executor.campaign.versions import EVALUATION_VERSION, outcome_version
+    from executor.data.views import check_drawable
+    from executor.learn.evaluation import draw_video, evaluate
+    from executor.learn.scores import evaluation_page
+    from executor.sim.render.stage import shared_renderer
+
     actors, version = _actors(options), outcome_version(EVALUATION_VERSION)
     kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
     if options.videos:
         check_drawable()
     if options.out is not None:
         _make(options.out)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     drawn: list[str] = []
     with ExitStack() as stack:
-        bar = stack.enter_context(Progress(*columns, console=ERR, disable=options.json or not ERR.is_terminal))
-        task = bar.add_task("evaluating", total=len(actors) * options.episodes)
+        show = stack.enter_context(bar("evaluating", len(actors) * options.episodes, quiet=options.json))
+        acted = counter(1)
         scene_renderer = stack.enter_context(shared_renderer()) if options.videos else None
 
         def show_outcome(actor: Policy, outcome: EpisodeOutcome, footage: EpisodeStates) -> None:
-            bar.update(task, advance=1)
+            show(next(acted), "evaluating")
             if outcome.success_once:
                 if not options.json:
                     tell(f"  {actor.name} seed {outcome.seed}: succeeded")
@@ -98,11 +120,9 @@ def execute(options: EvaluateOptions) -> int:
 
 
 def _make(out: Path) -> None:
-    """Make the folder for results, before there are any.
+    """Make the folder for results, before there are any."""
+    from executor.reports.run_folder import FolderUnusable
 
-    Raises:
-        FolderUnusable: Nothing can be written there.
-    """
     try:
         out.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=out):
@@ -111,7 +131,13 @@ def _make(out: Path) -> None:
         raise FolderUnusable(out, problem.strerror or str(problem)) from problem
 
 
-def _actors(options: EvaluateOptions) -> list[Policy]:
+def _actors(options: Options) -> list[Policy]:
+    import torch
+
+    from executor.cli.execution import check_seed
+    from executor.learn.acting import LeRobotPolicy, TrainedPolicy, is_stock
+    from executor.sim.render.pool import check_size
+
     check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
     check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")
     check(len(set(options.steps)) == len(options.steps), "--steps", " ".join(map(str, options.steps)), "each step once")
@@ -136,21 +162,20 @@ def _actors(options: EvaluateOptions) -> list[Policy]:
     return actors
 
 
-def _stock(path: Path, options: EvaluateOptions) -> LeRobotPolicy:
+def _stock(path: Path, options: Options) -> LeRobotPolicy:
+    from executor.learn.acting import LeRobotPolicy
+    from executor.learn.demonstrations import learned_from
+
     if options.data is None:
         raise BadOption("--data", "is missing", f"the data set that LeRobot's policy {path} was trained on")
     check(options.execute is None, "--execute", options.execute, "none: LeRobot's policies say so by n_action_steps")
     return LeRobotPolicy(path, learned_from(options.data))
 
 
-def _kind(options: EvaluateOptions, actors: Sequence[Policy]) -> EpisodeKind:
-    """Return the kind of the episodes, and pass it to policies of LeRobot.
+def _kind(options: Options, actors: Sequence[Policy]) -> EpisodeKind:
+    """Return the kind of the episodes, and pass it to policies of LeRobot."""
+    from executor.learn.acting import LeRobotPolicy
 
-    Raises:
-        BadOption: No task is given, and the policies' demonstrations are of several kinds; or a seed is one of those
-            that a policy was trained on.
-        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
-    """
     kind = kind_of(options.task, [actor.record for actor in actors])
     # Whatever their task: the scene t1 of a seed is the kitchen that T1 draws of it.
     training_seeds = {seed for actor in actors for seed in actor.record.seeds}
@@ -165,12 +190,11 @@ def _kind(options: EvaluateOptions, actors: Sequence[Policy]) -> EpisodeKind:
 
 
 def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind:
-    """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations.
+    """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations."""
+    from executor.data.units import Origin, scene_key
+    from executor.learn.demonstrations import EpisodeKind
+    from executor.scenes.file import scene_for
 
-    Raises:
-        BadOption: No task is given, and they are of several kinds; or their scene has changed.
-        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
-    """
     kinds = list(dict.fromkeys(kind for record in records for kind in record.kinds))
     if task is not None:
         full_size = any(kind.full_size for kind in kinds)
@@ -196,6 +220,14 @@ def _judged(
     actors: Sequence[Policy],
     found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> EvaluationReport:
+    from executor.learn.scores import (
+        EvaluationReport,
+        PolicyScore,
+        by_training,
+        paired_tests,
+        success_curve,
+    )
+
     scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
     trained = {
         actor.name: (f"{actor.record.key_without_seed} {actor.step} {actor.execute}", actor.record.seed)
@@ -220,6 +252,9 @@ def _judged(
 
 
 def _loss(folder: str) -> Curve | None:
+    from executor.learn.policy_record import LOSSES
+    from executor.learn.scores import loss_curve
+
     try:
         return loss_curve(folder, read_bounded_text(Path(folder) / LOSSES).splitlines())
     except (OSError, UnicodeDecodeError):
@@ -253,6 +288,8 @@ def _results_json(
 
 
 def _print(judged: EvaluationReport) -> None:
+    from executor.learn.scores import rate_words
+
     for name, score in judged.scores.items():
         say(f"{name}", style="bold")
         say(f"  {'once':11} {rate_words(score.once)}")

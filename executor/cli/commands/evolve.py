@@ -11,27 +11,57 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from bddl import near_names
+import tyro
+
 from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
-from executor.cli.command_options import EvolveOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
-from executor.cli.evolution_setup import EvolutionSetup, judge_arguments, stopped_message
-from executor.cli.execution import check_limit, check_seed, command_line, refuse, task_to_run
+from executor.cli.options import (
+    CommonOptions,
+    Episodes,
+    EpisodesFolder,
+    FirstSeed,
+    Flag,
+    JudgeOptions,
+    KeepSizes,
+    Limit,
+    ReplaceResults,
+    SceneName,
+    TaskToRun,
+)
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.rollout_display import RolloutProgress
-from executor.records import readable
-from executor.reports.run_folder import RunFolder, episode_folder
-from executor.rollouts.evolution_record import Evolution, EvolutionInterrupted
-from executor.rollouts.run_record import RunRecord, evolution_json
-from executor.sim.faults import KINDS, Fault, NavigationOffset, PoseError, fault_json
-from executor.system.extras import MissingExtra
 from executor.system.files import json_text, read_json
-from llm.structured.conversation import Spending
-from oag import ObjectActionGraph, Task, clopper_pearson, compose, flow_to_json
-from oag.sizes import planned_resizings
+
+if TYPE_CHECKING:
+    from executor.reports.run_folder import RunFolder
+    from executor.rollouts.evolution_record import Evolution
+    from executor.sim.faults import Fault
+    from llm.structured.conversation import Spending
+    from oag import ObjectActionGraph, Task
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Execute a task file, and revise the flows that fail until they succeed or nothing is left to try."""
+
+    task: TaskToRun
+    scene: SceneName
+    seed: FirstSeed = 0
+    episodes: Episodes = 1
+    limit: Limit = 5
+    keep_sizes: KeepSizes = False
+    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KIND:...")] = ()
+    """What is wrong on purpose, such as pose:glass_0,size_m=0.02 or grip:force_n=2; may be given several times."""
+    judged: JudgeOptions = field(default_factory=JudgeOptions)
+    out: EpisodesFolder = None
+    resume: Flag = False
+    """Keep the finished episodes that the folder has, and run the others."""
+    pictures: Flag = False
+    """Draw the failed steps of all attempts for the report; needs a renderer."""
+    force: ReplaceResults = False
+
 
 _OBJECT = "object_id"
 _DRAWN_SIZE = "size_m"
@@ -70,11 +100,10 @@ class FaultOption:
 
     @classmethod
     def parse(cls, text: str) -> FaultOption:
-        """Parse a fault.
+        """Parse a fault."""
+        from bddl import near_names
+        from executor.sim.faults import KINDS
 
-        Raises:
-            BadFault: The text names none, or lacks something; the message describes the syntax.
-        """
         kind, _, rest = text.partition(":")
         if kind not in KINDS:
             near = near_names(kind, sorted(KINDS))
@@ -96,11 +125,9 @@ class FaultOption:
         return words
 
     def drawn(self, seed: int) -> Fault:
-        """Return the fault of an episode.
+        """Return the fault of an episode."""
+        from executor.sim.faults import KINDS, NavigationOffset, PoseError
 
-        Raises:
-            BadFault: Something is missing, or a number is not one that the fault can have.
-        """
         made = KINDS[self.kind]
         if _OBJECT in {f.name for f in fields(made)} and self.object_id is None:
             raise BadFault(self.text, "it is about an object, such as glass_0")
@@ -136,8 +163,14 @@ def _number(text: str, name: str, value: str) -> float:
     return number
 
 
-def execute(options: EvolveOptions) -> int:
+def execute(options: Options) -> int:
     """Run the episodes, print their attempts, and return the exit code."""
+    from executor.cli.evolution_setup import stopped_message
+    from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
+    from executor.rollouts.evolution_record import EvolutionInterrupted
+    from oag import compose
+    from oag.sizes import planned_resizings
+
     check_seed(options.seed, options.episodes)
     check_limit(options.limit)
     without = options.resume and options.out is None
@@ -186,7 +219,7 @@ def execute(options: EvolveOptions) -> int:
 
 
 def _episodes(
-    options: EvolveOptions, faults: tuple[FaultOption, ...], graph: ObjectActionGraph, spent: list[Spending]
+    options: Options, faults: tuple[FaultOption, ...], graph: ObjectActionGraph, spent: list[Spending]
 ) -> Iterator[tuple[Evolution | None, dict[str, Any]]]:
     """Yield the episodes in JSON form, in the order of seeds, each with its evolution; None where the result was kept.
 
@@ -202,6 +235,11 @@ def _episodes(
         BadOption: The folder to go on from has episodes of another experiment.
         EvolutionInterrupted: Ctrl-C.
     """
+    from executor.cli.evolution_setup import EvolutionSetup
+    from executor.cli.execution import RolloutProgress
+    from executor.reports.run_folder import RunFolder, episode_folder
+    from executor.rollouts.run_record import evolution_json
+
     seeds = range(options.seed, options.seed + options.episodes)
     kept: dict[int, dict[str, Any]] = {}
     folders: dict[int, RunFolder] = {}
@@ -244,10 +282,15 @@ def _write(
     folder: RunFolder,
     graph: ObjectActionGraph,
     evolution: Evolution,
-    options: EvolveOptions,
+    options: Options,
     spending: Spending | None,
     stopped: str,
 ) -> None:
+    from executor.cli.evolution_setup import judge_arguments
+    from executor.cli.execution import command_line
+    from executor.rollouts.run_record import RunRecord
+    from executor.system.extras import MissingExtra
+
     command = command_line(
         "evolve",
         options.task,
@@ -268,11 +311,9 @@ def _write(
 
 
 def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:
-    """Return the episode of a file, None when it has none.
+    """Return the episode of a file, None when it has none."""
+    from executor.sim.faults import fault_json
 
-    Raises:
-        BadOption: It is one of another experiment.
-    """
     try:
         recorded = read_json(path)
     except (OSError, ValueError):
@@ -285,7 +326,7 @@ def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[
     return dict(recorded)
 
 
-def _print(results: Sequence[Mapping[str, Any]], last: Evolution | None, options: EvolveOptions) -> None:
+def _print(results: Sequence[Mapping[str, Any]], last: Evolution | None, options: Options) -> None:
     if options.episodes == 1 and results:
         for text, style in () if last is None else _story_lines(last):
             say(text, style=style)
@@ -306,6 +347,8 @@ def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     Args:
         episodes: Evolutions in their JSON form.
     """
+    from oag import clopper_pearson
+
     trials = len(episodes)
     before = sum(bool(episode["succeeded_at_once"]) for episode in episodes)
     after = sum(bool(episode["succeeded"]) for episode in episodes)
@@ -322,6 +365,9 @@ def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
 
 def _story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
     """Yield the table of the attempts at every subtask, with the revisions between them, and its styles."""
+    from executor.records import readable
+    from oag import flow_to_json
+
     for story in evolution.stories:
         mark, style = ("✓", "green") if story.solved else ("✗", "red")
         name = readable(story.records[-1].name)

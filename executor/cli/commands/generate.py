@@ -6,35 +6,111 @@ seed, and 130 after Ctrl-C.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import tyro
 
 from bddl.terminal import pluralize
-from executor.campaign.engine import WHOLE, Campaign, Job, Shard, claimed, pending
-from executor.campaign.versions import outcome_version
-from executor.cli.data_options import Channel, GenerateOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
-from executor.cli.output import ERR, print_json, say, tell
-from executor.data.generation import NO_LIMITS, WORKER, EpisodeCallback, Limits, Tally, generate, read_plan, series_of
-from executor.data.store import EpisodeStore
-from executor.data.units import UNVARIED, DemoSeries, DemoUnit
-from executor.data.views import check_drawable
-from executor.data.work import check_plannable, starts_alike
-from executor.scenes.generators.families import FAMILIES
-from oag import clopper_pearson
+from executor.cli.options import (
+    ALL_CHANNELS,
+    READ_SCENE,
+    Axis,
+    Channel,
+    Channels,
+    CommonOptions,
+    Flag,
+    FullSize,
+    KeepSizes,
+    Maybe,
+    ResultsFolder,
+    View,
+)
+from executor.cli.output import ERR, bar, print_json, say, tell
+
+if TYPE_CHECKING:
+    from executor.campaign.engine import Campaign, Shard
+    from executor.data.generation import EpisodeCallback, Limits, Tally
+    from executor.data.store import EpisodeStore
+    from executor.data.units import DemoSeries, DemoUnit
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Make demonstrations: a store of episodes, complete, replayable, and folded into the formats that trainers load.
+
+    Goes on where an earlier run with the same folder ended. What is to be made may be said here or in a plan's file,
+    which counts where both say it.
+    """
+
+    what: tyro.conf.Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="T1..T6|QUERY|PLAN.yaml", help_behavior_hint="(required)")]
+    ]
+    """Families of the benchmark, a sentence (with --scene), or a YAML file that lists what to make."""
+    out: ResultsFolder
+    scene: Annotated[Maybe[str], READ_SCENE] = None
+    """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: the kitchen that an episode's
+    seed draws."""
+    episodes: int = 20
+    """How many episodes of each to make; those that fail are counted, and left out of data sets."""
+    seed: int = 0
+    """Seed of the first episode; the following ones count up."""
+    workers: int = 2
+    """How many processes; one that crashes costs its episode only."""
+    vary: Annotated[tuple[Axis, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
+    """What varies too: the target's size and heading, surfaces, lights, cameras, physics."""
+    distractors: int = 0
+    """Most things added to a scene that the task has nothing to do with."""
+    noise_m: float = 0.0
+    """Noise in what the hand is told, in metres; recorded actions are without it."""
+    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...", help_behavior_hint="")] = ()
+    """Cameras to draw: global, head, wrist; by default none."""
+    size: tuple[int, int] = (128, 128)
+    """Width and height of the pictures."""
+    channels: Channels = ALL_CHANNELS
+    """What of each camera is kept: rgb, which always is, depth, segmentation."""
+    rate_hz: float = 10.0
+    """Samples a second of simulated time."""
+    failures: Flag = False
+    """Keep the motion of failed episodes too."""
+    evolve: Flag = False
+    """Revise the flows that fail; failed attempts with their corrections are kept as well."""
+    flows: Literal["planned", "paper"] = "planned"
+    """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
+    keep_sizes: KeepSizes = False
+    full_size: FullSize = False
+    stances: int = 1
+    """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it
+    follows from what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
+    limit_h: Maybe[float] = None
+    """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
+    limit_gb: Maybe[float] = None
+    """Gigabytes that may be added before it stops."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""
+    shard: str = "1/1"
+    """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
+    again: Flag = False
+    """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
+
 
 _BYTES_PER_GB = 10**9
 
 
-def execute(options: GenerateOptions) -> int:
+def execute(options: Options) -> int:
     """Make the missing episodes; return the exit code."""
+    from executor.campaign.engine import Campaign
+    from executor.cli.execution import read_shard
+    from executor.data.generation import WORKER
+    from executor.data.store import EpisodeStore
+    from executor.data.views import check_drawable
+    from executor.data.work import check_plannable, starts_alike
+
     series, shard = _requested_series(options), read_shard(options.shard)
     if any(one.first.recording.views for one in series):
         check_drawable()
@@ -43,57 +119,61 @@ def execute(options: GenerateOptions) -> int:
     alike = [one for one in series if starts_alike(one)]
     if not options.json:
         _warn_alike(alike)
-    store = EpisodeStore(options.out)
-    campaign = Campaign(store, WORKER, options.workers, options.limit_s)
+    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s)
     unvaried = {"unvaried": [one.first.origin.query for one in alike]}
-    missing = Missing(series, outcome_version(), shard, again=options.again)
-    return make_missing(campaign, missing, _budget(options), unvaried, as_json=options.json)
-
-
-@dataclass(frozen=True, slots=True)
-class Missing:
-    """Requested units that a store may not have yet.
-
-    Attributes:
-        series: The requested series.
-        version: Version of the program.
-        shard: Part of the units.
-        again: Whether to repeat units whose process crashed or hung.
-    """
-
-    series: Sequence[DemoSeries]
-    version: str
-    shard: Shard = WHOLE
-    again: bool = False
+    return make_missing(
+        campaign, series, _budget(options), shard=shard, again=options.again, more=unvaried, as_json=options.json
+    )
 
 
 def make_missing(
     campaign: Campaign[DemoUnit],
-    missing: Missing,
-    limits: Limits = NO_LIMITS,
-    more: Mapping[str, Any] = MappingProxyType({}),
+    series: Sequence[DemoSeries],
+    limits: Limits | None = None,
     *,
+    shard: Shard | None = None,
+    again: bool = False,
+    more: Mapping[str, Any] = MappingProxyType({}),
     as_json: bool,
 ) -> int:
-    """Make the missing units of a request, print the outcome, and return the exit code."""
-    store, series, version = EpisodeStore(campaign.store.path), missing.series, missing.version
+    """Make the units of a request that a store lacks, print the outcome, and return the exit code.
+
+    Args:
+        campaign: Worker processes, and the store.
+        series: The request.
+        limits: Limits of the run; by default none.
+        shard: Part of the units; by default all.
+        again: Whether to repeat units whose process crashed or hung.
+        more: Further fields for `--json`.
+        as_json: Whether the outcome is printed as JSON.
+    """
+    from executor.campaign.engine import WHOLE, claimed, pending
+    from executor.campaign.versions import outcome_version
+    from executor.data.generation import NO_LIMITS, Tally, generate
+    from executor.data.store import EpisodeStore
+
+    store, version = EpisodeStore(campaign.store.path), outcome_version()
     store.add_requests([one.to_json() for one in series])
     jobs = [(unit, version) for one in series for unit in one.units()]
-    todo = list(pending(store, jobs, missing.shard, again=missing.again))
+    todo = list(pending(store, jobs, shard or WHOLE, again=again))
     tally, interrupted = Tally(), False
-    with (
-        claimed(store, todo),
-        show_progress(store, series, version, tally, todo, quiet=as_json) as on_progress,
-    ):
-        try:
-            generate(campaign, todo, on_progress, tally, limits)
-        except KeyboardInterrupt:
-            interrupted = True
+    with claimed(store, todo):
+        made_now = frozenset(todo)
+        for job in jobs:
+            if job not in made_now and (done := store.read(*job)) is not None:
+                tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
+        with _show_progress(tally, len(jobs), len(todo), quiet=as_json) as on_progress:
+            try:
+                generate(campaign, todo, on_progress, tally, limits or NO_LIMITS)
+            except KeyboardInterrupt:
+                interrupted = True
     return finished(store, tally, more, interrupted=interrupted, as_json=as_json)
 
 
 def _warn_alike(series: Sequence[DemoSeries]) -> None:
     """Warn of series whose episodes all start alike, and how to vary them."""
+    from executor.data.units import UNVARIED
+
     for one in series:
         unseen = (
             "" if one.first.variation == UNVARIED else ", and --vary shows in pictures only, of which there are none"
@@ -106,12 +186,11 @@ def _warn_alike(series: Sequence[DemoSeries]) -> None:
         )
 
 
-def _requested_series(options: GenerateOptions) -> tuple[DemoSeries, ...]:
-    """Return the requested series, after refusing options that make no sense.
+def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
+    """Return the requested series, after refusing options that make no sense."""
+    from executor.cli.execution import check_seed, check_unit_limit, check_workers
+    from executor.data.generation import read_plan, series_of
 
-    Raises:
-        BadOption, PlanError, SceneError, SceneNotFound: They do not, or nothing can be made of them.
-    """
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
@@ -121,14 +200,16 @@ def _requested_series(options: GenerateOptions) -> tuple[DemoSeries, ...]:
     if plans:
         check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing beside it")
         check(options.scene is None, "--scene", options.scene, "none beside a plan, which names its scenes itself")
-        usual = _request_fields(GenerateOptions(what=(), out=options.out))
+        usual = _request_fields(Options(what=(), out=options.out))
         return read_plan(
             Path(plans[0]), {name: value for name, value in _request_fields(options).items() if value != usual[name]}
         )
     return series_of({**_request_fields(options), "sources": [_source(options)]})
 
 
-def _source(options: GenerateOptions) -> dict[str, Any]:
+def _source(options: Options) -> dict[str, Any]:
+    from executor.scenes.generators.families import FAMILIES
+
     if options.what and set(options.what) <= set(FAMILIES):
         check(options.scene is None, "--scene", options.scene, "none beside families, which draw their own")
         return {"families": list(options.what)}
@@ -139,7 +220,7 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
     raise BadOption("what to make", words, f"families ({', '.join(FAMILIES)}), a sentence and --scene, or a .yaml file")
 
 
-def _request_fields(options: GenerateOptions) -> dict[str, Any]:
+def _request_fields(options: Options) -> dict[str, Any]:
     same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
     wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
@@ -148,16 +229,14 @@ def _request_fields(options: GenerateOptions) -> dict[str, Any]:
 
 
 def channels_of(channels: Sequence[Channel]) -> dict[str, bool]:
-    """Return which of depth and segmentation are drawn in addition to the colours.
-
-    Raises:
-        BadOption: Colours are left out.
-    """
+    """Return which of depth and segmentation are drawn in addition to the colours."""
     check("rgb" in channels, "--channels", " ".join(channels) or "nothing", "rgb, with depth or segmentation beside it")
     return {"depth": "depth" in channels, "segmentation": "segmentation" in channels}
 
 
-def _budget(options: GenerateOptions) -> Limits:
+def _budget(options: Options) -> Limits:
+    from executor.data.generation import Limits
+
     return Limits(
         wall_s=None if options.limit_h is None else 3600.0 * options.limit_h,
         store_bytes=None if options.limit_gb is None else round(_BYTES_PER_GB * options.limit_gb),
@@ -165,40 +244,16 @@ def _budget(options: GenerateOptions) -> Limits:
 
 
 @contextmanager
-def show_progress(
-    store: EpisodeStore,
-    series: Sequence[DemoSeries],
-    version: str,
-    tally: Tally,
-    todo: Collection[Job[DemoUnit]],
-    *,
-    quiet: bool,
-) -> Iterator[EpisodeCallback]:
-    """Provide a callback for every unit's ending that shows it: on a terminal a bar with the yield, else lines.
-
-    Args:
-        store: Where episodes are kept; finished ones count, where they are not made again.
-        series: The requested series.
-        version: Hash of the program.
-        tally: Counts the finished units.
-        todo: What is still to be made here.
-        quiet: Shows nothing.
-    """
-    before, remaining, made_now = 0, len(todo), frozenset(unit for unit, _ in todo)
-    for unit in (unit for one in series for unit in one.units()):
-        if unit not in made_now and (done := store.read(unit, version)) is not None:
-            tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
-            before += 1
+def _show_progress(tally: Tally, total: int, remaining: int, *, quiet: bool) -> Iterator[EpisodeCallback]:
+    """Provide a callback for every unit's ending that shows it: on a terminal a bar with the yield, else lines."""
     if quiet:
         yield lambda unit, result: None
         return
-    total = sum(one.episodes for one in series)
+    before = tally.endings.total()
     if before:
         tell(f"  {before} of {pluralize(total, 'episode')} made already, {remaining} to make now")
     shows_bar = ERR.is_terminal and remaining > 0
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=ERR, disable=not shows_bar) as bar:
-        task = bar.add_task(describe_yield(tally), total=total, completed=before)
+    with bar(describe_yield(tally), total, done=before, quiet=not shows_bar) as show:
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             good = result["ended"] == "succeeded"
@@ -207,13 +262,15 @@ def show_progress(
                 count = f"{tally.endings.total():{len(str(total))}} of {total}"
                 line = f"  {count}  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}"
                 tell(line, style="red" if shows_bar else None)
-            bar.update(task, advance=1, description=f"{describe_yield(tally)}, {tally.kept_an_hour:.0f} an hour")
+            show(tally.endings.total(), f"{describe_yield(tally)}, {tally.kept_an_hour:.0f} an hour")
 
         yield show_unit
 
 
 def describe_yield(tally: Tally) -> str:
     """Return the success count with its confidence interval, in words."""
+    from oag import clopper_pearson
+
     good, of = tally.endings["succeeded"], tally.endings.total()
     if not of:
         return "nothing made yet"

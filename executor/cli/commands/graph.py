@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
 
-from executor.cli.command_options import GraphOptions
 from executor.cli.errors import DONE, BadOption
-from executor.cli.inputs import refuse_existing, task_and_scene
+from executor.cli.options import CommonOptions, Flag, Maybe, OptionalScene, ReplaceFile, TaskFile
 from executor.cli.output import print_text, tell
-from executor.reports.graph_picture import graph_file
 from executor.system.files import json_text, write_text
-from oag import ObjectActionGraph, compose, to_dot, to_drawing, to_graphml, to_mermaid
 
 
-def execute(options: GraphOptions) -> int:
-    """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Draw the object-action graph of a task, or write it for other tools."""
 
-    Raises:
-        BadOption: When neither `--format` nor the file's ending determines the format.
-    """
+    task: TaskFile
+    scene: OptionalScene = None
+    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
+    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
+    --out says (.svg .mmd .dot .graphml .json), or a picture."""
+    out: Maybe[Path] = None
+    """The file to write, its folder made when absent; by default standard output."""
+    force: ReplaceFile = False
+    json: Flag = field(default=False, kw_only=True)
+    """The same as `--format json`."""
+
+
+def execute(options: Options) -> int:
+    """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too."""
+    from executor.cli.inputs import refuse_existing, task_and_scene
+    from executor.reports.graph_picture import graph_file
+    from oag import compose, to_dot, to_drawing, to_graphml, to_mermaid
+
     form = _format(options)
     task, scene = task_and_scene(options.task, options.scene)
-    written = _WRITERS[form](compose(task, scene=scene))
+    graph = compose(task, scene=scene)
+    if form == "json":
+        written = json_text(to_drawing(graph)) + "\n"
+    else:
+        written = {"svg": graph_file, "mermaid": to_mermaid, "dot": to_dot, "graphml": to_graphml}[form](graph)
     if options.out is None:
         print_text(written)
         return DONE
@@ -31,7 +50,7 @@ def execute(options: GraphOptions) -> int:
     return DONE
 
 
-def _format(options: GraphOptions) -> str:
+def _format(options: Options) -> str:
     """Return the requested format, by name or by the ending of the file."""
     if options.json:
         return "json"
@@ -44,10 +63,6 @@ def _format(options: GraphOptions) -> str:
     return form
 
 
-def _as_json(graph: ObjectActionGraph) -> str:
-    return json_text(to_drawing(graph)) + "\n"
-
-
 _ENDINGS = {
     ".svg": "svg",
     ".mmd": "mermaid",
@@ -56,11 +71,4 @@ _ENDINGS = {
     ".gv": "dot",
     ".graphml": "graphml",
     ".json": "json",
-}
-_WRITERS: Mapping[str, Callable[[ObjectActionGraph], str]] = {
-    "svg": graph_file,
-    "mermaid": to_mermaid,
-    "dot": to_dot,
-    "graphml": to_graphml,
-    "json": _as_json,
 }

@@ -6,33 +6,55 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from executor.cli.command_options import PhotoOptions
+import tyro
+
 from executor.cli.errors import DONE, FAILED, check
-from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, tell_kept
-from executor.cli.options import PhotoInputs
-from executor.cli.output import print_json, say, tell
-from executor.photo.errors import RoomRefused
-from executor.photo.geometry.observation import HEIGHTS_M
-from executor.photo.inputs.annotations import Detections, Detector, boxes_in
-from executor.photo.inputs.depth import DepthSource, depth_in
-from executor.photo.inputs.picture import Photograph
-from executor.photo.output import (
-    CONVERSATION,
-    EXCHANGES,
-    prepared,
-    remove_empty_folder,
-    result_json,
-    reusable_scene,
-    write_result,
+from executor.cli.options import (
+    CommonOptions,
+    GoOn,
+    MaxCost,
+    MaxTime,
+    MaxTokens,
+    Maybe,
+    PhotoInputs,
+    Read,
+    ReplaceResults,
+    ResultsFolder,
 )
-from executor.photo.perception import detector_in, guessed_depth, model_detector
-from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
-from executor.reports.run_folder import kept_aside
+from executor.cli.output import print_json, say, tell_progress
 from executor.system.files import write_json
-from llm import Conversation
-from llm.structured.conversation import Spending
+
+if TYPE_CHECKING:
+    from executor.photo.inputs.annotations import Detections, Detector
+    from executor.photo.inputs.depth import DepthSource
+    from executor.photo.inputs.picture import Photograph
+    from executor.photo.pipeline import PhotoInput, PhotoResult
+    from llm.structured.conversation import Spending
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Reconstruct a room from a photograph, best with depth, as a scene of the library's models.
+
+    What is seen in each box is explained by a model that is posed, sized and opened until its depths and colours are
+    those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
+    """
+
+    picture: tyro.conf.Positional[Annotated[Path, Read()]]
+    """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
+    out: ResultsFolder
+    photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
+    model: Maybe[str] = None
+    """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
+    resume: GoOn = False
+    force: ReplaceResults = False
 
 
 def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None = None) -> PhotoInput:
@@ -42,12 +64,10 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
         picture: The picture, or a recording.
         inputs: Files and values typed with it.
         asked: The model that is asked for boxes, where there is one.
-
-    Raises:
-        BadOption: There are two sources of boxes or depths, or a number is out of its range.
-        PhotoRefused: A file cannot be used.
-        ModelError, AnswersRefused: The model gives no usable answer.
     """
+    from executor.photo.geometry.observation import HEIGHTS_M
+    from executor.photo.pipeline import AuxiliaryInputs, read_inputs
+
     height_m, (low, high) = inputs.camera_height_m, HEIGHTS_M
     good = height_m is None or low <= height_m <= high
     check(good, "--camera-height-m", height_m, f"metres from {low:g} to {high:g}")
@@ -67,6 +87,9 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
 
 
 def _detector(picture: Path, inputs: PhotoInputs, asked: Detector | None) -> Detector | None:
+    from executor.photo.inputs.annotations import boxes_in
+    from executor.photo.perception import detector_in
+
     boxes, folder, least = inputs.boxes, inputs.detector, inputs.least_score
     sources = [one for one in (boxes, folder, asked) if one is not None]
     check(len(sources) < 2, "--boxes", boxes or folder, "one of --boxes, --detector and --model, not two")
@@ -78,6 +101,9 @@ def _detector(picture: Path, inputs: PhotoInputs, asked: Detector | None) -> Det
 
 
 def _depth(inputs: PhotoInputs) -> DepthSource | None:
+    from executor.photo.inputs.depth import depth_in
+    from executor.photo.perception import guessed_depth
+
     unit_m = inputs.depth_unit_m
     check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
     twice = inputs.depth is not None and inputs.depth_model is not None
@@ -95,32 +121,29 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
         inputs: Files and values typed with it.
         folder: Folder of the reconstruction.
         quiet: Whether to print no progress.
-
-    Raises:
-        BadOption, PhotoRefused: The inputs make no scene.
-        RoomRefused: Physics refuses the reconstruction.
     """
+    from executor.photo.errors import RoomRefused
+    from executor.photo.output import prepared, remove_empty_folder, reusable_scene, write_result
+    from executor.photo.pipeline import reconstruct_scene
+
     given = read_photograph(picture, inputs)
     kept = reusable_scene(folder, given)
     if kept is not None:
         return kept
     prepared(folder, force=True)
     with remove_empty_folder(folder):
-        result = reconstruct_scene(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
+        result = reconstruct_scene(given, tell_progress(quiet))
     write_result(folder, result)
     if result.made.refused:
         raise RoomRefused(picture, result.made.refused, folder)
     return folder / "scene.json"
 
 
-def execute(options: PhotoOptions) -> int:
-    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction.
+def execute(options: Options) -> int:
+    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction."""
+    from executor.photo.output import prepared, remove_empty_folder, result_json, write_result
+    from executor.photo.pipeline import reconstruct_scene
 
-    Raises:
-        PhotoRefused: The inputs make no scene; the message has the reason.
-        ResultsExist, FolderUnusable: The folder.
-        ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
-    """
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     check(not options.resume or options.model is not None, "--resume", "", "--model with it, whose answers are kept")
     spent: list[Spending] = []
@@ -130,7 +153,7 @@ def execute(options: PhotoOptions) -> int:
     # Where a model was asked, the folder has the conversation already.
     folder = options.out if options.model is not None else prepared(options.out, force=options.force)
     with remove_empty_folder(folder):
-        result = reconstruct_scene(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
+        result = reconstruct_scene(given, tell_progress(options.json))
     write_result(folder, result)
     code = FAILED if result.made.refused else DONE
     if options.json:
@@ -144,17 +167,21 @@ def execute(options: PhotoOptions) -> int:
     return code
 
 
-def _asked(options: PhotoOptions, spent: list[Spending], counted: ExitStack) -> Detector | None:
+def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detector | None:
     """Return the detector that asks the typed model, None without one; nothing is sent yet.
 
     Args:
         options: The typed options.
         spent: Receives the model's usage, once it is asked.
         counted: Prints the usage on failure.
-
-    Raises:
-        ModelError: The model is not known, or its recording cannot be read.
     """
+    from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, tell_kept
+    from executor.photo.output import CONVERSATION, EXCHANGES, prepared
+    from executor.photo.perception import model_detector
+    from executor.reports.run_folder import kept_aside
+    from llm import Conversation
+    from llm.structured.conversation import Spending
+
     model = connect_model(options, None)
     if options.model is None or model is None:
         return None
@@ -170,7 +197,7 @@ def _asked(options: PhotoOptions, spent: list[Spending], counted: ExitStack) -> 
         folder = prepared(options.out, force=options.force or options.resume, keep=kept)
         live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
         asked = live or model
-        spending = Spending(asked) if options.json else Spending(asked, lambda line: tell(f"  {line}"))
+        spending = Spending(asked, tell_progress(options.json))
         spent.append(spending)
         counted.enter_context(report_spending_on_error(spending, quiet=options.json))
         subject = f"what is in {picture.source.name}"

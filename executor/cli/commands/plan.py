@@ -5,27 +5,45 @@ Exit code 0 when the plan is proved and everything in it can be reached, else 1.
 
 from __future__ import annotations
 
-from executor.cli.command_options import PlanOptions
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 from executor.cli.errors import DONE, FAILED
-from executor.cli.execution import check_seed
+from executor.cli.options import CommonOptions, FullSize, KeepSizes, SceneName, Sentence
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
-from executor.scenes.file import scene_for
-from executor.scenes.reachability import Reach, reach
-from executor.scenes.validation import require_valid
-from llm import propose
-from oag import compose
-from oag.sizes import Sizing
+
+if TYPE_CHECKING:
+    from executor.scenes.reachability import Reach
 
 
-def execute(options: PlanOptions) -> int:
-    """Print the verdict as soon as there is one, and what the hand has to reach.
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Plan a sentence in a scene, prove the plan, and ask whether the arm reaches what it needs; nothing moves.
 
-    Raises:
-        SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
-        QueryError: The sentence is not understood, or cannot be planned in the scene.
+    What is asked of the arm: a base pose on free floor and a posture inside its joints' limits for everything that the
+    plan takes hold of, and for a spot wherever it puts it. Collisions, paths and physics are not looked at.
     """
-    check_seed(options.seed)
+
+    query: Sentence
+    scene: SceneName
+    seed: int = 0
+    """What the widths of what the gripper takes are drawn from, as `run` draws them."""
+    keep_sizes: KeepSizes = False
+    full_size: FullSize = False
+
+
+def execute(options: Options) -> int:
+    """Print the verdict as soon as there is one, and what the hand has to reach."""
     quiet = options.json
+    with counting("loading the planner and the simulator", quiet=quiet):
+        from executor.cli.execution import check_seed
+        from executor.scenes.file import scene_for
+        from executor.scenes.reachability import reach
+        from executor.scenes.validation import require_valid
+        from llm import propose
+        from oag import compose
+        from oag.sizes import Sizing
+    check_seed(options.seed)
     with counting(f"reading the scene {options.scene}", quiet=quiet):
         scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
         tell_warnings(require_valid(scene))

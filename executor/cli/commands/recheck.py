@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
-from executor.cli.command_options import RecheckOptions
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
 from executor.cli.errors import DONE, FAILED
+from executor.cli.options import READ_SCENE, CommonOptions, Maybe, Read
 from executor.cli.output import print_json, say
-from executor.scenes.library import load_own
-from oag import recheck
-from oag.model.codec import load
-from oag.model.diagnostics import CertificateError
 
 
-def execute(options: RecheckOptions) -> int:
-    """Print whether a certificate supports its verdict about the given task and scene; return 0 when it does, else 1.
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Check a certificate without trusting the verifier that wrote it."""
 
-    Raises:
-        TaskError, SceneError, SceneNotFound: The given task or scene cannot be read.
-        CertificateError: The file is no JSON object, or one that is neither a certificate nor a report.
-    """
+    certificate: tyro.conf.Positional[Annotated[Path, Read("certificate")]]
+    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
+    task: Annotated[Maybe[Path], Read("task")] = None
+    """The task's JSON file that it has to be about; by default any."""
+    scene: Annotated[Maybe[str], READ_SCENE] = None
+    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
+
+
+def execute(options: Options) -> int:
+    """Print whether a certificate supports its verdict about task and scene; return 0 when it does, else 1."""
+    from executor.scenes.library import load_own
+    from oag import recheck
+    from oag.model.codec import load
+    from oag.model.diagnostics import CertificateError
+
     document = load(options.certificate, CertificateError)
     data = document.data
     if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):

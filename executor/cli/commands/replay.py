@@ -8,29 +8,49 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import closing
+from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import tyro
 
-from executor.cli.data_options import ReplayOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.execution import check_workers
-from executor.cli.output import ERR, print_json, say, tell
-from executor.data.store import NotADataset
-from executor.envs.demonstration_replay import (
-    WORKER,
-    ReplayMode,
-    ReplayOutcome,
-    count_demonstrations,
-    is_store,
-    iterate_replays,
-)
-from executor.system.workers import WorkerOutcome, WorkerPool
-from oag import clopper_pearson
+from executor.cli.options import CommonOptions, Maybe, Read
+from executor.cli.output import bar, print_json, say, tell
+
+if TYPE_CHECKING:
+    from executor.envs.demonstration_replay import ReplayMode, ReplayOutcome
+    from executor.system.workers import WorkerOutcome
 
 
-def execute(options: ReplayOptions) -> int:
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Do demonstrations again, and count how many come out as they were.
+
+    By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
+    when those of one are not. What was exported has no log of commands, but actions: `--through env`.
+    (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
+    """
+
+    store: tyro.conf.Positional[Annotated[Path, Read()]]
+    """A store of episodes, as `generate` makes them, or a data set that was exported of one."""
+    through: Literal["log", "env"] = "log"
+    """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
+    actions: Literal["joint_target", "paper"] = "joint_target"
+    """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
+    episodes: Maybe[int] = None
+    """How many to do again, from the first on; by default all."""
+    workers: int = 1
+    """How many processes; one does them in this process."""
+
+
+def execute(options: Options) -> int:
     """Repeat demonstrations; return the exit code."""
+    from executor.cli.execution import check_workers
+    from executor.data.store import NotADataset
+    from executor.envs.demonstration_replay import count_demonstrations, is_store
+
     check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
     check_workers(options.workers)
     exact = options.through == "log"
@@ -42,14 +62,12 @@ def execute(options: ReplayOptions) -> int:
         raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
     found: list[ReplayOutcome] = []
     interrupted = False
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=ERR, disable=options.json or not ERR.is_terminal) as bar:
-        task = bar.add_task("doing again", total=total)
+    with bar("doing again", total, quiet=options.json) as show:
         try:
             with closing(_redone(options, "exact" if exact else options.actions, total)) as redone:
                 for one in redone:
                     found.append(one)
-                    bar.update(task, advance=1, description=f"{sum(each.good for each in found)} good")
+                    show(len(found), f"{sum(each.good for each in found)} good")
                     if not (options.json or one.good):
                         tell(f"  {one.name}: {_wrong(exact, one)}", style="red")
         except KeyboardInterrupt:
@@ -57,7 +75,9 @@ def execute(options: ReplayOptions) -> int:
     return _finished(options, found, exact=exact, interrupted=interrupted)
 
 
-def _finished(options: ReplayOptions, found: list[ReplayOutcome], *, exact: bool, interrupted: bool) -> int:
+def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, interrupted: bool) -> int:
+    from oag import clopper_pearson
+
     good = sum(one.good for one in found)
     low, high = clopper_pearson(good, len(found)) if found else (0.0, 1.0)
     code = INTERRUPTED if interrupted else FAILED if exact and good < len(found) else DONE
@@ -75,13 +95,11 @@ def _finished(options: ReplayOptions, found: list[ReplayOutcome], *, exact: bool
     return code
 
 
-def _redone(options: ReplayOptions, mode: ReplayMode, total: int) -> Generator[ReplayOutcome, None, None]:
-    """Yield the outcome of each demonstration, as they end.
+def _redone(options: Options, mode: ReplayMode, total: int) -> Generator[ReplayOutcome, None, None]:
+    """Yield the outcome of each demonstration, as they end."""
+    from executor.envs.demonstration_replay import WORKER, iterate_replays
+    from executor.system.workers import WorkerPool
 
-    Raises:
-        NotADataset: One cannot be read.
-        WorkersUnusable: No worker process can be started.
-    """
     if options.workers == 1:
         yield from (redo() for redo in islice(iterate_replays(options.store, mode), total))
         return
@@ -93,6 +111,9 @@ def _redone(options: ReplayOptions, mode: ReplayMode, total: int) -> Generator[R
 
 
 def _check_outcome(outcome: WorkerOutcome) -> ReplayOutcome:
+    from executor.data.store import NotADataset
+    from executor.envs.demonstration_replay import ReplayOutcome
+
     if outcome.ending == "finished":
         return ReplayOutcome(**outcome.answer)
     if outcome.ending == "error" and outcome.answer.get("kind") == NotADataset.__name__:

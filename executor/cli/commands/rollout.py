@@ -10,23 +10,46 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bddl.terminal import pluralize
-from executor.cli.command_options import RolloutOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.execution import check_seed, check_workers, command_line, refuse, task_to_run
+from executor.cli.options import (
+    CommonOptions,
+    Episodes,
+    EpisodesFolder,
+    FirstSeed,
+    Flag,
+    KeepSizes,
+    ReplaceResults,
+    SceneName,
+    TaskToRun,
+)
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.rollout_display import RolloutProgress
-from executor.records import Rollout, RolloutInterrupted
-from executor.reports.run_folder import RunFolder, episode_folder
-from executor.rollouts.rollout import failure_of, rollout
-from executor.rollouts.run_record import RunRecord, numbered_steps, with_open_numbers
-from executor.system.extras import MissingExtra, require
 from executor.system.files import plain, write_json
-from executor.system.workers import WorkerPool, serve
-from oag import ObjectActionGraph, Report, clopper_pearson, compose
-from oag.sizes import planned_resizings
+
+if TYPE_CHECKING:
+    from executor.cli.execution import RolloutProgress
+    from executor.records import Rollout
+    from oag import ObjectActionGraph, Report
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Execute a task file in the physics, over one or more seeds, and count successes."""
+
+    task: TaskToRun
+    scene: SceneName
+    seed: FirstSeed = 0
+    episodes: Episodes = 1
+    open_numbers: Flag = False
+    """Leave all numbers of the flows to the planner, so that every episode has its own."""
+    keep_sizes: KeepSizes = False
+    workers: int = 1
+    """How many processes to run them in; one that crashes costs its episode only."""
+    out: EpisodesFolder = None
+    force: ReplaceResults = False
+
 
 WORKER = "executor.cli.commands.rollout"
 """What a worker process runs: this file, from its end."""
@@ -54,8 +77,10 @@ class EpisodeResult:
     wall_s: float
 
 
-def execute(options: RolloutOptions) -> int:
+def execute(options: Options) -> int:
     """Run the episodes, print their counts, and return the exit code."""
+    from executor.cli.execution import RolloutProgress, check_seed, check_workers, refuse
+
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     graph = _graph_of(options)
@@ -110,14 +135,21 @@ def execute(options: RolloutOptions) -> int:
     return code
 
 
-def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
+def _graph_of(options: Options) -> ObjectActionGraph:
     """Return the composed task to execute, its numbers left open where requested."""
+    from executor.cli.execution import task_to_run
+    from executor.rollouts.run_record import with_open_numbers
+    from oag import compose
+
     task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     return compose(with_open_numbers(task) if options.open_numbers else task, scene=scene)
 
 
 def _notes(graph: ObjectActionGraph) -> Iterator[str]:
     """Yield notes for a reader of the counts: changed sizes, and numbers that no seed changes."""
+    from executor.rollouts.run_record import numbered_steps
+    from oag.sizes import planned_resizings
+
     yield from map(str, planned_resizings(graph.task.scales, graph.scene))
     steps = numbered_steps(graph.task)
     if steps:
@@ -128,13 +160,16 @@ def _notes(graph: ObjectActionGraph) -> Iterator[str]:
 
 
 def _run_here(
-    graph: ObjectActionGraph, options: RolloutOptions, keeper: _Keeper, progress: RolloutProgress
+    graph: ObjectActionGraph, options: Options, keeper: _Keeper, progress: RolloutProgress
 ) -> Iterator[EpisodeResult]:
     """Yield the episodes' results in order, run one after the other in this process.
 
     Raises:
         KeyboardInterrupt: After the interrupted episode's result was yielded and its files were kept.
     """
+    from executor.records import RolloutInterrupted
+    from executor.rollouts.rollout import rollout
+
     for seed in range(options.seed, options.seed + options.episodes):
         began = time.perf_counter()
         try:
@@ -149,12 +184,10 @@ def _run_here(
         keeper.keep(done, False)
 
 
-def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
-    """Yield the episodes' results as they come, from worker processes: a crash in native code costs one episode.
+def _run_apart(options: Options) -> Iterator[EpisodeResult]:
+    """Yield the episodes' results as they come, from worker processes: a crash in native code costs one episode."""
+    from executor.system.workers import WorkerPool
 
-    Raises:
-        WorkersUnusable: No worker process can be started.
-    """
     given: dict[str, object] = {"task": str(options.task), "scene": options.scene}
     given |= {"open_numbers": options.open_numbers, "keep_sizes": options.keep_sizes}
     given["out"] = None if options.out is None else str(options.out)
@@ -169,6 +202,8 @@ def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
 
 
 def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> EpisodeResult:
+    from executor.rollouts.rollout import failure_of
+
     failure = None if interrupted or done.succeeded else failure_of(done)
     reason = "interrupted" if interrupted else failure.kind.value if failure else ""
     message = failure.message if failure else ""
@@ -184,7 +219,10 @@ class _Keeper:
         ResultsExist, FolderUnusable: A folder cannot take the results; found before the first episode runs.
     """
 
-    def __init__(self, graph: ObjectActionGraph, report: Report, options: RolloutOptions, *, force: bool) -> None:
+    def __init__(self, graph: ObjectActionGraph, report: Report, options: Options, *, force: bool) -> None:
+        from executor.reports.run_folder import RunFolder, episode_folder
+        from executor.system.extras import MissingExtra, require
+
         self._graph, self._report, self._options = graph, report, options
         seeds = range(options.seed, options.seed + options.episodes)
         paths = {} if options.out is None else {seed: episode_folder(options.out, seed) for seed in seeds}
@@ -200,6 +238,9 @@ class _Keeper:
 
     def keep(self, done: Rollout, interrupted: bool) -> None:
         """Write one episode's files."""
+        from executor.cli.execution import command_line
+        from executor.rollouts.run_record import RunRecord
+
         folder, options = self._folders.get(done.seed), self._options
         if folder is None:
             return
@@ -214,6 +255,8 @@ class _Keeper:
 
 def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
     """Return counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
+    from oag import clopper_pearson
+
     finished = [result for result in results if result.reason != "interrupted"]
     successes = sum(result.succeeded for result in finished)
     reasons = Counter(result.reason for result in finished if not result.succeeded)
@@ -235,9 +278,11 @@ def _line(result: EpisodeResult) -> str:
 
 def _run_one(request: dict[str, Any]) -> dict[str, Any]:
     """Run an episode in a worker process of `--workers`."""
+    from executor.cli.execution import RolloutProgress
+
     out = None if request["out"] is None else Path(request["out"])
     same = {name: request[name] for name in ("seed", "open_numbers", "keep_sizes")}
-    options = RolloutOptions(Path(request["task"]), request["scene"], out=out, **same)
+    options = Options(Path(request["task"]), request["scene"], out=out, **same)
     graph = _graph_of(options)
     # The parent has made the folder already, and knows that its results may be replaced.
     keeper = _Keeper(graph, graph.verify(), options, force=True)
@@ -246,4 +291,6 @@ def _run_one(request: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    from executor.system.workers import serve
+
     serve(_run_one)

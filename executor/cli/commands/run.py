@@ -7,47 +7,109 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
 
 from bddl.files import read_bounded
 from bddl.terminal import pluralize
-from executor.cli.command_options import JudgeOptions, RunOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
-from executor.cli.evolution_setup import (
-    NO_VIEWS,
-    PICTURES,
-    REPLAY,
-    EvolutionSetup,
-    connect_model,
-    report_spending_on_error,
-    spending_of,
-    stopped_message,
-    tell_kept,
+from executor.cli.options import (
+    CommonOptions,
+    Flag,
+    FullSize,
+    GoOn,
+    JudgeOptions,
+    KeepSizes,
+    Limit,
+    MaxCost,
+    MaxTime,
+    MaxTokens,
+    Maybe,
+    PhotoInputs,
+    Read,
+    ReplaceResults,
+    ResultsFolder,
+    SceneName,
+    Sentence,
+    Size,
+    Video,
 )
-from executor.cli.execution import check_limit, check_seed, command_line, results_writer
 from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
-from executor.cli.rollout_display import RolloutProgress, print_summary, summary_json
-from executor.records import RolloutInterrupted
-from executor.reports.run_folder import RunFolder
-from executor.rollouts.evolution_record import EvolutionInterrupted
-from executor.rollouts.rollout import rollout
-from executor.rollouts.run_record import RunRecord
-from executor.scenes.file import scene_for
-from executor.scenes.validation import require_valid
-from executor.sim.render.pool import check_size
-from executor.system import vulkan
-from llm import Image, ModelProposer, Proposal, propose
-from llm.structured.conversation import Spending
-from oag import Scene, compose
-from oag.sizes import Sizing
+
+if TYPE_CHECKING:
+    from executor.reports.run_folder import RunFolder
+    from executor.rollouts.run_record import RunRecord
+    from llm import Image, Proposal
+    from llm.structured.conversation import Spending
+    from oag import Scene
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Turn a sentence and a scene, or a photograph of one, into a verified plan, a rollout, a video and a dataset."""
+
+    query: Sentence
+    out: ResultsFolder
+    scene: Maybe[SceneName] = None
+    photo: Annotated[Maybe[Path], Read()] = None
+    """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
+    photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
+    model: Maybe[str] = None
+    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
+    image: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    """With --model: picture of the scene that the model sees with the query; may be given several times."""
+    seed: int = 0
+    """Varies the scene and seeds the planning."""
+    keep_sizes: KeepSizes = False
+    full_size: FullSize = False
+    evolve: Flag = False
+    """Revise the flows that fail, by measurements, or by the model where there is one."""
+    limit: Limit = 5
+    memory: Maybe[Path] = None
+    """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
+    resume: GoOn = False
+    force: ReplaceResults = False
+    video: Video = True
+    size: Size = (224, 224)
+    record_hz: float = 10.0
+    """Recorded samples a second of simulated time."""
+
 
 LARGEST_PICTURE_BYTES = 20_000_000
 """Largest picture [bytes] that is sent to a model; services take less."""
 
 
-def execute(options: RunOptions) -> int:
+def execute(options: Options) -> int:
+    """Make the scene of a photograph where one is given, and run the whole chain; return the exit code."""
+    from executor.cli.commands.photo import scene_of_photograph
+    from executor.reports.run_folder import RunFolder
+
+    if options.photo is None:
+        return _run(options)
+    check(options.scene is None, "--scene", options.scene, "none beside --photo, which makes one")
+    # Fitting takes a while: refuse an unusable folder before it.
+    folder = RunFolder.prepare(options.out, force=options.force)
+    scene = scene_of_photograph(options.photo, options.photo_inputs, folder.path / "photo", quiet=options.json)
+    return _run(replace(options, scene=str(scene)))
+
+
+def _run(options: Options) -> int:
     """Run the whole chain and return the exit code; everything finished is on disk when it returns."""
+    from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, spending_of, tell_kept
+    from executor.cli.execution import check_limit, check_seed
+    from executor.reports.run_folder import RunFolder
+    from executor.scenes.file import scene_for
+    from executor.scenes.validation import require_valid
+    from executor.sim.render.pool import check_size
+    from llm import propose
+    from oag.sizes import Sizing
+
     check_seed(options.seed)
     # The physics steps at 250 Hz; NaN is in no range.
     check(1.0 <= options.record_hz <= 125.0, "--record-hz", options.record_hz, "a rate from 1 to 125 samples a second")
@@ -86,7 +148,7 @@ def execute(options: RunOptions) -> int:
 
 
 def _prove_and_execute(
-    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
+    options: Options, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
 ) -> RunRecord:
     """Return the record of a run, with its finished files in the folder.
 
@@ -97,6 +159,10 @@ def _prove_and_execute(
         folder: The run's folder.
         spending: The proposing model and its usage; None for the offline planner.
     """
+    from executor.cli.execution import command_line, results_writer
+    from executor.rollouts.run_record import RunRecord
+    from oag import compose
+
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
     record = RunRecord(
@@ -122,8 +188,8 @@ def _prove_and_execute(
             limit=options.limit if options.evolve else None,
             memory=options.memory,
             no_video=not options.video,
-            size=None if options.size == RunOptions.size else options.size,
-            record_hz=None if options.record_hz == RunOptions.record_hz else f"{options.record_hz:g}",
+            size=None if options.size == Options.size else options.size,
+            record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
         ),
     )
     folder.write_plan(record)
@@ -131,7 +197,7 @@ def _prove_and_execute(
         folder.write_report(record, None)
         return record
     _print_plan(record, options)
-    with results_writer(options) as studio:
+    with results_writer(options.size, video=options.video, quiet=options.json) as studio:
         record = (
             _evolve_plan(record, options, folder)
             if options.evolve
@@ -141,8 +207,12 @@ def _prove_and_execute(
     return record
 
 
-def _execute_plan(record: RunRecord, options: RunOptions) -> RunRecord:
+def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     """Execute the plan; Ctrl-C keeps the finished part."""
+    from executor.cli.execution import RolloutProgress
+    from executor.records import RolloutInterrupted
+    from executor.rollouts.rollout import rollout
+
     began = time.perf_counter()
     interrupted = False
     try:
@@ -154,7 +224,7 @@ def _execute_plan(record: RunRecord, options: RunOptions) -> RunRecord:
     return replace(record, rollout=done, interrupted=interrupted, wall_s=wall)
 
 
-def _evolve_plan(record: RunRecord, options: RunOptions, folder: RunFolder) -> RunRecord:
+def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunRecord:
     """Return the record of a run whose failing flows were revised; the evolution is in the folder.
 
     Args:
@@ -162,6 +232,10 @@ def _evolve_plan(record: RunRecord, options: RunOptions, folder: RunFolder) -> R
         options: The typed options.
         folder: The run's folder.
     """
+    from executor.cli.evolution_setup import EvolutionSetup
+    from executor.cli.execution import RolloutProgress
+    from executor.rollouts.evolution_record import EvolutionInterrupted
+
     began = time.perf_counter()
     interrupted = False
     with (
@@ -182,8 +256,11 @@ def _evolve_plan(record: RunRecord, options: RunOptions, folder: RunFolder) -> R
     return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
-def _judge_options(options: RunOptions) -> JudgeOptions:
+def _judge_options(options: Options) -> JudgeOptions:
     """Return the judges' options: the model that plans, with pictures where they are available."""
+    from executor.cli.evolution_setup import NO_VIEWS, PICTURES, REPLAY
+    from executor.system import vulkan
+
     model = options.model
     if model is None:
         return JudgeOptions(memory=options.memory)
@@ -194,8 +271,11 @@ def _judge_options(options: RunOptions) -> JudgeOptions:
     return JudgeOptions(model=model, memory=options.memory, views=NO_VIEWS)
 
 
-def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
+def _finish(record: RunRecord, folder: RunFolder, options: Options) -> int:
     """Print the end of a run and return its exit code."""
+    from executor.cli.evolution_setup import stopped_message
+    from executor.cli.execution import print_summary, summary_json
+
     code = DONE if record.outcome == "succeeded" else INTERRUPTED if record.interrupted else FAILED
     if options.json:
         print_json({**summary_json(record, folder), "exit_code": code})
@@ -212,15 +292,12 @@ def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
 
 
 def _propose_with_model(
-    spending: Spending, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+    spending: Spending, options: Options, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> Proposal:
-    """Return a model's proposal for a run's query; the conversation is in the folder, also on failure.
+    """Return a model's proposal for a run's query; the conversation is in the folder, also on failure."""
+    from llm import ModelProposer
+    from oag.sizes import Sizing
 
-    Raises:
-        QueryError: The query is not understood, or cannot be done in the scene.
-        ModelError: The model did not reply, or the budget is spent.
-        AnswersRefused: None of the model's answers held.
-    """
     sizing = Sizing(options.seed, options.keep_sizes)
     name = options.model or ""
     proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.add_round)
@@ -232,7 +309,7 @@ def _propose_with_model(
             folder.write_conversation(proposer.conversation.to_json())
 
 
-def _print_plan(record: RunRecord, options: RunOptions) -> None:
+def _print_plan(record: RunRecord, options: Options) -> None:
     if options.json:
         return
     tell_notes(record.notes)
@@ -246,10 +323,6 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
     Args:
         paths: As typed after `--image`.
         model: The model that looks at them.
-
-    Raises:
-        BadOption: There is no model, or a file cannot be read, is too large, or is no picture that models take.
-        PhotoRefused: One is broken, or has too many pixels.
     """
     if paths and model is None:
         raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")
@@ -257,6 +330,8 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
 
 
 def _picture(path: Path) -> Image:
+    from llm import Image
+
     try:
         data = read_bounded(path, LARGEST_PICTURE_BYTES)
     except OSError as error:

@@ -3,29 +3,57 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import torch
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+import tyro
 
-from executor.cli.data_options import TrainOptions
 from executor.cli.errors import DONE, BadOption, check
-from executor.cli.execution import check_seed
-from executor.cli.output import ERR, counting, print_json, say, tell
-from executor.data.formats.table import repeats_text
-from executor.learn.demonstrations import read_demonstrations
-from executor.learn.policy_record import ABOUT, PolicyRecord, read_record
-from executor.learn.settings import PolicySettings, read_settings, settings_of
-from executor.learn.training import LossCallback, Trainer, parameters
+from executor.cli.options import CommonOptions, Flag, Maybe, Read
+from executor.cli.output import ERR, bar, counting, print_json, say, tell
+
+if TYPE_CHECKING:
+    from executor.learn.policy_record import PolicyRecord
+    from executor.learn.settings import PolicySettings
 
 
-def execute(options: TrainOptions) -> int:
-    """Train a policy; return the exit code.
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Train a policy on stored demonstrations; the same command goes on where an earlier one ended."""
 
-    Raises:
-        SettingsError, NotADataset, NothingToExport, NotAPolicy, BadOption: Something that was named cannot be used.
-    """
+    settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
+    """state, ensemble, rooms, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
+    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)"), Read()]
+    """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
+    out: Path
+    """Folder for the policy."""
+    episodes: Maybe[int] = None
+    """How many demonstrations of each store, from the first on; by default all."""
+    steps: Maybe[int] = None
+    """How many steps to train, instead of what the settings say."""
+    keep_every: Maybe[int] = None
+    """Keep the weights after every so many steps too, for `evaluate --steps` to judge and choose by rollouts."""
+    seed: int = 0
+    """Of the first weights, of batches and noise."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """What computes."""
+    threads: int = 2
+    """How many threads the CPU's part has; other numbers round otherwise."""
+    force: Flag = False
+    """Begin anew, and replace the policy that the folder has."""
+
+
+def execute(options: Options) -> int:
+    """Train a policy; return the exit code."""
+    import torch
+
+    from executor.cli.execution import check_seed
+    from executor.data.formats.table import repeats_text
+    from executor.learn.demonstrations import read_demonstrations
+    from executor.learn.policy_record import PolicyRecord
+    from executor.learn.training import Trainer, parameters
+
     settings = _settings(options)
     check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
     check(options.threads > 0, "--threads", options.threads, "a number above 0")
@@ -45,14 +73,19 @@ def execute(options: TrainOptions) -> int:
         tell(f"  {known}{f'; going on at step {begun}' if begun else ''}")
         if data.repeats:
             tell(f"  {repeats_text(data.repeats)}", style="yellow")
-    losses: list[float] = []
-    with _progress(settings.training.steps, begun, quiet=options.json) as show_loss:
+    steps, losses, last_shown = settings.training.steps, [], begun
+    with bar("training", steps, done=begun, quiet=options.json) as show:
 
-        def listen(step: int, loss: float) -> None:
+        def show_loss(step: int, loss: float) -> None:
+            """Show a loss: on a terminal in the bar, else in a line every tenth of the training."""
+            nonlocal last_shown
             losses.append(loss)
-            show_loss(step, loss)
+            show(step, f"loss {loss:.4f}")
+            if not (options.json or ERR.is_terminal) and (step - last_shown >= steps / 10 or step == steps):
+                tell(f"  step {step:6} of {steps}  loss {loss:.4f}")
+                last_shown = step
 
-        trainer.run(listen)
+        trainer.run(show_loss)
     left_out = {"repeats": [list(pair) for pair in data.repeats]}
     numbers = {"demonstrations": len(data.names), "moments": len(data), "parameters": size, "steps": trainer.step}
     loss = losses[-1] if losses else None
@@ -67,7 +100,9 @@ def execute(options: TrainOptions) -> int:
     return DONE
 
 
-def _settings(options: TrainOptions) -> PolicySettings:
+def _settings(options: Options) -> PolicySettings:
+    from executor.learn.settings import read_settings, settings_of
+
     found = read_settings(options.settings)
     given = {"steps": options.steps, "keep_every": options.keep_every}
     overrides = {name: number for name, number in given.items() if number is not None}
@@ -81,13 +116,10 @@ def _settings(options: TrainOptions) -> PolicySettings:
     )
 
 
-def _make_room(options: TrainOptions, record: PolicyRecord) -> None:
-    """Check that the folder is new, or holds the beginning of this policy.
+def _make_room(options: Options, record: PolicyRecord) -> None:
+    """Check that the folder is new, or holds the beginning of this policy."""
+    from executor.learn.policy_record import ABOUT, read_record
 
-    Raises:
-        BadOption: It holds something else.
-        NotAPolicy: What it holds cannot be read.
-    """
     out = options.out
     if out.is_dir() and any(out.iterdir()) and not (out / ABOUT).exists():
         raise BadOption("--out", out, "a new folder, or one with a policy; this one has files of something else")
@@ -97,24 +129,3 @@ def _make_room(options: TrainOptions, record: PolicyRecord) -> None:
         shutil.rmtree(out, ignore_errors=True)
     elif (out / ABOUT).exists() and read_record(out).key != record.key:
         raise BadOption("--out", out, "a policy of these settings, this data and this seed; --force begins anew")
-
-
-@contextmanager
-def _progress(steps: int, begun: int, *, quiet: bool) -> Iterator[LossCallback]:
-    """Provide a callback for the loss that shows it: on a terminal a bar, else a line every tenth of the training."""
-    if quiet:
-        yield lambda step, loss: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=ERR, disable=not ERR.is_terminal) as bar:
-        task = bar.add_task("training", total=steps, completed=begun)
-        last_shown = begun
-
-        def show(step: int, loss: float) -> None:
-            nonlocal last_shown
-            bar.update(task, completed=step, description=f"loss {loss:.4f}")
-            if not ERR.is_terminal and (step - last_shown >= steps / 10 or step == steps):
-                tell(f"  step {step:6} of {steps}  loss {loss:.4f}")
-                last_shown = step
-
-        yield show

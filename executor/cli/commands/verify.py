@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from executor.cli.command_options import VerifyOptions
 from executor.cli.errors import DONE, FAILED, BadOption
-from executor.cli.inputs import refuse_existing, task_and_scene
+from executor.cli.options import CommonOptions, Maybe, OptionalScene, ReplaceFile, TaskFile
 from executor.cli.output import print_json, say, tell
 from executor.system.files import write_json
-from llm.offline.planner import other_readings
-from oag import Fix, Report, Verdict, canonical_digest, compose
+
+if TYPE_CHECKING:
+    from oag import Fix, Report
 
 
-def execute(options: VerifyOptions) -> int:
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """Decide whether a task's plan reaches its goal, without moving anything."""
+
+    task: TaskFile
+    scene: OptionalScene = None
+    out: Maybe[Path] = None
+    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
+    folder is made when absent."""
+    apply: Maybe[int] = None
+    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
+    certificate: Maybe[Path] = None
+    """File for the certificate, which `recheck` checks; its folder is made when absent."""
+    force: ReplaceFile = False
+
+
+def execute(options: Options) -> int:
     """Print the verdict with its findings, and write the task and the certificate where requested.
 
     Returns:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
-
-    Raises:
-        BadOption: A fix is asked for and no file is named, a file exists, or there is no fix of that number.
     """
+    from executor.cli.inputs import refuse_existing, task_and_scene
+    from llm.offline.planner import other_readings
+    from oag import Verdict, canonical_digest, compose
+
     if options.apply is not None and options.out is None:
         raise BadOption("--apply", options.apply, "--out with the file that the repaired task goes to")
     for name, path in (("--out", options.out), ("--certificate", options.certificate)):

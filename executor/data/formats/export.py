@@ -30,13 +30,13 @@ from executor.data.formats.zarr_v2 import write_zarr
 from executor.data.store import INDEX, EpisodeStore, NotADataset
 from executor.sim.render.frames import VideoFailed
 from executor.system.files import plain, write_json, write_text
+from executor.system.progress import OnProgress, ignore_progress
 
 Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 STATISTICS = "statistics.json"
 """Statistics of the columns, for formats that have no place for them."""
 
-CountCallback = Callable[[int, int], None]
 _UNREADABLE = (
     *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError),
     *(RuntimeError, OverflowError, MemoryError),  # Further exceptions of the reader of parquet.
@@ -56,7 +56,7 @@ def write_set(
     out: Path,
     *,
     overwrite: bool = False,
-    on_progress: CountCallback = lambda done, total: None,
+    on_progress: OnProgress = ignore_progress,
 ) -> DatasetSpec:
     """Write a data set, complete or not at all, and return its common properties.
 
@@ -173,7 +173,7 @@ def _broken(path: Path, problem: Exception) -> NotADataset:
     return NotADataset(f"{path} cannot be read as what was exported: {words}; export it anew, or copy all of it")
 
 
-def _with_progress(episodes: Iterator[Episode], total: int, on_progress: CountCallback) -> Iterator[Episode]:
+def _with_progress(episodes: Iterator[Episode], total: int, on_progress: OnProgress) -> Iterator[Episode]:
     for episode in episodes:
         on_progress(episode.index, total)
         yield episode

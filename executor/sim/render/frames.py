@@ -8,7 +8,7 @@ Source: the paper's L_j = min(ceil(t_j / p_2), 6), where t_j is an action's dura
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -22,6 +22,7 @@ from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
 from executor.records import Caption, StepRecord, Trajectory
 from executor.system.extras import require
+from executor.system.progress import OnProgress
 
 Picture = NDArray[np.uint8]
 GLOBAL_FACTOR = 2
@@ -136,7 +137,7 @@ def write_video(
     *,
     rate_hz: float = 10.0,
     speed: float = SPEED,
-    listen: Callable[[int, int], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Path:
     """Write an H.264 MP4 that browsers and players open, and return its path.
 
@@ -146,7 +147,7 @@ def write_video(
         captions: One for each picture.
         rate_hz: Recorded samples a second of simulated time.
         speed: How many times faster than real time it plays.
-        listen: Called with the number of encoded pictures, and the total.
+        on_progress: Called with the number of encoded pictures, and the total.
 
     Raises:
         ValueError: When there are no pictures, or captions and pictures differ in number.
@@ -169,8 +170,8 @@ def write_video(
                     picture = av.VideoFrame.from_ndarray(composer.compose(index, caption), format="rgb24")
                     for packet in stream.encode(picture):
                         container.mux(packet)
-                    if listen is not None:
-                        listen(index + 1, len(captions))
+                    if on_progress is not None:
+                        on_progress(index + 1, len(captions))
                 for packet in stream.encode():
                     container.mux(packet)
         except av.FFmpegError as error:

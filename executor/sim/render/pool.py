@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -18,10 +18,10 @@ from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.frames import Frames, Picture, frames_path
 from executor.sim.render.worker import write_job
 from executor.system import vulkan
+from executor.system.progress import OnProgress
 from executor.system.workers import WorkerDied, WorkerProcess
 from oag import Scene, Task
 
-Progress = Callable[[int, int], None]
 DEFAULT_SIZE = (224, 224)
 SMALLEST_SIDE, LARGEST_SIDE = 32, 2048
 _MAX_WORKERS = 2
@@ -102,7 +102,7 @@ class RenderPool:
         views: Sequence[str] = VIEWS,
         size: tuple[int, int] = DEFAULT_SIZE,
         shadows: bool = True,
-        listen: Progress | None = None,
+        on_progress: OnProgress | None = None,
     ) -> dict[str, Picture]:
         """Return view -> (N, H, W, 3) uint8 pictures of packed physical states, read from arrays in a folder.
 
@@ -111,7 +111,7 @@ class RenderPool:
             scene: The concrete scene.
             task: What the global camera is to show.
             states: Packed physical states of the scene, one a picture.
-            views, size, shadows, listen: As for `render`.
+            views, size, shadows, on_progress: As for `render`.
 
         Raises:
             RenderFailed: When a worker reports an error, or its replacement dies too.
@@ -127,8 +127,8 @@ class RenderPool:
         def advance(share: int, finished: int) -> None:
             with lock:
                 done[share] = finished
-                if listen is not None:
-                    listen(sum(done), count)
+                if on_progress is not None:
+                    on_progress(sum(done), count)
 
         self._stopping.clear()
         threads = ThreadPoolExecutor(shares)
@@ -156,7 +156,7 @@ class RenderPool:
             self._workers[share] = WorkerProcess("executor.sim.render.worker", threads)
         return self._workers[share]
 
-    def _share(self, folder: Path, share: int, shares: int, advance: Callable[[int, int], None]) -> None:
+    def _share(self, folder: Path, share: int, shares: int, advance: OnProgress) -> None:
         """Let one process draw every n-th state of a job."""
         finished = 0
         for attempt in range(_ATTEMPTS):
@@ -187,7 +187,7 @@ def render(
     views: Sequence[str] = VIEWS,
     size: tuple[int, int] = DEFAULT_SIZE,
     shadows: bool = True,
-    listen: Progress | None = None,
+    on_progress: OnProgress | None = None,
     pool: RenderPool | None = None,
 ) -> Frames:
     """Return pictures of every recorded sample, drawn from the packed physical states.
@@ -198,7 +198,7 @@ def render(
         views: Names out of `executor.sim.render.cameras.VIEWS`.
         size: Width and height of the robot's own views; the overview is drawn twice as large.
         shadows: Whether to draw shadows.
-        listen: Called with the number of samples done, and the total; from any thread, but never twice at once.
+        on_progress: Called with the number of samples done, and the total; from any thread, but never twice at once.
         pool: Worker processes to reuse; without one, they are started and ended here.
 
     Raises:
@@ -213,6 +213,13 @@ def render(
     with RenderPool() if pool is None else nullcontext(pool) as drawing:
         states = rollout.trajectory.packed_states
         pictures = drawing.draw(
-            folder, rollout.scene, rollout.task, states, views=views, size=size, shadows=shadows, listen=listen
+            folder,
+            rollout.scene,
+            rollout.task,
+            states,
+            views=views,
+            size=size,
+            shadows=shadows,
+            on_progress=on_progress,
         )
         return Frames(pictures, size, drawing.renderer.why)

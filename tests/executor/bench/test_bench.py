@@ -20,7 +20,7 @@ import pytest
 from benchmarks.baselines import __main__ as baselines
 from executor.bench.folder import BenchFolder, NotABench
 from executor.bench.units import BenchSetting, Series
-from executor.campaign import engine
+from executor.campaign import engine, versions
 from executor.cli import app
 from executor.cli.commands import bench
 from executor.system.workers import WorkerOutcome
@@ -37,7 +37,7 @@ Bench = Callable[..., tuple[int, dict[str, Any]]]
 def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
     """Run the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
+    monkeypatch.setattr(versions, "outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
         given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
@@ -51,7 +51,7 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench, "outcome_version", lambda: "0123456789abcdef")
+    monkeypatch.setattr(versions, "outcome_version", lambda: "0123456789abcdef")
     given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b")]
     assert app.run(given) == 1
     said = " ".join(capsys.readouterr().err.split())
@@ -116,7 +116,7 @@ def test_another_version_of_the_program_counts_for_itself(
     run_bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_bench("--seed", SEED, "--episodes", 2)
-    monkeypatch.setattr(bench, "outcome_version", lambda: "a later version")
+    monkeypatch.setattr(versions, "outcome_version", lambda: "a later version")
     _, summary = run_bench("--seed", SEED, "--episodes", 1)
     assert summary["cells"][0]["all"]["trials"] == 1 and len(unit_files(tmp_path / "b")) == 3
     found = BenchFolder(tmp_path / "b").find("T3-014000-planned")

@@ -66,10 +66,11 @@ def scene_of(task: Path) -> str:
 _LOADED = [
     "executor.cli.app",
     "openai",
-    *(
-        f"executor.cli.commands.{name}"
-        for name in ("bddl", "catalog", "graph", "plan", "recheck", "rollout", "run", "verify")
-    ),
+    "executor.cli.evolution_setup",
+    "executor.cli.execution",
+    "executor.scenes.reachability",
+    "executor.sim.render.stage",
+    "llm.offline.planner",
 ]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import executor.cli.commands
-from executor.cli.app import all_commands, commands, run
+from executor.cli.app import commands, run
 from tests.source_tree import ROOT
 
 MOST_LINES = 40
@@ -24,9 +24,9 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     assert found is not None and len(found[1].splitlines()) <= MOST_LINES
     (tmp_path / "category_count.py").write_text(found[1], encoding="utf-8")
     monkeypatch.setattr(executor.cli.commands, "__path__", [*executor.cli.commands.__path__, str(tmp_path)])
-    all_commands.cache_clear()
+    commands.cache_clear()
     yield "category-count"
-    all_commands.cache_clear()
+    commands.cache_clear()
 
 
 def test_the_page_s_command_runs(added: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,7 +43,3 @@ def test_it_is_in_the_help_and_suggested(added: str, capsys: pytest.CaptureFixtu
     assert "Count the objects of a scene by category" in capsys.readouterr().out
     assert run(["category-cuont"]) == 2
     assert f"did you mean {added}?" in capsys.readouterr().err
-
-
-def test_nothing_is_added_by_itself() -> None:
-    assert list(commands()) == list(commands(executor.cli.app.SubCommand))

@@ -16,7 +16,6 @@ import bddl
 import llm
 from bddl import PROFILES
 from executor.cli.app import run
-from executor.cli.commands import bddl as bddl_command
 from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment
 
@@ -275,7 +274,7 @@ def test_control_c_ends_in_one_line(command: Command, folder: Path, monkeypatch:
     def interrupted(text: str, profile: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(bddl_command, "analyse", interrupted)
+    monkeypatch.setattr("bddl.analyse", interrupted)
     answer = command("bddl", "check", "sound.bddl")
     assert (answer.code, answer.out, answer.err) == (130, "", "scene2demo: interrupted\n")
 

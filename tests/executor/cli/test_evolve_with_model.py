@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from executor.cli import app
-from executor.cli.command_options import JudgeOptions
 from executor.cli.evolution_setup import judge_arguments
 from executor.cli.execution import command_line
+from executor.cli.options import JudgeOptions
 from executor.scenes import library
 from executor.system import vulkan
 from executor.system.files import write_json

@@ -17,8 +17,6 @@ import pytest
 
 from bddl.files import atomic_path
 from executor.cli import app
-from executor.cli.commands import rollout as rollout_command
-from executor.cli.commands import run as run_command
 from executor.cli.errors import explain
 from executor.data.episode import Episode
 from executor.data.formats.robomimic import write_robomimic
@@ -51,8 +49,7 @@ def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
     def executed(graph: object, scene: object, seed: int, **_: object) -> Rollout:
         return replace(recorded, seed=seed)
 
-    monkeypatch.setattr(run_command, "rollout", executed)
-    monkeypatch.setattr(rollout_command, "rollout", executed)
+    monkeypatch.setattr("executor.rollouts.rollout.rollout", executed)
     return recorded
 
 

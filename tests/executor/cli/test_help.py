@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import get_args
 
 import pytest
 
-from executor.cli.app import run
-from executor.cli.command_options import BddlSubCommand, SubCommand
+from executor.cli.app import commands as all_commands
+from executor.cli.app import run, second_words
 
 _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 
 
 def commands() -> Iterator[tuple[str, ...]]:
     """Yield the words of every command."""
-    for choice in get_args(SubCommand):
-        yield (get_args(choice)[1].name,)
-    for choice in get_args(BddlSubCommand):
-        yield ("bddl", get_args(choice)[1].name)
+    for name, options in all_commands().items():
+        yield (name,)
+        yield from ((name, second) for second in second_words(options))
 
 
 def help_of(words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> str:

@@ -123,7 +123,7 @@ def test_bad_input_is_one_clear_message(
 def test_what_is_being_done_is_told_before_anything_is_loaded() -> None:
     code = (
         "import sys\nfrom executor.cli import output\n"
-        "def stop(what):\n    print(what, sorted({name.split('.')[0] for name in sys.modules} & HEAVY))\n"
+        "def stop(what, quiet):\n    print(what, sorted({name.split('.')[0] for name in sys.modules} & HEAVY))\n"
         "    raise SystemExit\n"
         "HEAVY = {'numpy', 'scipy', 'oag', 'llm', 'sapien', 'torch'}\n"
         "output.counting = stop\n"

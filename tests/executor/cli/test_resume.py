@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from executor.cli import app
-from executor.cli.commands import run as run_command
 from executor.records import Rollout
 from executor.reports.run_folder import RunFolder
 from tests.executor.cli.conftest import environment
@@ -51,7 +50,9 @@ class Answering:
 def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
     """Make rollouts cost nothing."""
     recorded = invented_rollout()
-    monkeypatch.setattr(run_command, "rollout", lambda graph, scene, seed, **_: replace(recorded, seed=seed))
+    monkeypatch.setattr(
+        "executor.rollouts.rollout.rollout", lambda graph, scene, seed, **_: replace(recorded, seed=seed)
+    )
     return recorded
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from executor.cli import app
-from executor.cli.commands import rollout as rollout_command
 from executor.records import Rollout, RolloutInterrupted
 from executor.system.files import write_json
 from oag import ObjectActionGraph, flow_to_json
@@ -47,7 +46,7 @@ def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple
         def invented(graph: object, scene: object, seed: int, **_: object) -> Rollout:
             return left.pop(0)(replace(recorded, seed=seed))
 
-        monkeypatch.setattr(rollout_command, "rollout", invented)
+        monkeypatch.setattr("executor.rollouts.rollout.rollout", invented)
         words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--episodes", str(len(endings))]
         code = app.run([*words, "--out", str(tmp_path / "r")])
         return code, json.loads((tmp_path / "r" / "summary.json").read_text())
@@ -84,7 +83,7 @@ def test_numbers_can_be_left_to_every_seed(
         seen.append(graph)
         return replace(invented_rollout(), seed=seed)
 
-    monkeypatch.setattr(rollout_command, "rollout", invented)
+    monkeypatch.setattr("executor.rollouts.rollout.rollout", invented)
     capsys.readouterr()
     words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--open-numbers"]
     assert app.run([*words, "--out", str(tmp_path / "open")]) == 0

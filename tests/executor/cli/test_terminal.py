@@ -15,7 +15,7 @@ from rich.table import Table
 
 from executor.cli import output
 from executor.cli.app import run
-from executor.cli.rollout_display import RolloutProgress
+from executor.cli.execution import RolloutProgress
 from executor.records import Event
 from tests.executor.cli.conftest import ROOT, environment
 

@@ -10,15 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli.app import commands, option_names, run
-from executor.cli.command_options import BddlSubCommand
-from executor.cli.data_options import DatasetSubCommand
+from executor.cli.app import commands, option_names, run, second_words
 from tests.executor.cli.conftest import ROOT, environment
 
 NAMED = {
-    **{(name,): options for name, options in commands().items() if name not in ("bddl", "dataset")},
-    **{("bddl", name): options for name, options in commands(BddlSubCommand).items()},
-    **{("dataset", name): options for name, options in commands(DatasetSubCommand).items()},
+    **{(name,): options for name, options in commands().items() if not second_words(options)},
+    **{(name, second): one for name, options in commands().items() for second, one in second_words(options).items()},
 }
 
 
@@ -105,7 +102,7 @@ def test_a_missing_file_is_told_before_anything_is_loaded(tmp_path: Path) -> Non
         "import sys\nfrom executor.cli.app import run\n"
         f"codes = [run(line.split()) for line in {[line for line, _ in MISSING]!r}]\n"
         "names = {name.split('.')[0] for name in sys.modules}\n"
-        "print(codes, sorted(names & {'numpy', 'scipy', 'bddl', 'oag', 'llm', 'rich', 'pydantic', 'torch', 'sapien'}))"
+        "print(codes, sorted(names & {'numpy', 'scipy', 'oag', 'llm', 'pydantic', 'torch', 'sapien'}))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True)
     assert done.stdout == f"{[2] * len(MISSING)} []\n"

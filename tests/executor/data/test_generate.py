@@ -35,8 +35,8 @@ Generate = Callable[..., tuple[int, dict[str, Any]]]
 @pytest.fixture
 def run_generate(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Generate:
     """Run the command in this process, its units in invented workers; returns exit code and what it printed."""
-    monkeypatch.setattr(command, "WORKER", INVENTED)
-    monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
+    monkeypatch.setattr("executor.data.generation.WORKER", INVENTED)
+    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: VERSION)
 
     def run(*words: object) -> tuple[int, dict[str, Any]]:
         code = app.run(["generate", *map(str, words), "--out", str(folder), "--workers", "1", "--json"])
@@ -188,7 +188,7 @@ def test_a_spent_budget_ends_it_and_the_rest_is_made_later(run_generate: Generat
 def test_a_full_disk_is_one_message_and_what_was_made_stays(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command, "WORKER", INVENTED)
+    monkeypatch.setattr("executor.data.generation.WORKER", INVENTED)
     words = ["generate", "T1", "--seed", "2", "--episodes", "4", "--out", str(folder), "--workers", "1"]
     assert app.run([*words[:-1], "1"]) == 3
     assert "make room" in capsys.readouterr().err
@@ -291,7 +291,7 @@ def test_it_says_when_all_episodes_will_start_alike(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(command, "WORKER", INVENTED)
+    monkeypatch.setattr("executor.data.generation.WORKER", INVENTED)
     scene = tmp_path / "room.json"
     scene.write_text(json.dumps({**json.loads(KITCHEN.read_text()), **changes}))
     asked = ["generate", "open the refrigerator", "--scene", str(scene), "--episodes", "2", "--out", str(folder)]
@@ -307,7 +307,7 @@ def test_it_says_when_all_episodes_will_start_alike(
 def test_a_worker_makes_nothing_for_a_program_that_it_does_not_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
+    monkeypatch.setattr("executor.campaign.versions.outcome_version", lambda: VERSION)
     assert app.run(["generate", "T1", "--episodes", "2", "--out", str(folder), "--workers", "1"]) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert f"the request is for version '{VERSION}'" in said and "start the same command again" in said
@@ -369,7 +369,7 @@ def test_a_wrong_plan_says_where(text: str, said: str, tmp_path: Path, capsys: p
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
 def test_however_it_ends_what_was_made_is_whole(folder: Path, signal_number: int) -> None:
     code = (
-        f"import executor.cli.commands.generate as g; g.WORKER = '{INVENTED}'\n"
+        f"import executor.data.generation as g; g.WORKER = '{INVENTED}'\n"
         "from executor.cli import app\n"
         f"app.main(['generate', 'T1', '--seed', '7', '--episodes', '4', '--workers', '1', '--out', '{folder}'])"
     )

@@ -154,7 +154,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
         return {actors[0].name: ends}
 
     with monkeypatch.context() as patched:
-        patched.setattr("executor.cli.commands.evaluate.evaluate", invented)
+        patched.setattr("executor.learn.evaluation.trials.evaluate", invented)
         assert run(["evaluate", str(out), "--episodes", "2", "--seed", "62985"]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
@@ -162,7 +162,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     def never(*_: object, **__: object) -> None:
         raise AssertionError("an episode began")
 
-    monkeypatch.setattr("executor.cli.commands.evaluate.evaluate", never)
+    monkeypatch.setattr("executor.learn.evaluation.trials.evaluate", never)
     assert run([*evaluate, "--out", str(settings), "--json"]) == 2
     assert f"the output folder {settings} cannot be used: File exists" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--out", str(settings / "r"), "--json"]) == 2

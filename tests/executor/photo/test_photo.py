@@ -111,9 +111,7 @@ def test_a_run_makes_its_scene_of_a_photograph_once(folder: Path, monkeypatch: p
     assert run(words) == 0
     made = (folder / "run" / "photo" / "scene.json").read_bytes()
     assert json.loads((folder / "run" / "scene.json").read_text())["objects"].keys() >= {"bowl_0", "table_0"}
-    monkeypatch.setattr(
-        "executor.cli.commands.photo.reconstruct_scene", lambda *given: pytest.fail("it was made before")
-    )
+    monkeypatch.setattr("executor.photo.pipeline.reconstruct_scene", lambda *given: pytest.fail("it was made before"))
     assert run([*words, "--force"]) == 0
     assert (folder / "run" / "photo" / "scene.json").read_bytes() == made
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli.rollout_display import summary_lines
+from executor.cli.execution import summary_lines
 from executor.records import FailureKind, Peaks, Rollout
 from executor.reports.graph_picture import graph_picture
 from executor.reports.html import style, value_text

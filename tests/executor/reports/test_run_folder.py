@@ -13,7 +13,7 @@ import pytest
 
 import oag
 from bddl.files import atomic_path
-from executor.cli.rollout_display import summary_lines
+from executor.cli.execution import summary_lines
 from executor.records import Detour
 from executor.reports.run_folder import FolderUnusable, ResultsExist, RunFolder
 from executor.rollouts.run_record import RunRecord, filled_task, with_open_numbers

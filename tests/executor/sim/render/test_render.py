@@ -29,7 +29,9 @@ def pool() -> Iterator[RenderPool]:
 
 def test_every_sample_is_drawn_in_every_view(recording: Rollout, pool: RenderPool, tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
-    frames = render(recording, tmp_path, size=SIZE, pool=pool, listen=lambda done, total: seen.append((done, total)))
+    frames = render(
+        recording, tmp_path, size=SIZE, pool=pool, on_progress=lambda done, total: seen.append((done, total))
+    )
     assert frames.count == len(recording.trajectory.time_s) == 6
     assert frames.views["global"].shape == (6, 96, 128, 3)
     assert frames.views["head"].shape == frames.views["wrist"].shape == (6, 48, 64, 3)
@@ -63,7 +65,7 @@ def test_ctrl_c_ends_the_drawing_at_once_and_the_pool_goes_on(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render(recording, tmp_path / "first", size=SIZE, pool=pool, listen=stop)
+        render(recording, tmp_path / "first", size=SIZE, pool=pool, on_progress=stop)
     assert not pool._workers
     assert render(recording, tmp_path / "second", size=SIZE, pool=pool, views=("wrist",)).count == 6
 

@@ -52,7 +52,7 @@ def test_a_failure_leaves_no_file(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(tmp_path / "v.mp4", pictures(3), captions(3), listen=stop)
+        write_video(tmp_path / "v.mp4", pictures(3), captions(3), on_progress=stop)
     assert list(tmp_path.iterdir()) == []
 
 

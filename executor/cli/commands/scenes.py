@@ -1,57 +1,54 @@
-"""`scene2demo scenes`, `assets`, `assets import`: list packaged scenes and models; import a model from files."""
+"""`scene2demo scenes`: list packaged scenes; describe, check, draw or write a scene."""
 
 from __future__ import annotations
 
-import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+import tyro
 
-from bddl import format as written
 from bddl.files import atomic_path
 from bddl.terminal import pluralize
-from executor.assets.importers.importer import import_asset
-from executor.assets.importers.store import as_json
-from executor.assets.library import LIBRARY, kind
-from executor.assets.parameters import ModelEntry, NumericParameter, Range
-from executor.cli.command_options import AssetsOptions, ImportOptions, ScenesOptions
 from executor.cli.errors import BAD_INPUT, DONE, BadOption
-from executor.cli.inputs import refuse_existing
-from executor.cli.output import ERR, print_json, say, tell, tell_notes, tell_warnings
-from executor.scenes import library
-from executor.scenes.digital_cousins import SceneWithNotes
-from executor.scenes.file import complete_scene, load_with_notes
-from executor.scenes.generators import by_name
-from executor.scenes.validation import Issue, issues, raise_errors
-from executor.sim.render.stage import asset_sheet, render_scene
+from executor.cli.options import READ_SCENE, CommonOptions, Flag, Maybe, ReplaceFile
+from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
 from executor.system.files import write_json
-from oag import Scene
-from oag.model.forms import json_schema
+
+if TYPE_CHECKING:
+    from executor.scenes.digital_cousins import SceneWithNotes
+    from executor.scenes.validation import Issue
+    from oag import Scene
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    """List the scenes that have names, or tell what is in a scene, whether it can be, and how it looks.
+
+    What cannot be built, lies in another thing, is in mid-air or not where the facts say is an error. A
+    scene_k_info.json of Digital Cousins is furnished with models of the library.
+    """
+
+    scene: tyro.conf.Positional[Annotated[Maybe[str], READ_SCENE]] = None
+    """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
+    check: Flag = False
+    """Say all that is wrong with the scene, else what stands on or in what in it; the exit code is 2 or 0."""
+    picture: Maybe[Path] = None
+    """File for a picture of the scene, .png or .jpg; nothing is planned or moved. Needs a renderer."""
+    schema: Flag = False
+    """Print the JSON schema of scene files, for editors and other programs."""
+    out: Maybe[Path] = None
+    """File for the scene as this program reads it; its folder is made when absent."""
+    force: ReplaceFile = False
+
 
 PICTURES = (".png", ".jpg", ".jpeg")
 
 
-def execute(options: ScenesOptions | AssetsOptions | ImportOptions) -> int:
-    """List scenes or models; describe, check, draw or write a scene; or import a model; return 0.
+def execute(options: Options) -> int:
+    """List scenes, or describe, check, draw or write one; return 0, or 2 for a checked scene with errors."""
+    from oag.model.forms import json_schema
 
-    A checked scene with errors makes it 2.
-
-    Raises:
-        SceneError, SceneNotFound: There is no such scene, or it is not right; the message lists all errors.
-        ImportRefused: The files cannot be used.
-        BadOption: A file to write exists, or there is nothing to write into it.
-        RendererNotFound: A picture was requested, and nothing can draw one.
-    """
-    if isinstance(options, ScenesOptions):
-        return _scenes(options)
-    if isinstance(options, ImportOptions):
-        _import(options)
-    else:
-        _list_models(options)
-    return DONE
-
-
-def _scenes(options: ScenesOptions) -> int:
     if options.schema:
         print_json(json_schema())
     elif options.scene is not None and options.check:
@@ -67,8 +64,11 @@ def _scenes(options: ScenesOptions) -> int:
     return DONE
 
 
-def _list_scenes(options: ScenesOptions) -> None:
+def _list_scenes(options: Options) -> None:
     """Print the scenes by families."""
+    from executor.scenes import library
+    from executor.scenes.generators import by_name
+
     scenes = [library.load(name) for name in library.names()]
     rooms, kitchens = by_name.rooms(), by_name.kitchens()
     if options.json:
@@ -94,8 +94,11 @@ def _list_scenes(options: ScenesOptions) -> None:
         say(f"  {one.name:{width}}  {one.query}")
 
 
-def _show_scene(options: ScenesOptions, name: str) -> None:
+def _show_scene(options: Options, name: str) -> None:
     """Print the content of a scene, and write or draw it where requested."""
+    from executor.scenes.file import load_with_notes
+    from executor.scenes.validation import issues, raise_errors
+
     _refuse_outputs(options)
     found = load_with_notes(name)
     scene, wrong = found.scene, issues(found.scene)
@@ -118,8 +121,10 @@ def _show_scene(options: ScenesOptions, name: str) -> None:
         say(f"picture in {options.picture}")
 
 
-def _check_scene(options: ScenesOptions, name: str) -> int:
+def _check_scene(options: Options, name: str) -> int:
     """Print all errors of a scene, else the facts that follow; draw or write it where requested."""
+    from bddl import format as written
+
     _refuse_outputs(options)
     found, problems, misread, wrong = _examined(name)
     errors = [*problems, *(str(issue) for issue in wrong if issue.error)]
@@ -152,6 +157,11 @@ def _examined(name: str) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[
 
     These are the errors of its file, its reinterpreted values, and the flaws of the scene.
     """
+    from executor.scenes import library
+    from executor.scenes.digital_cousins import SceneWithNotes
+    from executor.scenes.file import complete_scene, load_with_notes
+    from executor.scenes.validation import issues
+
     path = library.file_of(name)
     if path is None or library.holds_cousins(path):
         found = load_with_notes(name)
@@ -163,7 +173,9 @@ def _examined(name: str) -> tuple[SceneWithNotes | None, tuple[str, ...], tuple[
     return SceneWithNotes(scene, ()), read.problems, read.warnings, issues(scene)
 
 
-def _refuse_outputs(options: ScenesOptions) -> None:
+def _refuse_outputs(options: Options) -> None:
+    from executor.cli.inputs import refuse_existing
+
     if options.out is not None:
         refuse_existing(options.out, force=options.force)
     if options.picture is not None:
@@ -172,7 +184,9 @@ def _refuse_outputs(options: ScenesOptions) -> None:
         refuse_existing(options.picture, force=options.force, option="--picture")
 
 
-def _draw(options: ScenesOptions, scene: Scene) -> None:
+def _draw(options: Options, scene: Scene) -> None:
+    from executor.sim.render.stage import render_scene
+
     if options.picture is None:
         return
     picture = render_scene(scene)
@@ -183,85 +197,3 @@ def _draw(options: ScenesOptions, scene: Scene) -> None:
 def _tell(found: SceneWithNotes, warnings: list[str]) -> None:
     tell_notes(found.notes)
     tell_warnings(warnings)
-
-
-def _list_models(options: AssetsOptions) -> None:
-    """Print each model with what it is and the ranges it varies in."""
-    if options.json:
-        print_json({"ok": True, "assets": [_described(entry) for entry in LIBRARY.values()]})
-    else:
-        width = max(len(model) for model in LIBRARY)
-        for entry in LIBRARY.values():
-            size = f"{entry.length} x {entry.width} x {entry.height} m"
-            say(f"{entry.model:{width}}  {entry.category} ({kind(entry).value}, {entry.synset})  {size}")
-            if entry.parameters:
-                say(f"{'':{width}}  {', '.join(str(parameter) for parameter in entry.parameters)}")
-    if options.sheet is not None:
-        _draw_models(options.sheet, options.seed)
-
-
-def _described(entry: ModelEntry) -> dict[str, object]:
-    return {
-        "model": entry.model,
-        "category": entry.category,
-        "synset": entry.synset,
-        "kind": kind(entry).value,
-        "role": kind(entry).role,
-        "size": {
-            name: _range(span) for name, span in zip("xyz", (entry.length, entry.width, entry.height), strict=True)
-        },
-        "parameters": [
-            {"name": p.name, "low": p.low, "high": p.high, "default": p.default, "whole": p.whole}
-            if isinstance(p, NumericParameter)
-            else {"name": p.name, "words": list(p.words), "default": p.words[0]}
-            for p in entry.parameters
-        ],
-    }
-
-
-def _range(span: Range) -> dict[str, object]:
-    return {"low": span.low, "high": span.high, "unit": "width" if span.of_width else "m"}
-
-
-def _draw_models(path: Path, seed: int) -> None:
-    picture = asset_sheet([entry.sample(seed) for entry in LIBRARY.values()])
-    with atomic_path(path) as temporary:
-        picture.save(temporary)
-    tell(f"wrote {path}")
-
-
-def _import(options: ImportOptions) -> None:
-    """Import the asset and prints what was found, with the lines that a scene needs."""
-    columns = (
-        TextColumn("splitting meshes into convex pieces"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=ERR, transient=True, disable=options.json or not ERR.is_terminal) as progress:
-        bar = progress.add_task("", total=None)
-        imported = import_asset(
-            options.source,
-            options.name,
-            category=options.category,
-            height_m=options.height_m,
-            side_file=options.side,
-            listen=lambda done, count: progress.update(bar, completed=done, total=count),
-        )
-    described = as_json(imported)
-    if options.json:
-        print_json({"ok": True, "asset": described})
-        return
-    size = " x ".join(f"{value:.3f}" for value in imported.stored.asset.extent_m)
-    say(f"{described['model']}  {described['category']} ({described['kind']})  {size} m")
-    for note in imported.stored.notes:
-        say(f"  {note}")
-    obj = imported.as_object(f"{described['category']}_0")
-    entry = {
-        "category": obj.category,
-        "model": obj.model,
-        "position": list(obj.position),
-        "bbox_extent": list(obj.bbox_extent),
-        "parameters": dict(obj.parameters),
-    }
-    say(f'in a scene:\n  "{obj.id}": {json.dumps(entry)}')
