@@ -24,8 +24,7 @@ from bddl.terminal import pluralize
 from executor.records import Rollout, SubtaskRecord, Trajectory
 from executor.sim.faults import Fault
 from executor.sim.render.cameras import VIEWS
-from executor.sim.render.frames import Picture, key_samples
-from executor.sim.render.pool import DEFAULT_SIZE, RenderFailed, RenderPool
+from executor.sim.render.frames import DEFAULT_SIZE, Picture, RenderFailed, RenderPool, key_samples
 from executor.system import vulkan
 from llm.errors import PicturesMissing
 from llm.evolve import AttemptObservation, GiveUp

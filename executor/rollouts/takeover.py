@@ -17,9 +17,9 @@ import numpy as np
 import bddl
 from bddl import Atom, Formula, Not
 from executor.geometry import Array
+from executor.planning.articulation_stances import gripped_handle
 from executor.planning.collision import FINGERS, NOTHING, Allowed, CollisionOracle, held_may_touch
 from executor.planning.collision import GRIPPER as HAND
-from executor.planning.handles import gripped_handle
 from executor.planning.paths import base_move
 from executor.planning.picks import HIGH_LIFTS_M
 from executor.planning.planner import ARM_MARGIN_M, BASE_HEADINGS_RAD

@@ -22,11 +22,11 @@ from executor.assets.footprint import Footprint, region_frame, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
-from executor.scenes.default_sizes import NoDefaultSize, complete_object, implausible_object_size
-from executor.scenes.digital_cousins import Arrangement, SceneWithNotes, from_cousins
-from executor.scenes.layout import EDGE_M, AtEdge, Clearance, place, robot_has_room
+from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
 from executor.scenes.library import file_of, holds_cousins
 from executor.scenes.library import load as load_named
+from executor.scenes.models import NoDefaultSize, complete_object, implausible_object_size
+from executor.scenes.placement import EDGE_M, AtEdge, Clearance, Placement, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
     derive_support_relations,
@@ -296,7 +296,7 @@ class _SceneCompletion:
                     refused = refused or f"found no free place on {support} ({region.name})"
                     continue
                 try:
-                    place(self._room, one, support, region=region.name, at=at, yaw_rad=turn_rad, clear=clear)
+                    place(self._room, one, Placement(support, region.name, at, yaw_rad=turn_rad, clear=clear))
                     return
                 except NoRoom as problem:
                     refused = refused or str(problem).partition(": ")[2]
@@ -332,10 +332,8 @@ class _SceneCompletion:
         start = RobotPose() if form is None else robot_of(form)
         if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
             return start
-        room = Arrangement()
-        room.objects.update(objects)
         try:
-            return replace(room.robot((0.0, 0.0)), scale=start.scale)
+            return replace(robot_near(objects, (0.0, 0.0)), scale=start.scale)
         except NoRoom as problem:
             raise SceneError(str(problem), source=self._document.source, hint="give the robot a position") from None
 

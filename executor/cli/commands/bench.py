@@ -35,7 +35,7 @@ from executor.cli.rollout_display import print_summary, summary_json
 from executor.reports.run_folder import RunFolder
 from executor.rollouts.run_record import RunRecord, evolution_json
 from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
-from executor.sim.render.pool import check_size
+from executor.sim.render.frames import check_size
 from executor.system.files import write_json, write_text
 
 WORKER = "executor.bench.worker"

@@ -21,7 +21,7 @@ from executor.cli.output import ERR, print_json, say, tell, tell_notes, tell_war
 from executor.scenes import library
 from executor.scenes.digital_cousins import SceneWithNotes
 from executor.scenes.file import complete_scene, load_with_notes
-from executor.scenes.generators import by_name
+from executor.scenes.generators import families
 from executor.scenes.validation import Issue, issues, raise_errors
 from executor.sim.render.stage import asset_sheet, render_scene
 from executor.system.files import write_json
@@ -68,9 +68,9 @@ def _scenes(options: ScenesOptions) -> int:
 
 
 def _list_scenes(options: ScenesOptions) -> None:
-    """Print the scenes by families."""
+    """Print the scenes by name."""
     scenes = [library.load(name) for name in library.names()]
-    rooms, kitchens = by_name.rooms(), by_name.kitchens()
+    rooms, kitchens = families.rooms(), families.kitchens()
     if options.json:
         fixed = [
             {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
@@ -89,7 +89,7 @@ def _list_scenes(options: ScenesOptions) -> None:
     say("kitchens drawn from a seed, T1 to T4: t1-SEED with any seed, such as")
     for one in kitchens:
         say(f"  {one.name:{width}}  {one.query}")
-    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {by_name.USUAL_SEED}")
+    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {families.USUAL_SEED}")
     for one in rooms:
         say(f"  {one.name:{width}}  {one.query}")
 

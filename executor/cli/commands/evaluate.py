@@ -38,7 +38,7 @@ from executor.learn.evaluation.trials import EpisodeStates, TrialConditions, dra
 from executor.learn.policy_record import LOSSES, PolicyRecord
 from executor.reports.run_folder import FolderUnusable
 from executor.scenes.file import scene_for
-from executor.sim.render.pool import check_size
+from executor.sim.render.frames import check_size
 from executor.sim.render.stage import shared_renderer
 from executor.system.files import write_json, write_text
 

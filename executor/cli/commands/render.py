@@ -17,7 +17,7 @@ from executor.data.store import EpisodeStore
 from executor.data.units import DemoUnit
 from executor.data.views import check_drawable
 from executor.scenes.vary import LARGEST_SEED
-from executor.sim.render.pool import check_size
+from executor.sim.render.frames import check_size
 
 
 def execute(options: RenderOptions) -> int:

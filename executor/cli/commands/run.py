@@ -35,7 +35,7 @@ from executor.rollouts.rollout import rollout
 from executor.rollouts.run_record import RunRecord
 from executor.scenes.file import scene_for
 from executor.scenes.validation import require_valid
-from executor.sim.render.pool import check_size
+from executor.sim.render.frames import check_size
 from executor.system import vulkan
 from llm import Image, ModelProposer, Proposal, propose
 from llm.structured.conversation import Spending
