@@ -110,8 +110,6 @@ def handles_to_open(world: World, object_id: str, later: Iterable[SimpleTask]) -
     door first.
 
     Args:
-        world: Where things are.
-        object_id: The articulated object.
         later: The subtasks that come after.
     """
     asset = world.assets[object_id]
@@ -223,7 +221,6 @@ def rigid_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]
     """Yield stances from which driving carries the joint to the action's end; none where driving cannot.
 
     Args:
-        work: What is to be moved.
         here: (3,) where the base stands.
     """
     if not driving_carries(work.joint, work.T_root):
@@ -418,7 +415,6 @@ def _rows_to(work: ArticulationTask, fraction: float, trajectory: ArticulationPa
 
 
 def _free_rows(work: ArticulationTask, trajectory: ArticulationPath, fingers: Allowed, push: Push | None) -> int:
-    """Return how many rows of a tracked motion are free, from the first on."""
     oracle, widest_m = work.planner.oracle, work.planner.kinematics.finger_upper_m
     holding_m = min(CORNERS * work.handle.thickness_m + 2 * ARC_CLEARANCE_M, widest_m)
     opening_m, allowed = (holding_m, NOTHING) if push is None else (0.0, fingers)
@@ -446,7 +442,6 @@ def tracked_path(work: ArticulationTask, q: Array, swing: Swing) -> tuple[Tracke
     """Return the path of a tracked motion from the hand's present pose, and how far off it stays [m].
 
     Args:
-        work: What is to be moved.
         q: (10,) with the handle in the gripper, or the closed gripper at the panel.
         swing: The planned motion.
     """
@@ -461,7 +456,6 @@ def motion_from_grasp(work: ArticulationTask, q: Array) -> Swing | None:
     """Return a tracked motion from the present grasp of the handle, for a grasp that was not planned for it.
 
     Args:
-        work: What is to be moved.
         q: (10,) with the handle in the gripper.
     """
     fingers = fingers_may_touch(f"{work.object_id}/{work.handle.link}")
@@ -519,8 +513,6 @@ def articulation_stances(
 
     Args:
         planner: Synchronised with the world.
-        world: Where things are.
-        object_id: The articulated object.
         handles: Those that will do, the preferred one first.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
         here: (3,) where the base stands.
@@ -548,7 +540,6 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     """Return a failure: how far the hand stays off the handle and at which joint limits, or the obstacle.
 
     Args:
-        work: What was to be moved.
         here: (3,) where the base stands.
     """
     oracle, kinematics, handle = work.planner.oracle, work.planner.kinematics, work.handle

@@ -59,12 +59,9 @@ def evolve(
         supervisor: Revises flows; by default by a search that measurements guide.
         limit: How many revisions a subtask may have.
         listen: Called when subtasks and steps begin and end, and when a flow is revised.
-        record_hz: Samples a second [Hz].
         vary: Whether the scene is varied by the seed.
-        faults: Deliberate faults, in experiments.
         frames: Draws failed attempts, for an inspector or supervisor that looks at pictures.
         physics: Settings that an experiment changes.
-        noise: Noise in the drive commands.
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:

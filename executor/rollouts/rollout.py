@@ -75,8 +75,6 @@ def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None)
     """Return whether a held item could not be put anywhere in its place, whatever the open numbers.
 
     Args:
-        record: The subtask's record.
-        subtask: The subtask.
         held: Id of the item in the gripper at the start.
     """
     chosen_here = any(action.unfilled for action in subtask.flow or ())
@@ -90,9 +88,7 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
     """Yield tasks in which an item is set down and taken again before it is put where a subtask wants it.
 
     Args:
-        task: The task as it is.
         index: Index of the subtask that found no place.
-        scene: The concrete scene.
 
     Returns:
         Ids of supports, first the one that it stood on, then the nearest ones to that, each with its task.
@@ -144,13 +140,8 @@ class Run:
 
     Args:
         graph: A composed task; it is verified first.
-        scene: The concrete scene.
-        seed: Seeds all planning.
         listen: Called when subtasks and steps begin and end.
-        record_hz: Samples a second [Hz].
-        faults: Deliberate faults, in experiments.
         physics: Settings that an experiment changes.
-        noise: Noise in the drive commands.
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Attributes:
@@ -227,7 +218,6 @@ class Run:
 
         Args:
             checkpoint: Where the first subtask begins.
-            first: Its index.
             first_step: Index of the step in its flow that it begins with.
             last: Index of the subtask before which it ends; by default it goes to the end.
         """
@@ -462,10 +452,8 @@ def rollout(
         scene: The nominal scene; the graph's own by default.
         seed: Seeds the scene's variation and all planning.
         listen: Called when subtasks and steps begin and end.
-        record_hz: Samples a second [Hz].
         vary: Whether the scene is varied by the seed.
         physics: Settings that an experiment changes.
-        noise: Noise in the drive commands.
         stances: How many are planned wherever one is chosen (`Session.stances`).
 
     Raises:
@@ -489,7 +477,6 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     The subtasks before are taken over unchanged; the trajectory has the resumed part alone.
 
     Args:
-        graph: The task that was executed.
         earlier: The earlier rollout, made with the default settings of `rollout`.
         subtask: Index of the subtask to start with.
         listen: As for `rollout`.

@@ -99,7 +99,6 @@ def hand_in(world: World) -> Hand:
 
 
 def _nearby(world: World) -> Allowed:
-    """Return which bodies are near to which of the hand's links."""
     found = set()
     for contact in world.contacts({ROBOT}):
         for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
@@ -115,7 +114,6 @@ def continuation(graph: ObjectActionGraph, subtask: int, world: World) -> Contin
     Args:
         graph: The whole task as it was at the start.
         subtask: Index of the one that is not done.
-        world: The present world.
     """
     hand, task = hand_in(world), graph.task
     now, *later = task.subtasks[subtask:]
@@ -270,8 +268,6 @@ def continue_plan(
         graph: The whole task, in its concrete scene, as it was at the start.
         start: The present state (`checkpoint_of`).
         subtask: Index of the one that is not done.
-        seed: Seeds planning.
-        record_hz: Samples a second [Hz].
         only_one: Whether to end after that subtask; all of the rest is proved nevertheless.
         stances: How many are planned wherever one is chosen (`Session.stances`).
         physics, noise: Those of the episode.

@@ -210,7 +210,6 @@ def stand_upright(cousin: Cousin, camera_m: Array, *, front: bool) -> UprightPos
     photograph shows fronts, so it is +x unless that faces away from the camera and -y faces it.
 
     Args:
-        cousin: The object.
         camera_m: Position of the camera in the world.
         front: Whether it has a front, such as a cabinet.
 

@@ -231,8 +231,6 @@ class _SceneCompletion:
         """Refuse places that are given twice or not at all.
 
         Args:
-            key: The object's id.
-            form: Its content.
             is_sized: Whether the file gives its size: such a file may be about facts alone.
         """
         fail = partial(self._document.fail, ("objects", key))
@@ -269,7 +267,6 @@ class _SceneCompletion:
             self._refuse(key, f"{support} stands on or in it in turn; give one of them a position")
 
     def _place(self, key: str, form: ObjectForm, one: SceneObject) -> None:
-        """Put an object on or in another one, at a free place."""
         support, kind = (form.on, "surface") if form.on is not None else (form.in_, "interior")
         if support is None:
             return
@@ -426,7 +423,6 @@ def scene_for(
     """Return the scene for a sentence: that of `load_scene`, with the floor if the sentence names it.
 
     Args:
-        query: The sentence.
         name_or_path: As for `load_scene`.
         full_size: Whether the robot is of full size, whatever the scene has.
         listen: Receives the differences between the scene and its file, in sentences.

@@ -202,7 +202,6 @@ def scatter(room: Room, models: Sequence[str], asked: Placement, count: int) -> 
 
 
 def _region(room: Room, obj: SceneObject, asked: Placement) -> Region:
-    """Return the named region, or the default one for the thing."""
     support, regions = asked.support, asset_for(room.objects[asked.support]).regions
     if asked.region is not None:
         named = [space for space in regions if space.name == asked.region]
@@ -222,7 +221,6 @@ def _cm(sides_m: Array) -> str:
 
 
 def _somewhere(room: Room, half: Array, free: Array, edge: AtEdge | None) -> tuple[float, float]:
-    """Draw a place in a region: anywhere, or near one of its edges."""
     rng = room.rng
     if edge is None:
         wide = np.maximum(free, 0.0)
@@ -237,7 +235,6 @@ def _somewhere(room: Room, half: Array, free: Array, edge: AtEdge | None) -> tup
 
 
 def _standing(obj: SceneObject, T_region: Array, local: Array, yaw_rad: float) -> Footprint:
-    """Return the thing's footprint at a place of a region."""
     x, y, _, _ = T_region @ [local[0], local[1], 0.0, 1.0]
     length, width, height = obj.extent_m
     low = float(T_region[2, 3])

@@ -187,7 +187,6 @@ def reach(scene: Scene, task: Task, listen: Callable[[int, int], None] = lambda 
 
 
 def _parts(scene: Scene, task: Task, search: ReachSearch, listen: Callable[[int, int], None]) -> Iterator[PartReach]:
-    """Yield the hand's objects and places, subtask by subtask."""
     assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
     pitches: dict[str, frozenset[float]] = {}  # Object id -> pitches at which it can be grasped.
     for index, subtask in enumerate(task.subtasks):

@@ -78,7 +78,6 @@ class Room:
     """A rectangle of floor around the origin, and the objects placed in it.
 
     Args:
-        name: Name of the scene.
         kind: Kind of the room, such as "kitchen", for the `inroom` facts of everything in it.
         rng: Source of all random draws.
         depth_m: Length along x.
@@ -271,7 +270,6 @@ class Perturbation:
         """Draw the perturbation of a target.
 
         Args:
-            thing: The target.
             draws: Returns the generator for a target's name.
             attempt: Number of the layout that it is drawn for, if several are tried.
         """
@@ -303,7 +301,6 @@ def against(
     A perturbed target is turned further; it stands so far from the wall that its corner has the gap.
 
     Args:
-        room: The room.
         wall: "east", "north", "west" or "south".
         obj: The piece, not yet placed.
         along_m: Position of its middle along the wall, from the wall's middle, positive to the left of who faces it.
@@ -338,7 +335,6 @@ def row(
     A perturbed target takes up its turned length, so that its neighbours keep their distance.
 
     Args:
-        room: The room.
         wall: As for `against`.
         pieces: The pieces, not yet placed.
         along_m: Position of the row's middle.

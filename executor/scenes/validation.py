@@ -435,7 +435,6 @@ def _swing(joint: Joint) -> tuple[float, float]:
 
 
 def _blocker(world: World, object_id: str, joint: Joint) -> str | None:
-    """Return the fixed furniture that a moving link overlaps, or None."""
     for contact in world.contacts({object_id}):
         owners = {contact.a.owner, contact.b.owner}
         links = {body.link for body in (contact.a, contact.b) if body.owner == object_id}

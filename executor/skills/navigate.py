@@ -491,7 +491,6 @@ def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...])
 
 
 def _nominal(session: Session, support: str) -> Drive | None:
-    """Return a journey to a place that faces the support with the arm as it is, or None."""
     world, planner, q = session.believed, session.planner, session.q
     regions = regions_for(session.world, session.subtask)
     if not regions:

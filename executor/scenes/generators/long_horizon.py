@@ -102,8 +102,6 @@ def furnish(
     """Place the row with the task's piece, possibly units along a side wall, and the table.
 
     Args:
-        room: The room, empty.
-        units: The kitchen's units.
         middle: The piece, not yet placed; it stands at the east wall.
         hinge: Side of its hinge, "left" or "right".
         front_m: Free floor in front of it, except in tight kitchens.
@@ -217,10 +215,7 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     """Put things on a support: some next to the target, the rest anywhere on it.
 
     Args:
-        room: The room.
-        support: Id of their support.
         target: Id of the target; None without one.
-        count: Largest number of things.
         leave_out: Models that would make the query ambiguous.
     """
     models = [model for model in PANTRY if model not in leave_out]
@@ -269,7 +264,6 @@ def finish(room: Room, leave_out: tuple[str, ...]) -> None:
 
 
 def _on_units(room: Room, leave_out: tuple[str, ...]) -> None:
-    """Put a microwave oven or a few things on bare units."""
     supports = {support for name in room.objects for support in room.holders(name)}
     bare = [obj.id for obj in room.objects.values() if obj.model in UNITS and obj.id not in supports]
     for unit in bare:
@@ -448,7 +442,6 @@ def _cup_kitchen(room: Room) -> None:
 
 
 def _cabinet_kitchen(room: Room) -> Table:
-    """Stands the cabinet, its neighbours and the table, and returns the table."""
     units = Units.drawn(room)
     cabinet = units.draw(room, one_of(room, *CABINETS), _CABINET)
     return furnish(room, units, cabinet, hinge="left", front_m=CABINET_FRONT_M)

@@ -63,7 +63,6 @@ class Solids:
         """Return the solid parts of a scene.
 
         Args:
-            scene: The concrete scene.
             joints: Id of an articulated object -> its joints [rad] or [m], in the asset's order; by default those of
                 the scene.
             poses: Id of an object -> (7,) position and quaternion w x y z of its root; by default those of the scene.
@@ -125,7 +124,6 @@ def joints_at_start(thing: SceneObject, asset: Asset | None = None) -> list[floa
     """Return the joints of an object when its scene is built, [rad] or [m], in the asset's order.
 
     Args:
-        thing: The object.
         asset: Its asset, where it is built already.
     """
     fraction = number(thing, "open_fraction", 0.0, 0.0, 1.0)
@@ -294,7 +292,6 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
     without subtasks is about all of them.
 
     Args:
-        scene: The concrete scene.
         aspect: Width of the pictures over their height.
         task: What it is to show.
     """
@@ -328,7 +325,6 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
     """Return (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures.
 
     Args:
-        scene: The scene.
         about: The objects that matter, with room for the robot around items; by default all, without that.
     """
     parts = [_robot_corners(scene)]
@@ -369,9 +365,7 @@ def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> 
     """Return (P, 3) world points spread over the room behind a door or drawer; none where it encloses nothing.
 
     Args:
-        scene: The concrete scene.
         object_id: What has the joint.
-        joint: The joint.
         position: Position of the joint, [rad] or [m]; what slides with it moves, too.
     """
     thing = scene.objects[object_id]
@@ -389,7 +383,6 @@ def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> 
 
 
 def _view_targets(scene: Scene, task: Task | None) -> Iterator[_ViewTarget]:
-    """Yield the view targets of a scene."""
     about = None if task is None else _objects_of(task)
     opened = None if task is None else {part.target for part in task.subtasks}
     closed = Solids.of(scene)
@@ -467,7 +460,6 @@ def _robot_corners(scene: Scene) -> Array:
 
 
 def _objects_of(task: Task) -> frozenset[str]:
-    """Return the objects that a task's simple tasks are about."""
     roles = ((part.target, part.support_init, part.support_goal) for part in task.subtasks)
     return frozenset(name for names in roles for name in names if name is not None)
 
@@ -516,7 +508,6 @@ def _side_view_score(scene: Scene, about: Collection[str], eye: Array) -> float:
 
 
 def _box(thing: SceneObject) -> tuple[Array, Array]:
-    """Return an object's bounding box: (4, 4) pose of its centre and (3,) half extents."""
     return transform_from_quaternion(thing.position, thing.orientation), np.asarray(thing.extent_m) / 2
 
 

@@ -66,7 +66,6 @@ class Frames:
         """Return a view's pictures at the common size; larger ones are averaged down over whole blocks of pixels.
 
         Args:
-            view: View name.
             indices: Which pictures; all of them by default.
         """
         pictures = self.views[view][indices or slice(None)]
@@ -154,8 +153,6 @@ def write_video(
 
     Args:
         path: The file; it appears only when it is complete.
-        frames: Pictures of each view.
-        captions: One for each picture.
         rate_hz: Recorded samples a second of simulated time.
         speed: How many times faster than real time it plays.
         listen: Called with the number of encoded pictures, and the total.
@@ -255,7 +252,6 @@ def _font(size_px: int) -> Font:
 
 
 def _fitted(draw: ImageDraw.ImageDraw, text: str, font: Font, room_px: float) -> str:
-    """Return the text, cut with an ellipsis where it is too long."""
     if draw.textlength(text, font=font) <= room_px:
         return text
     while text and draw.textlength(text + "...", font=font) > room_px:
@@ -318,12 +314,8 @@ def write_job(
     """Write a job, and empty arrays for its pictures, into a folder.
 
     Args:
-        folder: It exists.
-        scene: The concrete scene.
-        cameras: What to draw with.
         states: Packed physical states, one a picture.
         size: Width and height of the robot's own views.
-        shadows: Whether to draw shadows.
 
     Raises:
         ValueError: When there are no states, or they differ in length.
@@ -392,7 +384,6 @@ class RenderPool:
 
         Args:
             folder: Where the arrays go; it exists.
-            scene: The concrete scene.
             task: What the global camera is to show.
             states: Packed physical states of the scene, one a picture.
             views, size, shadows, listen: As for `render`.
@@ -481,7 +472,6 @@ def render(
         out_dir: Folder for the arrays (about 1 MB a sample at the default size); it is made when absent.
         views: Names out of `executor.sim.render.cameras.VIEWS`.
         size: Width and height of the robot's own views; the overview is drawn twice as large.
-        shadows: Whether to draw shadows.
         listen: Called with the number of samples done, and the total; from any thread, but never twice at once.
         pool: Worker processes to reuse; without one, they are started and ended here.
 

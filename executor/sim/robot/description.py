@@ -410,7 +410,6 @@ def _add_box(
     color: Iterable[float],
     name: str,
 ) -> None:
-    """Give a link a box as "visual", as "collision", or both."""
     for tag in tags:
         element = ET.SubElement(link, tag)
         ET.SubElement(element, "origin", xyz=_numbers(middle_m), rpy="0 0 0")
