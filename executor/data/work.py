@@ -40,7 +40,7 @@ from executor.records import Rollout, StepRecord, SubtaskRecord, Trajectory, act
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.recording import repeat_subtask
-from executor.rollouts.rollout import rollout
+from executor.rollouts.rollout import Conditions, rollout
 from executor.rollouts.run_record import attempt_after, describe_rollout, filled_task, pairs
 from executor.scenes.file import scene_for
 from executor.scenes.generators.families import pair_of, scene_name_for_seed, varies_with_seed, with_paper_flows
@@ -280,17 +280,12 @@ def make_unit(unit: DemoUnit) -> Made:
     """
     todo = prepare_unit(unit)
     graph = todo.graph
-    how: dict[str, Any] = {
-        "vary": False,
-        "record_hz": float(unit.recording.rate_hz),
-        "physics": physics_of(unit),
-        "noise": noise_of(unit),
-        "stances": unit.stances,
-    }
+    rate_hz = float(unit.recording.rate_hz)
+    conditions = Conditions(rate_hz, physics=physics_of(unit), noise=noise_of(unit), stances=unit.stances)
     if unit.evolve:
-        story = evolve(graph, graph.scene, unit.seed, **how)
+        story = evolve(graph, graph.scene, unit.seed, vary=False, conditions=conditions)
         return Made(todo, graph, story.rollout, story)
-    return Made(todo, graph, rollout(graph, graph.scene, unit.seed, **how))
+    return Made(todo, graph, rollout(graph, graph.scene, unit.seed, vary=False, conditions=conditions))
 
 
 def physics_of(unit: DemoUnit) -> Physics:

@@ -28,6 +28,7 @@ from executor.learn.evaluation.outcomes import OutcomeWatch
 from executor.learn.evaluation.trials import PlanGuide, StallWatch, environment_for, most_steps, pusher_of
 from executor.learn.observations import plan_of
 from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.rollout import Conditions
 from executor.rollouts.takeover import continue_plan
 from executor.sim.render.stage import shared_renderer
 from executor.system.workers import serve
@@ -78,16 +79,8 @@ class Corrector:
         env = self._environment(unit)
         moment = self._act_until_takeover(env, unit)
         episode, rate_hz = env.episode, float(unit.recording.rate_hz)
-        done = continue_plan(
-            episode.graph,
-            moment.start,
-            moment.subtask,
-            unit.seed,
-            rate_hz,
-            stances=unit.stances,
-            physics=episode.physics,
-            noise=noise_of(unit),
-        )
+        conditions = Conditions(rate_hz, physics=episode.physics, noise=noise_of(unit), stances=unit.stances)
+        done = continue_plan(episode.graph, moment.start, moment.subtask, unit.seed, conditions)
         takeover = {
             "policy": unit.takeover.policy if unit.takeover is not None else "",
             "because": moment.because,

@@ -23,15 +23,14 @@ from executor.planning.collision import GRIPPER as HAND
 from executor.planning.paths import base_move
 from executor.planning.picks import HIGH_LIFTS_M
 from executor.planning.planner import ARM_MARGIN_M, BASE_HEADINGS_RAD
-from executor.records import Rollout, ignore
+from executor.records import Rollout
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import picked_up
-from executor.rollouts.rollout import Run
+from executor.rollouts.rollout import Conditions, Run
 from executor.sim.detectors import GRIPPER, UnknownObject, fingers_touching, read, touching_bodies
-from executor.sim.engine import GROUND, ROBOT, STANDARD, Physics
+from executor.sim.engine import GROUND, ROBOT
 from executor.sim.world import World
 from executor.skills.session import Hand
-from executor.skills.trajectories import NO_NOISE, CommandNoise
 from oag import Action, ActionFlow, ObjectActionGraph, Primitive, Scene, SimpleTask, compose
 from oag.model.symbols import ARTICULATIONS
 
@@ -255,12 +254,9 @@ def continue_plan(
     start: Checkpoint,
     subtask: int,
     seed: int,
-    record_hz: float,
+    conditions: Conditions,
     *,
     only_one: bool = False,
-    stances: int = 1,
-    physics: Physics = STANDARD,
-    noise: CommandNoise = NO_NOISE,
 ) -> Continued:
     """Go on with a task's plan from a checkpoint that something else came to, and return the outcome.
 
@@ -268,18 +264,17 @@ def continue_plan(
         graph: The whole task, in its concrete scene, as it was at the start.
         start: The present state (`checkpoint_of`).
         subtask: Index of the one that is not done.
+        conditions: As for the episode.
         only_one: Whether to end after that subtask; all of the rest is proved nevertheless.
-        stances: How many are planned wherever one is chosen (`Session.stances`).
-        physics, noise: Those of the episode.
 
     Raises:
         PlanRefused: The rest of the plan is not proved from here; nothing was moved.
     """
-    world, control = start.restore(graph.scene, lambda: None, physics=physics)
+    world, control = start.restore(graph.scene, lambda: None, physics=conditions.physics)
     with world:
         control.settle(world.timestep_s)  # Contacts are found by stepping.
         how = continuation(graph, subtask, world)
-    run = Run(how.graph, graph.scene, seed, ignore, record_hz, (), physics, noise, stances)
+    run = Run(how.graph, graph.scene, seed, conditions=conditions)
     last = 1 if only_one else None
     rollout = run.from_checkpoint(start, 0, first_step=how.first_step, last=last)
     return Continued(rollout, how, run.after)

@@ -25,6 +25,7 @@ from executor.cli.rollout_display import RolloutProgress
 from executor.records import readable
 from executor.reports.run_folder import RunFolder, episode_folder
 from executor.rollouts.evolution_record import Evolution, EvolutionInterrupted
+from executor.rollouts.rollout import Conditions
 from executor.rollouts.run_record import RunRecord, evolution_json
 from executor.sim.faults import KINDS, Fault, NavigationOffset, PoseError, fault_json
 from executor.system.extras import MissingExtra
@@ -230,7 +231,9 @@ def _episodes(
                 continue
             began = time.perf_counter()
             drawn = tuple(words.drawn(seed) for words in faults)
-            done = judging.evolve(graph, seed=seed, limit=options.limit, listen=progress, faults=drawn)
+            done = judging.evolve(
+                graph, seed=seed, limit=options.limit, listen=progress, conditions=Conditions(faults=drawn)
+            )
             stopped = "" if done.succeeded else judging.stopped
             episode_result = evolution_json(done) | {"wall_s": time.perf_counter() - began, "stopped": stopped}
             if seed in folders:

@@ -31,7 +31,7 @@ from executor.cli.rollout_display import RolloutProgress, print_summary, summary
 from executor.records import RolloutInterrupted
 from executor.reports.run_folder import RunFolder
 from executor.rollouts.evolution_record import EvolutionInterrupted
-from executor.rollouts.rollout import rollout
+from executor.rollouts.rollout import Conditions, rollout
 from executor.rollouts.run_record import RunRecord
 from executor.scenes.file import scene_for
 from executor.scenes.validation import require_valid
@@ -147,7 +147,13 @@ def _execute_plan(record: RunRecord, options: RunOptions) -> RunRecord:
     interrupted = False
     try:
         with RolloutProgress(quiet=options.json) as progress:
-            done = rollout(record.graph, record.graph.scene, options.seed, listen=progress, record_hz=options.record_hz)
+            done = rollout(
+                record.graph,
+                record.graph.scene,
+                options.seed,
+                listen=progress,
+                conditions=Conditions(record_hz=options.record_hz),
+            )
     except RolloutInterrupted as stop:
         done, interrupted = stop.partial, True
     wall = {"planning and physics": time.perf_counter() - began}
@@ -172,7 +178,11 @@ def _evolve_plan(record: RunRecord, options: RunOptions, folder: RunFolder) -> R
     ):
         try:
             evolution = judging.evolve(
-                record.graph, seed=options.seed, limit=options.limit, listen=progress, record_hz=options.record_hz
+                record.graph,
+                seed=options.seed,
+                limit=options.limit,
+                listen=progress,
+                conditions=Conditions(record_hz=options.record_hz),
             )
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True

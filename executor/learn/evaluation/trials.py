@@ -26,6 +26,7 @@ from executor.learn.evaluation.outcomes import AFTER_S, HOLDS_S, EpisodeOutcome,
 from executor.learn.evaluation.scores import drawn_numbers
 from executor.learn.observations import plan_of
 from executor.records import FailureKind, PlanRefused
+from executor.rollouts.rollout import Conditions
 from executor.rollouts.takeover import continue_plan
 from executor.scenes.generators.families import Family
 from executor.sim.render.cameras import cameras_for
@@ -132,9 +133,8 @@ def run_planner_help(
                 env.checkpoint(),
                 min(int(info["stage"]), most),
                 seed + attempts,
-                rate_hz,
+                Conditions(rate_hz, physics=episode.physics),
                 only_one=because == "stalled",
-                physics=episode.physics,
             )
         except PlanRefused:
             failure = "plan-refused"

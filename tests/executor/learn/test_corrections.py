@@ -26,6 +26,7 @@ from executor.learn.demonstrations import read_demonstrations
 from executor.learn.evaluation.outcomes import OutcomeWatch
 from executor.learn.policy_record import PolicyRecord, policy_key
 from executor.learn.training import Trainer
+from executor.rollouts.rollout import Conditions
 from executor.rollouts.takeover import continue_plan
 from tests.executor.learn.conftest import small
 from tests.executor.learn.test_commands import last_json
@@ -71,7 +72,7 @@ def test_the_planner_goes_on_with_what_is_in_the_hand(picked: EpisodeStore) -> N
         env.step(target.astype(np.float32))
     start = env.checkpoint()
     assert start.held == "glass_0" and start.gripped is None
-    done = continue_plan(env.episode.graph, start, 0, 1, 10.0)
+    done = continue_plan(env.episode.graph, start, 0, 1, Conditions(record_hz=10.0))
     assert [action.primitive.value for action in done.how.graph.task.subtasks[0].flow or ()] == [7]
     assert done.how.graph.verify() and done.rollout.succeeded
     env.resume(done.after)
@@ -80,7 +81,7 @@ def test_the_planner_goes_on_with_what_is_in_the_hand(picked: EpisodeStore) -> N
     env.reset(seed=0)
     for _ in range(12):
         env.step(np.array([*env.target[:10], 0.0, 0.0], np.float32))
-    again = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, 10.0)
+    again = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, Conditions(record_hz=10.0))
     assert [action.primitive.value for action in again.how.graph.task.subtasks[0].flow or ()] == [5, 17, 1, 2, 3, 7]
     assert again.rollout.succeeded
     env.close()
@@ -179,7 +180,7 @@ def test_a_robot_that_leans_on_something_slides_off_it_first(picked: EpisodeStor
         if np.hypot(*(env.target - np.array(env.world.robot.get_qpos()))[:2]) > 0.02:
             break
         target = env.target
-    done = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, 10.0)
+    done = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, Conditions(record_hz=10.0))
     flow = [action.primitive.value for action in done.how.graph.task.subtasks[0].flow or ()]
     assert flow[0] == 5 and flow[1] in (13, 14, 15, 16) and flow[2:] == [17, 1, 2, 3, 7]
     assert done.how.graph.verify() and done.rollout.succeeded

@@ -12,7 +12,7 @@ import pytest
 
 import oag
 from executor.records import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
-from executor.rollouts.rollout import resume, rollout
+from executor.rollouts.rollout import Conditions, resume, rollout
 from executor.scenes import library
 from oag.measurements import measurements_json
 from tests.executor.rollouts.tasks import (
@@ -34,7 +34,7 @@ FASTEST_OBJECT_M_S = 2.0
 @pytest.fixture(scope="module")
 def t3_rollout() -> Iterator[Rollout]:
     """One run of T3, recorded at 20 Hz."""
-    yield rollout(t3(), seed=1, record_hz=20.0)
+    yield rollout(t3(), seed=1, conditions=Conditions(record_hz=20.0))
 
 
 def test_t1_succeeds_and_says_how(t1_rollout: Rollout) -> None:
