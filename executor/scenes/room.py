@@ -33,11 +33,11 @@ import numpy as np
 
 import bddl
 from executor.assets import library
-from executor.assets.footprint import Footprint, gaps_m, open_fraction
+from executor.assets.footprint import Footprint, gaps_m
 from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
+from executor.scenes.support_relations import door_states
 from oag import RobotPose, Scene, SceneObject
 from oag.model.symbols import Kind
-from oag.primitives.table import OPEN_FRACTION
 
 WALLS: Mapping[str, float] = MappingProxyType(
     {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
@@ -207,13 +207,9 @@ class Room:
 
     def scene(self) -> Scene:
         """Return the scene, with facts on support relations, door states, and the room of everything."""
-        facts: list[bddl.Formula] = [*self._relations]
-        for obj in self.objects.values():
-            if obj.kind.name == "ARTICULATED":
-                state = bddl.Atom("open", (obj.id,))
-                facts.append(state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state))
-        facts += [bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects]
-        return Scene(self.name, self.robot, dict(self.objects), tuple(facts), CLOSED)
+        in_room = (bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects)
+        facts: tuple[bddl.Formula, ...] = (*self._relations, *door_states(self.objects.values()), *in_room)
+        return Scene(self.name, self.robot, dict(self.objects), facts, CLOSED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,8 +55,8 @@ def pair_of(
         family: "T1" to "T6".
         seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
-        keep_sizes: Whether nothing is scaled to the gripper.
-        full_size: Whether the robot is of full size.
+        keep_sizes: Whether sizes are not scaled to the gripper.
+        full_size: Whether the robot is of full size, not the paper's 0.7.
         changes: Deviations from what the seed alone gives.
 
     Raises:

@@ -300,9 +300,7 @@ def pair(
     Args:
         seed: Any integer from 0.
         index: 0 to 101.
-        keep_sizes: Whether sizes are not scaled to the gripper.
-        full_size: Whether the robot is of full size, not the paper's 0.7.
-        changes: Changes beyond the seed.
+        keep_sizes, full_size, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
         IndexError: There is no pair of that index.

@@ -325,9 +325,7 @@ def draw(
     Args:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
-        keep_sizes: Whether sizes are not scaled to the gripper.
-        full_size: Whether the robot is of full size, not the paper's 0.7.
-        changes: Changes beyond the seed.
+        keep_sizes, full_size, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
         ValueError: There is no such family.
