@@ -32,7 +32,7 @@ from bddl.ast import (
     literals,
 )
 from bddl.diagnostics import CODES, MEANINGS, SLIPS, BDDLError, Code, Diagnostic, Slip
-from bddl.dialects import PROFILES, Profile
+from bddl.dialects import PREDICATES, PROFILES, PredicateSpec, Profile, near_names
 from bddl.errors import (
     CountedWildcard,
     IllegalName,
@@ -42,7 +42,6 @@ from bddl.errors import (
     SolverMissing,
     UnknownPairSemantics,
     UnknownProfile,
-    WrongState,
 )
 from bddl.evaluation import State, evaluate
 from bddl.parser import check, parse, parse_domain, parse_formula
@@ -59,10 +58,8 @@ from bddl.problem import (
     SceneStyle,
     TypedObject,
 )
-from bddl.vocabulary import PREDICATES, PredicateSpec, near_names
 
 if TYPE_CHECKING:
-    from bddl.evaluation import CompiledGoal, TotalState, compile_goal
     from bddl.grounding import Ground, GroundNode, PairSemantics, ground
     from bddl.lint import analyse
     from bddl.printer import lay_out
@@ -71,27 +68,24 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CODES", "MEANINGS", "PREDICATES", "PROFILES", "SLIPS", "And", "Atom", "BDDLError", "Binder", "Code",
-    "CompiledGoal", "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate",
+    "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate",
     "Exists", "ForAll", "ForN", "ForNPairs", "ForPairs", "Formula", "GoalProgress", "Ground", "GroundNode",
     "IllegalName", "Imply", "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired", "Option", "Or",
     "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region", "Scene2DemoError", "SceneStyle",
-    "SearchLimit", "Slip", "SolverMissing", "Span", "State", "TotalState", "TypedObject", "UnknownPairSemantics",
-    "UnknownProfile", "WrongState", "analyse", "atoms", "check", "compile_goal", "conjuncts", "correct", "evaluate",
+    "SearchLimit", "Slip", "SolverMissing", "Span", "State", "TypedObject", "UnknownPairSemantics",
+    "UnknownProfile", "analyse", "atoms", "check", "conjuncts", "correct", "evaluate",
     "format", "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain", "parse_formula",
 ]  # fmt: skip
 
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
-    "CompiledGoal": "bddl.evaluation",
     "Correction": "bddl.repair",
     "GoalProgress": "bddl.progress",
     "Ground": "bddl.grounding",
     "GroundNode": "bddl.grounding",
     "Option": "bddl.progress",
     "PairSemantics": "bddl.grounding",
-    "TotalState": "bddl.evaluation",
     "analyse": "bddl.lint",
-    "compile_goal": "bddl.evaluation",
     "correct": "bddl.repair",
     "ground": "bddl.grounding",
     "lay_out": "bddl.printer",

@@ -22,7 +22,7 @@ from bddl.ast import (
     literals,
 )
 from bddl.diagnostics import Reporter
-from bddl.dialects import Profile
+from bddl.dialects import ROOM, Profile, near_names
 from bddl.lexer import Group, Item, Word, form_text, words_in
 from bddl.problem import (
     ROOT_CATEGORY,
@@ -45,18 +45,12 @@ from bddl.sections import (
     read_name,
     report_unknown,
 )
-from bddl.vocabulary import ROOM, near_names
 
 
-def read_problem(
-    group: Group, profile: Profile, scene: Mapping[str, str] | None, domain: Domain | None, reporter: Reporter
-) -> Problem | None:
-    """Return the problem that a form defines, or None after reporting a mistake.
-
-    The arguments are those of `ProblemDraft`.
-    """
-    draft = ProblemDraft(profile, reporter, scene, domain)
-    _use_domain(draft, domain.name if domain is not None else next(iter(profile.domains), UNNAMED))
+def read_problem(group: Group, profile: Profile, scene: Mapping[str, str] | None, reporter: Reporter) -> Problem | None:
+    """Return the problem that a form defines, or None after reporting a mistake."""
+    draft = ProblemDraft(profile, reporter, scene)
+    _use_domain(draft, next(iter(profile.domains), UNNAMED))
     names = SectionNames(
         f"profile `{profile.name}`",
         "problem",
@@ -94,21 +88,16 @@ def _read_domain(draft: ProblemDraft, sections: Sequence[Group]) -> None:
     if word is None:
         return
     name = word.key if profile.folds_case else word.text
-    legal = (draft.given.name,) if draft.given is not None else tuple(profile.domains)
-    if legal and name not in legal:
+    if profile.domains and name not in profile.domains:
         message = f"The profile `{profile.name}` has no domain `{word.text}`."
-        if draft.given is not None:
-            message = f"The domain that was given is `{draft.given.name}`, not `{word.text}`."
-        report_unknown(reporter, "unknown-domain", word.span, message, name, legal)
+        report_unknown(reporter, "unknown-domain", word.span, message, name, tuple(profile.domains))
         return
     _use_domain(draft, name)
 
 
 def _use_domain(draft: ProblemDraft, name: str) -> None:
     draft.domain = name
-    if draft.given is not None:
-        draft.profile = draft.profile.for_domain(draft.given.specs)
-    elif name in draft.profile.domains:
+    if name in draft.profile.domains:
         draft.profile = draft.profile.for_domain(draft.profile.domains[name])
 
 
@@ -198,7 +187,6 @@ _MADE_BY = {"water.n.06": "washer.n.03"}
 
 
 def _check_kinematics(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Report denied positions: a simulator can place an object somewhere, but not nowhere."""
     for literal in problem.init:
         atom = literal.body if isinstance(literal, Not) else None
         if isinstance(atom, Atom) and literal.span is not None:
@@ -277,7 +265,6 @@ _FUTURE_PREDICATES = frozenset({"future", "insource"})
 
 
 def _report_described(problem: Problem, futures: Mapping[str, Span | None], reporter: Reporter) -> None:
-    """Report literals of :init about the state or the position of an object that does not exist."""
     for literal, span in init_literals(problem):
         name = next((name for name in literal.atom.args if name in futures), "")
         if name and literal.value and literal.atom.predicate not in _FUTURE_PREDICATES and span is not None:
@@ -291,7 +278,6 @@ def _report_described(problem: Problem, futures: Mapping[str, Span | None], repo
 
 
 def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str], reporter: Reporter) -> None:
-    """Warn of `real` about objects that all exist from the start."""
     for atom in affirmed(problem.goal):
         name = atom.args[0] if atom.predicate == "real" and atom.args else ""
         category = ranges.get(name)
@@ -309,7 +295,6 @@ def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str],
 
 
 def _check_wildcards(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Report wildcards that are not the last of their category, or that occur outside (inroom ...)."""
     if not any(item.name.endswith(WILDCARD) for item in problem.objects):
         return
     for item, following in pairwise(problem.objects):
@@ -429,7 +414,6 @@ def _predicates(items: Sequence[Item], reporter: Reporter) -> tuple[DomainPredic
 
 
 def _parameters(pairs: Sequence[tuple[Word, str]], reporter: Reporter) -> tuple[Binder, ...]:
-    """Return the parameters of a predicate; those that are no variables are reported."""
     parameters: list[Binder] = []
     for word, kind in pairs:
         name = word.key.removeprefix("?")

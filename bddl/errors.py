@@ -102,25 +102,6 @@ class SolverMissing(RuntimeError):
 
 
 @dataclass(eq=False, repr=False)
-class WrongState(ValueError):
-    """Raised when a compiled goal is given a state that does not fit it.
-
-    Attributes:
-        atoms: How many atoms the goal depends on.
-        got: What was given, in words.
-    """
-
-    atoms: int
-    got: str
-
-    def __str__(self) -> str:
-        return (
-            f"{self.got} is no state of this goal: give a value for each of its {self.atoms} atoms in the order of "
-            "`goal.atoms`, a set of the atoms that are true, or a mapping from atoms to values."
-        )
-
-
-@dataclass(eq=False, repr=False)
 class SearchLimit(RuntimeError):
     """Raised when a search has used up its steps before it knows whether there is more to find."""
 

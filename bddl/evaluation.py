@@ -1,6 +1,4 @@
-"""Truth of formulas in states: partly known (strong Kleene logic), complete, or many at once.
-
-`evaluate` interprets a formula; `compile_goal` prepares one that is evaluated often.
+"""Truth of formulas in states that are known in part, by strong Kleene logic.
 
 Pairs are decided by a matching algorithm of our own, since tables of three rows need an answer in a few microseconds.
 Libraries first build a graph or a sparse matrix, which takes longer than the answer.
@@ -8,36 +6,13 @@ Libraries first build a graph or a sparse matrix, which takes longer than the an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence, Set, Sized
-from functools import reduce
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence, Set
 from itertools import repeat
-from operator import and_, or_
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 from bddl.ast import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
-from bddl.errors import WrongState
-from bddl.grounding import (
-    All,
-    AtLeast,
-    Exactly,
-    GroundNode,
-    Leaf,
-    Matching,
-    Members,
-    Negation,
-    PairSemantics,
-    Some,
-    check_pair_semantics,
-    children,
-    ground,
-    operands_first,
-    smaller_side,
-)
+from bddl.grounding import Members, PairSemantics, check_pair_semantics, smaller_side
 from bddl.problem import Objects
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
 
 # An atom as text: its predicate and its arguments. Many simulators keep their state so.
 Fact: TypeAlias = tuple[str, ...]
@@ -55,27 +30,19 @@ def evaluate(
 ) -> bool | None:
     """Decide whether a formula holds in a state, as far as the state is known.
 
-    An unknown atom leaves the formula unknown unless the known ones decide it. Operands are evaluated from left to
-    right, and evaluation stops as soon as the value is decided; the table of a `forpairs` is read in full. A
-    quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is false. A
-    wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
+    The value is True or False when every completion of the state agrees on that by Kleene's tables, else None. Operands
+    are evaluated from left to right, and evaluation stops as soon as the value is decided; the table of a `forpairs` is
+    read in full. A quantifier over a category without objects is vacuous: `forall` and `forpairs` are true, `exists` is
+    false. A wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
 
     Args:
         formula: Any formula, of any depth.
-        state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-            unknown. The keys are atoms, or tuples such as `("open", "fridge_0")`, or some of each.
+        state: A mapping in which an absent atom is unknown, or a function that returns None for unknown. The keys are
+            atoms, or tuples such as `("open", "fridge_0")`, or some of each.
         objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
             `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
-
-    Returns:
-        True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
-
-    Raises:
-        ObjectsRequired: A quantifier was met and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
-        TypeError: The formula, the state, the objects or the value of an atom is nothing of the kind.
 
     Source: docs/bddl.md, Truth; the reference implementation is two-valued and does not stop early.
 
@@ -116,7 +83,6 @@ def evaluate(
 
 
 def _form(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Form:
-    """Return the generator that evaluates a form other than an atom."""
     match node:
         case And(parts=parts):
             return _junction(zip(parts, repeat(bindings)), False)
@@ -206,19 +172,12 @@ def _value_of(name: str, bindings: _Bindings) -> str:
 
 
 def lookup(state: State) -> Callable[[Atom], bool | None]:
-    """Return the function from an atom to its value in a state, None where that is unknown.
-
-    Raises:
-        TypeError: The state is neither a mapping from atoms or tuples nor a function.
-    """
+    """Return the function from an atom to its value in a state, None where that is unknown."""
     given: Any = state
     if not isinstance(given, Mapping):
         if callable(given):
             return cast("Callable[[Atom], bool | None]", given)
-        advice = (
-            " A set says what is true and not what is unknown: give a mapping, or compile the goal, which takes sets "
-            "for complete states."
-        )
+        advice = " A set says what is true and not what is unknown: give a mapping."
         raise TypeError(
             f"A state is a mapping from atoms to values or a function of an atom, not {state!r:.80}."
             + (advice if isinstance(given, Set) else "")
@@ -253,11 +212,7 @@ def _no_key(key: object) -> TypeError:
 
 
 def truth_value(value: object) -> bool:
-    """Return a value as a plain bool: 1 and 0 count, and so do the booleans of numpy.
-
-    Raises:
-        TypeError: It is another value; a probability, for example, is no truth value.
-    """
+    """Return a value as a plain bool: 1, 0 and the booleans of numpy count; a probability is no truth value."""
     try:
         if value in (True, False):
             return bool(value)
@@ -267,15 +222,7 @@ def truth_value(value: object) -> bool:
 
 
 def known_bits(atoms: Sequence[Atom], state: State) -> tuple[int, int]:
-    """Return which atoms are true in a state and which are false, as sets of bits; the others are unknown.
-
-    Args:
-        atoms: The atoms; bit i stands for the i-th.
-        state: As for `evaluate`.
-
-    Raises:
-        TypeError: It is no state, or the value of an atom is none.
-    """
+    """Return which atoms are true in a state and which are false, as sets of bits; the others are unknown."""
     known = lookup(state)
     values = [None if (value := known(atom)) is None else truth_value(value) for atom in atoms]
     return as_bits([value is True for value in values]), as_bits([value is False for value in values])
@@ -285,204 +232,6 @@ def as_bits(flags: Sequence[bool]) -> int:
     """Return the number whose bit i is the i-th flag."""
     # Reading binary digits takes linear time, setting bits one by one quadratic.
     return int("".join(["1" if flag else "0" for flag in reversed(flags)]) or "0", 2)
-
-
-# A packed state; the true atoms, as atoms or as facts; values by atom; or values in the order of some atoms.
-TotalState: TypeAlias = int | Set[Atom] | Set[Fact] | Mapping[Atom, bool] | Mapping[Fact, bool] | Sequence[bool]
-# The states in which something holds, as a set of bits: one evaluation serves one state or a thousand.
-_States: TypeAlias = int
-
-
-class CompiledGoal:
-    """A formula over the objects of one scene, ready to be evaluated; made by `compile_goal`.
-
-    Attributes:
-        atoms: The distinct ground atoms that it depends on; their order is that of every state given by position.
-        conditions: The parts of the formula as it is written, if it is a conjunction; else the formula alone. A
-            conjunction inside it stays whole. BEHAVIOR reports success in these units.
-    """
-
-    __slots__ = ("_conditions", "_facts", "_steps", "atoms", "conditions")
-
-    def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
-        self.conditions = formula.parts if isinstance(formula, And) else (formula,)
-        grounded = ground(And(self.conditions), objects, pairs)
-        self.atoms = grounded.atoms
-        self._facts = [atom.label for atom in self.atoms]
-        nodes = list(operands_first(grounded.root))
-        place = {id(node): node.atom for node in nodes if isinstance(node, Leaf)}
-        # The values of the atoms come first, then those of the other nodes, each after its operands.
-        forms = [node for node in nodes if not isinstance(node, Leaf)]
-        place |= {id(node): len(self.atoms) + number for number, node in enumerate(forms)}
-        self._steps = [(node, [place[id(part)] for part in children(node)]) for node in forms]
-        self._conditions = [place[id(part)] for part in children(grounded.root)]
-
-    def pack(self, state: TotalState) -> int:
-        """Return a complete state as a number whose bit i is the value of `atoms[i]`.
-
-        Keep a packed state that is evaluated more than once, or that changes by a bit at a time.
-
-        Args:
-            state: A set of what is true, as atoms or as tuples such as `("ontop", "glass_0", "table_0")`; or a mapping
-                from atoms to values, absent ones being false; or a list of values in the order of `atoms`. Atoms that
-                the goal does not depend on are ignored, since a simulator's state is about all there is; so a slip in
-                the name of an atom reads as if it were false (`state - set(goal.atoms)` has it).
-
-        Raises:
-            WrongState: It is none of these, has another number of values than there are atoms, or has a value that
-                is neither true nor false.
-        """
-        width = len(self.atoms)
-        if type(state) is int:
-            if state < 0 or state.bit_length() > width:
-                size = "negative" if state < 0 else f"of {state.bit_length()} bits, where a packed state has {width},"
-                raise WrongState(width, f"a number that is {size}")
-            return state
-        given: Any = state
-        if isinstance(given, Set | Mapping):
-            first = next(iter(given), None)
-            if not isinstance(first, Atom | tuple | None):
-                raise WrongState(width, f"a collection of {type(first).__name__}, such as {first!r:.40},")
-            names: Sequence[Any] = self._facts if isinstance(first, tuple) else self.atoms
-            if isinstance(given, Set):
-                return as_bits([name in given for name in names])
-            given = [given.get(name, False) for name in names]
-        if not isinstance(given, Iterable) or isinstance(given, str) or not isinstance(given, Sized):
-            raise WrongState(width, f"a {type(state).__name__}")
-        if len(given) != width:
-            raise WrongState(width, f"{len(given)} values")
-        try:
-            return as_bits([truth_value(value) for value in given])
-        except TypeError:
-            kind = "list" if isinstance(state, Mapping) else type(state).__name__
-            raise WrongState(width, f"a {kind} with values other than true and false") from None
-
-    def evaluate(self, state: TotalState) -> bool:
-        """Decide whether the formula holds in a complete state, packed or in any form that `pack` takes.
-
-        Raises:
-            WrongState: The state is in none of these forms.
-        """
-        return all(self.evaluate_conditions(state))
-
-    def evaluate_conditions(self, state: TotalState) -> tuple[bool, ...]:
-        """Decide for each condition whether it holds in a complete state.
-
-        Raises:
-            WrongState: The state is in none of the forms that `pack` takes.
-        """
-        bits = self.pack(state)
-        values = self._values([bits >> place & 1 for place in range(len(self.atoms))], 1)
-        return tuple([bool(values[place]) for place in self._conditions])
-
-    def evaluate_batch(self, states: ArrayLike) -> NDArray[np.bool_]:
-        """Decide for many complete states at once which conditions hold; the formula holds where all of them do.
-
-        Args:
-            states: Boolean values, shape (states, atoms): one row for each state, its values in the order of `atoms`.
-                Each condition is worked out in all of them at once, so a few hundred cost little more than one.
-
-        Returns:
-            Boolean values, shape (states, conditions).
-
-        Raises:
-            WrongState: The array has another shape, or values that are neither true nor false.
-        """
-        import numpy as np
-
-        given = np.asarray(states)
-        if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
-            raise WrongState(len(self.atoms), "an array with values other than true and false")
-        table = given.astype(np.bool_, copy=False)
-        if table.ndim != 2 or table.shape[1] != len(self.atoms):
-            raise WrongState(len(self.atoms), f"an array of shape {table.shape}")
-        count = table.shape[0]
-        bits = np.packbits(table.T, axis=1, bitorder="little")
-        values = self._values([int.from_bytes(row.tobytes(), "little") for row in bits], (1 << count) - 1)
-        length = bits.shape[1]
-        data = b"".join([values[place].to_bytes(length, "little") for place in self._conditions])
-        bits = np.frombuffer(data, dtype=np.uint8).reshape(len(self._conditions), length)
-        return np.unpackbits(bits, axis=1, count=count, bitorder="little").T.astype(np.bool_)
-
-    def _values(self, atoms: list[_States], every: _States) -> list[_States]:
-        """Return the states in which each atom holds, and after that those of each other node."""
-        values = atoms
-        for node, places in self._steps:
-            values.append(_holds(node, [values[place] for place in places], every))
-        return values
-
-
-def compile_goal(
-    formula: Formula, objects: Objects | None = None, *, pairs: PairSemantics = "matching"
-) -> CompiledGoal:
-    """Return a formula prepared for repeated evaluation; arguments and exceptions are those of `evaluate`.
-
-    Source: docs/bddl.md, Grounding and compiled goals.
-
-    Example:
-        >>> import bddl
-        >>> formula = bddl.parse_formula("(and (open fridge) (exists (?x - glass) (inside ?x fridge)))")
-        >>> goal = bddl.compile_goal(formula, {"glass_0": "glass", "glass_1": "glass", "fridge": "refrigerator"})
-        >>> goal.evaluate_conditions([True, False, True])
-        (True, True)
-        >>> goal.evaluate(goal.pack({bddl.Atom("open", ("fridge",))}))
-        False
-    """
-    return CompiledGoal(formula, objects, pairs)
-
-
-def _holds(node: GroundNode, parts: list[_States], every: _States) -> _States:
-    """Return the states in which a node holds, from those of the nodes inside it."""
-    match node:
-        case All():
-            return reduce(and_, parts, every)
-        case Some():
-            return reduce(or_, parts, 0)
-        case Negation():
-            return every ^ parts[0]
-        case AtLeast(count=count):
-            return _count_states(parts, count, every)[count]
-        case Exactly(count=count):
-            reached = _count_states(parts, count + 1, every)
-            return reached[count] & ~reached[count + 1]
-        case Matching(count=count, cells=cells):
-            return _matching_states(count, cells, parts, every)
-    raise TypeError(f"A ground node other than an atom was expected, not {node!r}.")
-
-
-def _count_states(parts: Iterable[_States], most: int, every: _States) -> list[_States]:
-    """Return, for each number up to `most`, the states in which at least so many parts hold."""
-    reached = [every] + [0] * most
-    for states in parts:
-        for number in range(most, 0, -1):
-            reached[number] |= reached[number - 1] & states
-    return reached
-
-
-def _matching_states(
-    count: int, cells: tuple[tuple[GroundNode | None, ...], ...], parts: list[_States], every: _States
-) -> _States:
-    """Return the states in which `count` cells can be chosen, no two of them in one row or column."""
-    places = [(row, column) for row, line in enumerate(cells) for column, cell in enumerate(line) if cell is not None]
-    found = every
-    for side in (0, 1):
-        lines: dict[int, _States] = {}
-        for place, states in zip(places, parts, strict=True):
-            lines[place[side]] = lines.get(place[side], 0) | states
-        found &= _count_states(lines.values(), count, every)[count]
-    # By König's theorem, where two cells cannot be chosen, one row or one column holds all of them.
-    if count <= 2:
-        return found
-    left = found
-    while left:
-        state = left & -left
-        left ^= state
-        rows = [0] * len(cells)
-        for (row, column), states in zip(places, parts, strict=True):
-            rows[row] |= bool(states & state) << column
-        if not has_matching(rows, count):
-            found ^= state
-    return found
 
 
 # A table of true cells: one number for each row, in which bit j says whether the cell of column j is true.

@@ -10,10 +10,11 @@ import errno
 import os
 import secrets
 import stat
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 MOST_BYTES = 8_000_000
 """Limit of a scene, a task, a certificate or a BDDL file [bytes]; the certificate of a plan of 5,000 steps has 2 MB."""
@@ -34,15 +35,9 @@ def is_disk_full(error: BaseException) -> bool:
 
 
 def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, pipes: bool = False) -> bytes:
-    """Return the content of a file.
+    """Return the content of a file; raise OSError when it is no regular file, or larger than the limit.
 
-    Args:
-        path: The file.
-        most_bytes: Limit of its size.
-        pipes: Whether a pipe is accepted, such as a shell's `<(...)`; it is read to its end.
-
-    Raises:
-        OSError: The file cannot be opened, is no regular file, or is larger; `strerror` says which it is.
+    With `pipes`, a pipe is accepted, such as a shell's `<(...)`; it is read to its end.
     """
     with open_input(path, pipes=pipes) as stream:
         return read_stream(stream, str(path), most_bytes)
@@ -50,15 +45,7 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES, *, 
 
 @contextmanager
 def open_input(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for reading.
-
-    Args:
-        path: The file.
-        pipes: Whether a pipe is accepted.
-
-    Raises:
-        OSError: The file cannot be opened, or is no regular file; `strerror` says which it is.
-    """
+    """Open a regular file, or a pipe where these are accepted; `strerror` of the OSError says what is wrong."""
     # Opening a pipe that has no writer would block.
     waiting = 0 if pipes else getattr(os, "O_NONBLOCK", 0)
     try:
@@ -75,11 +62,7 @@ def open_input(path: str | os.PathLike[str], *, pipes: bool = False) -> Iterator
 
 
 def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> bytes:
-    """Return the rest of a stream.
-
-    Raises:
-        OSError: It has more bytes than allowed; `filename` is the name given.
-    """
+    """Return the rest of a stream; the OSError of one with too many bytes has the name given."""
     # The size that the file system reports may be 0, or change a moment later.
     content = stream.read(most_bytes + 1)
     if len(content) > most_bytes:
@@ -88,14 +71,14 @@ def read_stream(stream: BinaryIO, name: str, most_bytes: int = MOST_BYTES) -> by
 
 
 def read_bounded_text(path: str | os.PathLike[str], most_bytes: int = MOST_BYTES) -> str:
-    """Return the text of a file in UTF-8, with or without a byte order mark, its line ends as `\\n`.
-
-    Raises:
-        OSError: As for `read_bounded`.
-        UnicodeDecodeError: It is no UTF-8 text.
-    """
+    """Return the text of a file in UTF-8, with or without a byte order mark, its line ends as `\\n`."""
     text = read_bounded(path, most_bytes).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_table(name: str) -> dict[str, Any]:
+    """Return the content of a TOML file of this package."""
+    return tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
 
 
 class NoPlainFile(OSError):
@@ -106,16 +89,7 @@ class NoPlainFile(OSError):
 
 
 def open_plain(path: Path, flags: int) -> int:
-    """Return a descriptor of a regular file; anything else is not followed, changed or waited for.
-
-    Args:
-        path: The file.
-        flags: As of `os.open`; with O_CREAT it is made when absent.
-
-    Raises:
-        NoPlainFile: Something else lies there.
-        OSError: It cannot be opened.
-    """
+    """Return a descriptor of a regular file; anything else raises NoPlainFile and is not followed or waited for."""
     try:
         descriptor = os.open(path, flags | _NO_FOLLOW, 0o644)
     except OSError as problem:
@@ -133,13 +107,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """Yield a new, empty file in the folder of a path, and move it to the path when the block ends without an error.
 
     Its name is random, and what lies at the path is replaced, a link too. So nothing that somebody has put into the
-    folder redirects the write.
-
-    Args:
-        path: Where the file belongs; its folder is made when absent.
-
-    Raises:
-        OSError: When the folder cannot be written; it names the wanted path.
+    folder redirects the write. An OSError names the wanted path.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem[:64]}.{secrets.token_hex(8)}.part{path.suffix}")
@@ -167,7 +135,6 @@ def _as_os_error(problem: Exception, path: Path, temporary: Path) -> OSError | N
 
 
 def _growth_errno(file: Path) -> int | None:
-    """Return the errno that keeps a file from growing; None where it can grow."""
     try:
         with file.open("ab", buffering=0) as stream:
             if stream.write(_PROBE) == len(_PROBE):
@@ -183,13 +150,6 @@ def write_atomically(path: Path, content: bytes) -> Path:
     """Write a file so that readers see all of it or nothing, and return its path.
 
     Two processes that write the same content-named file at once both succeed; the later rename changes nothing.
-
-    Args:
-        path: Where the file belongs; its folders are made.
-        content: The whole content.
-
-    Raises:
-        OSError: When the folder cannot be written.
     """
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)

@@ -33,9 +33,6 @@ class Members:
     Args:
         objects: Category of each object, or the objects as a problem declares them; None when the caller has none.
         warns: Warn by CountedWildcard of each wildcard among them that is looked up.
-
-    Raises:
-        TypeError: The objects are in neither form.
     """
 
     __slots__ = ("_known", "_objects", "_warns")
@@ -49,9 +46,6 @@ class Members:
         """Return the names of the objects that the binder's variable can denote.
 
         A category has the objects that are listed under it by exactly this name; `object` has all of them.
-
-        Raises:
-            ObjectsRequired: There are no objects to look into.
         """
         variable, category = binder
         if self._objects is None:
@@ -73,9 +67,6 @@ class Members:
             columns: The variable that the columns stand for.
             closed_up: Leave out the cells where both would name one object, as the reference does. Where a category
                 is paired with itself, column j then speaks of different objects in different rows.
-
-        Raises:
-            ObjectsRequired: There are no objects to look into.
         """
         others = self.of(columns)
         if closed_up:
@@ -88,17 +79,6 @@ def count_ground_parts(formula: Formula, objects: Objects | None, most: int) -> 
 
     Nested quantifiers multiply, so a short text can have more parts than any machine evaluates. Check this number first
     where texts come from elsewhere.
-
-    Args:
-        formula: Any formula, of any depth.
-        objects: Category of each object, or the objects as a problem declares them.
-        most: Limit at which counting stops.
-
-    Returns:
-        The number of parts, or some number above `most`.
-
-    Raises:
-        ObjectsRequired: A quantifier was met and `objects` is None.
 
     Example:
         >>> import bddl
@@ -236,23 +216,7 @@ def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "ma
     """Expand every quantifier of a formula over the objects of a scene.
 
     `imply` becomes a disjunction, `forall` a conjunction and `exists` a disjunction over the objects of the category;
-    a variable that hides an object or an outer variable stands for the innermost.
-
-    Args:
-        formula: Any formula, of any depth.
-        objects: Category of each object, or the declared objects of a problem; the category `object` holds all of
-            them. None when there are no quantifiers.
-        pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
-            columns with a true cell, as the reference implementation does.
-
-    Returns:
-        The formula over its distinct atoms.
-
-    A wildcard of BEHAVIOR, such as `sink.n.01_*`, is counted as one object, of which CountedWildcard warns.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
+    a variable that hides an object or an outer variable stands for the innermost. Arguments are those of `evaluate`.
 
     Source: docs/bddl.md, Grounding.
 
@@ -406,7 +370,6 @@ class _Grounding:
         return self._intern(identity, lambda: Matching(count, cells))
 
     def _at_least(self, count: int, lines: list[list[GroundNode]]) -> GroundNode:
-        """Return the node for "at least so many lines have a true cell"."""
         parts = tuple(self._some(line) for line in lines)
         return self._intern((AtLeast, count, *map(id, parts)), lambda: AtLeast(count, parts))
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
 from bddl.ast import Span
-from bddl.diagnostics import Source, one_line
+from bddl.diagnostics import Source
 
 if TYPE_CHECKING:
     from lark import Lark
@@ -103,7 +103,7 @@ def read_forest(source: Source) -> Forest | None:
     from lark.exceptions import UnexpectedInput
 
     try:
-        return _parse_tokens(_tokens(source))
+        return regroup(_tokens(source))
     except UnexpectedInput:
         return None
 
@@ -115,11 +115,6 @@ def read_words(source: Source) -> list[Word]:
         for found in _grammar().words.finditer(source.text)
         if found.lastgroup != "COMMENT"
     ]
-
-
-def regroup(words: Iterable[Word]) -> Forest:
-    """Return the forest of words whose parentheses match; their places stay as they are."""
-    return _parse_tokens(words)
 
 
 def _tokens(source: Source) -> Iterator[Item]:
@@ -138,12 +133,8 @@ def _tokens(source: Source) -> Iterator[Item]:
             yield Word(kind, found.group(), found.start(), source)
 
 
-def _parse_tokens(tokens: Iterable[Item]) -> Forest:
-    """Return the forest of some tokens.
-
-    Raises:
-        UnexpectedInput: Their parentheses do not match.
-    """
+def regroup(tokens: Iterable[Item]) -> Forest:
+    """Return the forest of some tokens; raise Lark's UnexpectedInput when their parentheses do not match."""
     from lark import Token
 
     feed = _grammar().lark.parse_interactive().parser_state.feed_token
@@ -222,11 +213,6 @@ def to_prefix(words: Sequence[Word]) -> list[Word]:
     return converted
 
 
-def prefix_text(words: Sequence[Word]) -> str:
-    """Return the words of a call as BDDL on one line, or "" when that is too long for a hint."""
-    return one_line(" ".join(word.text for word in to_prefix(words)))
-
-
 def form_text(item: Item) -> str:
     """Return a form as BDDL on one line, without its comments, however long it is."""
     words = " ".join(word.text for word in words_of([item]))
@@ -273,10 +259,6 @@ _FILLER = "_"
 def hide_free_text(text: str, sections: Iterable[str]) -> str:
     """Return the text with the content of some sections replaced, every other character in its place.
 
-    Args:
-        text: The text of a problem.
-        sections: Names of the sections with free text, such as `:language`.
-
     Returns:
         A text of the same length and with the same line ends. Of a section that does not end, the first line is
         taken for its content; the missing parenthesis is found as everywhere else.
@@ -316,7 +298,6 @@ def _find_content(text: str, start: int) -> tuple[int, int] | None:
 
 
 def _find_first_line(text: str, start: int) -> tuple[int, int] | None:
-    """Return where the content lies on the first line of a section that does not end before another one begins."""
     following = _NEXT_SECTION.search(text, start)
     if following is None:
         return None
@@ -337,5 +318,4 @@ def _first_balanced(text: str, start: int, places: list[int]) -> int:
 
 
 def _is_commented(text: str, offset: int) -> bool:
-    """Decide whether a place stands behind a `;` on its line."""
     return ";" in text[text.rfind("\n", 0, offset) + 1 : offset]

@@ -27,7 +27,7 @@ from bddl.ast import (
 )
 from bddl.definitions import find_contradictions, init_literals
 from bddl.diagnostics import BDDLError, Diagnostic, Reporter
-from bddl.dialects import Profile, find_profile
+from bddl.dialects import ITEM_FIRST, Profile, find_profile, size_of, swap_reason
 from bddl.errors import SolverMissing
 from bddl.evaluation import evaluate
 from bddl.grounding import children, count_ground_parts, ground
@@ -44,7 +44,6 @@ from bddl.parser import read
 from bddl.printer import format
 from bddl.problem import Domain, Objects, Problem, categories_of
 from bddl.smt import Script, Solver
-from bddl.vocabulary import ITEM_FIRST, size_of, swap_reason
 
 
 def analyse(
@@ -69,14 +68,6 @@ def analyse(
         objects: Category of each object of the scene that a problem need not declare. Without it, a formula alone is
             not examined for what depends on objects.
         prove: Whether to ask z3 if some state satisfies the goal.
-
-    Returns:
-        The diagnostics in the order of their places. `contradictory-init` and `impossible-goal` are errors, as is all
-        that keeps a text from being read; the rest are warnings, but that `unchecked-goal` is a note, and so is
-        `counted-wildcard` where other objects of the category are named.
-
-    Raises:
-        UnknownProfile: There is no such profile.
 
     Source: docs/codes-bddl.md has a section on each code.
 
@@ -121,7 +112,6 @@ def _examine_problem(problem: Problem, objects: Mapping[str, str], reporter: Rep
 
 
 def _examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporter: Reporter, prove: bool) -> None:
-    """Report what is suspicious about a formula; without objects, only what does not depend on them."""
     find_swapped_arguments(formula, objects or {}, reporter)
     if objects is None:
         find_idle_variables(formula, {}, reporter)
@@ -298,14 +288,7 @@ def find_impossible_goal(goal: Formula, objects: Mapping[str, str], reporter: Re
 
 
 def _find_clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Formula, ...] | None:
-    """Return conjuncts that contradict each other and of which none can be left out; none when all can hold.
-
-    Returns:
-        The conjuncts, empty when some state satisfies all of them, or None when the solver did not decide.
-
-    Raises:
-        SolverMissing: z3 is not installed.
-    """
+    """Return conjuncts that contradict each other and of which none can be left out; none when all can hold."""
     grounded = ground(And(parts), objects)
     script = Script()
     atoms = [f"a{index}" for index in range(len(grounded.atoms))]
@@ -352,7 +335,6 @@ def _report_impossible(span: Span, clash: tuple[Formula, ...], count: int, repor
 
 
 def _advice(clash: tuple[Formula, ...]) -> str:
-    """Return advice by the forms that the conjuncts consist of."""
     nodes = [node for part in clash for node in part.walk()]
     thoughts: list[str] = []
     if any(isinstance(node, ForN) for node in nodes):
@@ -388,14 +370,7 @@ def find_swapped_roles(problem: Problem, objects: Mapping[str, str], reporter: R
 def find_swapped_arguments(
     formula: Formula, objects: Mapping[str, str], reporter: Reporter, at_start: frozenset[Atom] = frozenset()
 ) -> None:
-    """Report atoms of one formula whose arguments seem to be swapped.
-
-    Args:
-        formula: Any formula.
-        objects: Category of each object; for an object that is not listed, its name is used.
-        reporter: Receives the findings.
-        at_start: Atoms that hold at the start, whose reverse is suspicious.
-    """
+    """Report atoms of one formula whose arguments seem to be swapped."""
     for node, scope in walk_scoped(formula):
         if not isinstance(node, Atom) or len(node.args) != 2 or node.span is None:
             continue

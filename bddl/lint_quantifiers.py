@@ -245,19 +245,16 @@ def _count_effect(bound: Bound, members: Members) -> str:
 
 
 def _variables(formula: Formula) -> Iterator[Bound]:
-    """Yield every variable that a quantifier of a formula binds."""
     for node in formula.walk():
         if isinstance(node, Quantified):
             yield from (Bound(node, position) for position in range(len(node.binders)))
 
 
 def _wildcard_of(bound: Bound, members: Members) -> str:
-    """Return the wildcard that a variable ranges over, or ""."""
     return next((name for name in members.of(bound.binder) if name.endswith(WILDCARD)), "")
 
 
 def _find_empty_range(quantifier: Quantified, members: Members) -> tuple[bool, int | None]:
-    """Return whether a quantifier pairs one object with itself, and the position of its empty range, or None."""
     ranges = [members.of(binder) for binder in quantifier.binders]
     lonely = isinstance(quantifier, ForPairs) and len(ranges[0]) == 1 and ranges[0] == ranges[1]
     return lonely, 0 if lonely else next((at for at, names in enumerate(ranges) if not names), None)
@@ -283,7 +280,6 @@ def _hidden_by(bound: Bound, scope: Scope) -> Bound | None:
 
 
 def _may_coincide(atom: Atom, scope: Scope, objects: Mapping[str, str]) -> bool:
-    """Decide whether some choice of the variables makes both arguments the same object."""
     left, right = atom.args
     if left == right:
         return True

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias, cast
 from bddl.ast import Formula
 from bddl.definitions import read_domain, read_problem
 from bddl.diagnostics import BDDLError, Code, Diagnostic, Reporter, Source
-from bddl.dialects import Profile, find_profile, report_other_dialect
+from bddl.dialects import Profile, find_profile, near_names, report_other_dialect
 from bddl.formulas import FormulaReader
 from bddl.lexer import (
     Forest,
@@ -31,64 +31,39 @@ from bddl.lexer import (
 from bddl.printer import format
 from bddl.problem import Domain, Objects, Problem, categories_of
 from bddl.recovery import recover_parentheses
-from bddl.vocabulary import near_names
 
 
-def parse(
-    text: str, profile: str | Profile = "scene", objects: Objects | None = None, domain: Domain | None = None
-) -> Problem:
-    """Return the problem that a text defines.
+def parse(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Problem:
+    """Return the problem that a text defines; its `warnings` has what the profile tolerates.
 
     Args:
         text: A form `(define (problem NAME) (:domain NAME) (:objects ...) (:init ...) (:goal ...))`.
         profile: The dialect, or its name.
         objects: Category of each object of the scene. When given, the problem may use them without declaring them,
             and may declare no others.
-        domain: The domain that the problem must belong to, whose predicates it may use; by default the profile has
-            them, by the name that the problem gives.
-
-    Returns:
-        The problem, with the place of every node in the text; its `warnings` has what the profile tolerates.
 
     Raises:
         BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
         UnknownProfile: There is no such profile.
     """
-    return cast(Problem, read(text, "problem", profile, objects, domain)[0])
+    return cast(Problem, read(text, "problem", profile, objects)[0])
 
 
-def parse_formula(
-    text: str, profile: str | Profile = "scene", objects: Objects | None = None, domain: Domain | None = None
-) -> Formula:
-    """Return the formula of a text.
+def parse_formula(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Formula:
+    """Return the formula of a text, with the place of every node; arguments and errors are those of `parse`.
 
-    Args:
-        text: One formula, such as `(not (open refrigerator_0))`.
-        profile: The dialect, or its name.
-        objects: Category of each object of the scene; when given, a name that is none of them is a mistake. Without
-            it any name may be an object.
-        domain: The domain whose predicates the formula may use; by default those of the profile.
-
-    Returns:
-        The formula, with the place of every node in the text.
-
-    Raises:
-        BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
-        UnknownProfile: There is no such profile.
+    Without objects any name may be an object.
 
     Example:
         >>> import bddl
         >>> bddl.parse_formula("(and (open refrigerator_0) (inside glass_0 gripper))").parts[1]
         <Atom (inside glass_0 gripper)>
     """
-    return cast(Formula, read(text, "formula", profile, objects, domain)[0])
+    return cast(Formula, read(text, "formula", profile, objects)[0])
 
 
 def check(
-    subject: str | Subject,
-    profile: str | Profile = "scene",
-    objects: Objects | None = None,
-    domain: Domain | None = None,
+    subject: str | Subject, profile: str | Profile = "scene", objects: Objects | None = None
 ) -> tuple[Diagnostic, ...]:
     """Return the mistakes in a formula, a problem or a domain as data, none when it is legal.
 
@@ -96,13 +71,6 @@ def check(
         subject: A text, or a tree. The places in the diagnostics of a tree refer to what `format` prints for it.
         profile: The dialect, or its name.
         objects: Category of each object of the scene; when given, unknown objects and categories are mistakes too.
-        domain: The domain whose predicates may be used; by default those of the profile.
-
-    Returns:
-        The diagnostics, in the order of their places; those of severity "warning" are tolerated by the profile.
-
-    Raises:
-        UnknownProfile: There is no such profile.
 
     Example:
         >>> import bddl
@@ -117,7 +85,7 @@ def check(
     """
     text = subject if isinstance(subject, str) else format(subject)
     try:
-        _, warnings = read(text, "any", profile, objects, domain)
+        _, warnings = read(text, "any", profile, objects)
     except BDDLError as error:
         return error.diagnostics
     return warnings
@@ -127,15 +95,6 @@ def parse_domain(text: str) -> Domain:
     """Return the domain that a text defines.
 
     Letter case is of no account in a domain's predicates, types and requirements, which are read in lower case.
-
-    Args:
-        text: A form `(define (domain NAME) (:requirements ...) (:types ...) (:predicates ...) (:action ...))`.
-
-    Returns:
-        The domain, with the place of every declaration in the text.
-
-    Raises:
-        BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
 
     Example:
         >>> import bddl
@@ -147,16 +106,11 @@ def parse_domain(text: str) -> Domain:
 
 
 def read(
-    text: str, wanted: Wanted, profile: str | Profile, objects: Objects | None, domain: Domain | None = None
+    text: str, wanted: Wanted, profile: str | Profile, objects: Objects | None
 ) -> tuple[Subject, tuple[Diagnostic, ...]]:
-    """Return the content of a text, of the wanted kind, and the findings that the profile tolerates.
-
-    Raises:
-        BDDLError: The text is not legal.
-        UnknownProfile: There is no such profile.
-    """
+    """Return the content of a text, of the wanted kind, and the findings that the profile tolerates."""
     dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
-    reading = read_text(text, wanted, dialect, known, domain)
+    reading = read_text(text, wanted, dialect, known)
     if reading.found is None:
         # Imported with the first mistake: legal texts never need the rewriters.
         report_other_dialect(text, reading.profile, reading.reporter)
@@ -193,7 +147,7 @@ class TextReading:
 
     Attributes:
         found: The content of the text, or None when it is wrong.
-        profile: The dialect that it was read in, with the predicates of its domain.
+        profile: The dialect that it was read in.
         reporter: Has the text and its diagnostics.
         forest: The forms and loose words of the text, with recovered parentheses where that was needed.
     """
@@ -204,55 +158,31 @@ class TextReading:
     forest: Forest
 
 
-def read_text(
-    text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None, domain: Domain | None = None
-) -> TextReading:
-    """Read a text and collect its diagnostics.
-
-    Args:
-        text: The text.
-        wanted: What it should be: a formula, a problem, a domain, or any of them.
-        profile: The dialect.
-        objects: Category of each object of the scene, or None when they are not checked.
-        domain: The domain whose predicates may be used; by default those of the profile.
-
-    Raises:
-        TypeError: The text is no string.
-    """
+def read_text(text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None) -> TextReading:
+    """Read a text and collect its diagnostics."""
     if not isinstance(text, str):
         raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
-    dialect = profile if domain is None else profile.for_domain(domain.specs)
-    reporter = Reporter(text, dialect.tolerated)
-    if dialect.free_text:
-        reporter.source = Source(hide_free_text(text, dialect.free_text))
+    reporter = Reporter(text, profile.tolerated)
+    if profile.free_text:
+        reporter.source = Source(hide_free_text(text, profile.free_text))
     results: list[Subject | None] = []
-    forest, groups = _select_forms(wanted, dialect, reporter)
+    forest, groups = _select_forms(wanted, profile, reporter)
     for group in groups:
         kind = _kind_of(group)
         if kind == "problem":
-            results.append(read_problem(group, dialect, objects, domain, reporter))
+            results.append(read_problem(group, profile, objects, reporter))
         elif kind == "domain":
             results.append(read_domain(group, reporter))
         else:
-            results.append(FormulaReader(dialect, objects, reporter).read(group))
+            results.append(FormulaReader(profile, objects, reporter).read(group))
     found = results[0] if len(results) == 1 and not reporter else None
     if reporter.diagnostics and isinstance(found, Problem | Domain):
         found = replace(found, warnings=reporter.diagnostics)
-    return TextReading(found, dialect, reporter, forest)
+    return TextReading(found, profile, reporter, forest)
 
 
 def _select_forms(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest, list[Group]]:
-    """Return the forms of the reporter's text that are to be read: one when the text is legal.
-
-    Args:
-        wanted: What the text should be: a formula, a problem, a domain, or any of them.
-        profile: The dialect.
-        reporter: Receives a diagnostic for everything that is not that one form.
-
-    Returns:
-        All forms and loose words, with matching parentheses, and the forms to be read. Of these there are several, or
-        none, only after a mistake was reported.
-    """
+    """Return the forms of the reporter's text that are to be read: one when the text is legal."""
     forest = read_forest(reporter.source)
     if forest is None:
         forest = regroup(recover_parentheses(read_words(reporter.source), profile, reporter))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from bddl.ast import And, Binder, Formula, FormulaNode, formula_text
+from bddl.dialects import DOMAINS, SYNSET
 from bddl.lexer import hide_free_text
 from bddl.problem import ROOT_CATEGORY, Domain, LiberoProblem, Problem, Region, SceneStyle, TypedObject
-from bddl.vocabulary import DOMAINS, SYNSET
 
 INDENT = "    "
 
@@ -24,15 +24,6 @@ def format(node: Problem | Domain | Formula) -> str:
 
     The question marks of a goal's objects stay as BEHAVIOR's files have them; problems of its domains that were built
     by hand get them.
-
-    Args:
-        node: A formula, a problem or a domain.
-
-    Returns:
-        Text for which `parse_formula`, `parse` or `parse_domain` returns an equal tree, by the same profile.
-
-    Raises:
-        TypeError: It is none of these.
 
     Example:
         >>> import bddl
@@ -71,7 +62,6 @@ def _problem_text(problem: Problem) -> str:
 
 
 def _libero_lines(problem: LiberoProblem) -> list[str]:
-    """Return the lines of the sections that only LIBERO has; formulas may use the names in them."""
     regions = [line for region in problem.regions for line in _region_lines(region)]
     styles = [_style_line(style) for style in problem.styles]
     return [
@@ -106,7 +96,6 @@ def _typed_lines(items: Sequence[TypedObject]) -> list[str]:
 
 
 def _typed_words(parameters: Sequence[Binder]) -> list[str]:
-    """Return the parameters of a predicate, their types left out where all of them are `object`."""
     typed = any(parameter.category != ROOT_CATEGORY for parameter in parameters)
     return [
         f"?{parameter.variable} - {parameter.category}" if typed else f"?{parameter.variable}"
@@ -115,14 +104,12 @@ def _typed_words(parameters: Sequence[Binder]) -> list[str]:
 
 
 def _section_lines(head: str, content: list[str]) -> list[str]:
-    """Return the lines of one section, indented inside `define`; an empty one stays on one line."""
     if not content:
         return [f"{INDENT}({head})"]
     return [f"{INDENT}({head}", *(f"{INDENT * 2}{line}" for line in content), f"{INDENT})"]
 
 
 def _region_lines(region: Region) -> list[str]:
-    """Return the lines of one region, each attribute on a line of its own."""
     lines = [f"({region.name}", f"    (:target {region.target})"]
     if region.ranges:
         rows = [(each.x_min_m, each.y_min_m, each.x_max_m, each.y_max_m) for each in region.ranges]
@@ -184,21 +171,11 @@ class _Piece:
 
 
 def lay_out(text: str, free_text: Collection[str] = ()) -> str:
-    """Return the text with uniform line breaks and indentation.
+    """Return the text with uniform line breaks and indentation; raise ValueError when its parentheses do not match.
 
     Forms that fit stay on one line; of a longer one every part goes on a line of its own. Objects go by category,
-    literals one a line. Comments stay on their lines; single empty lines stay, several become one.
-
-    Args:
-        text: BDDL text whose parentheses match, such as any that `parse` reads.
-        free_text: Names of sections whose content is prose; it stays as it is.
-
-    Returns:
-        The text with the same words and the same comments in the same order, ending in a newline. Laying that out
-        again changes nothing.
-
-    Raises:
-        ValueError: The parentheses do not match.
+    literals one a line. The words and comments stay, and so does the text of the sections that are prose (`free_text`);
+    of empty lines, several become one. Laying the result out again changes nothing.
 
     Example:
         >>> print(lay_out("(define (problem p) (:domain d) (:goal (open a))) ; done"), end="")
@@ -221,7 +198,6 @@ def comments(text: str, free_text: Collection[str] = ()) -> list[str]:
 
 
 def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
-    """Return the pieces of a text as the parts of one nameless form."""
     root = _Piece(None, parts=[])
     stack = [root]
     blank = "\n"
@@ -299,7 +275,6 @@ def _lines(root: _Piece) -> list[str]:
 
 
 def _opening(form: _Piece) -> tuple[str, list[_Piece]]:
-    """Return what stays on the first line of a broken form, and the parts that go below."""
     parts, head = form.parts or [], form.head
     kept: list[str] = []
     binders = _BINDERS.get(head, 0)
@@ -318,7 +293,6 @@ def _opening(form: _Piece) -> tuple[str, list[_Piece]]:
 
 
 def _by_category(parts: list[_Piece]) -> Iterator[_Piece]:
-    """Yield the lines of a list of objects: names up to their category, and comments."""
     line: list[_Piece] = []
     for position, part in enumerate(parts):
         alone = part.is_comment or part.parts is not None

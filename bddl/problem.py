@@ -13,7 +13,6 @@ from typing import TypeAlias
 
 from bddl.ast import Binder, Formula, Span, check_name
 from bddl.diagnostics import Diagnostic
-from bddl.vocabulary import KNOWN_SPECS, PredicateSpec, predicate_table
 
 # The category that every object of a scene belongs to, as in typed PDDL.
 ROOT_CATEGORY = "object"
@@ -40,12 +39,6 @@ Objects: TypeAlias = Mapping[str, str] | Iterable[TypedObject]
 
 def categories_of(objects: Objects) -> Mapping[str, str]:
     """Return the category of each object, by name.
-
-    Args:
-        objects: A mapping from names to categories, which is returned as it is, or declared objects.
-
-    Raises:
-        TypeError: It is neither.
 
     Example:
         >>> categories_of([TypedObject("glass_0", "glass")])
@@ -163,32 +156,6 @@ class Domain:
     def __post_init__(self) -> None:
         check_name("domain", self.name)
 
-    @property
-    def specs(self) -> Mapping[str, PredicateSpec]:
-        """Its predicates by name, as profiles have them; known ones with their meanings and parameter names."""
-        return {predicate.name: _spec(predicate) for predicate in self.predicates}
-
-
-def _spec(predicate: DomainPredicate) -> PredicateSpec:
-    known = KNOWN_SPECS.get(predicate.name)
-    if known is not None and known.arity == predicate.arity:
-        return known
-    return PredicateSpec(predicate.name, tuple(parameter.variable for parameter in predicate.parameters), "")
-
-
-# The predicates that LIBERO registers (libero.envs.predicates; MIT), with the number of names that each can take.
-LIBERO_PREDICATES = predicate_table((
-    ("on item support", "the item rests on the support", "ontop on_top onto upon"),
-    ("in item container", "the item is within the container", "inside into within"),
-    ("open fixture", "the fixture's joint is open", "opened is_open"),
-    ("close fixture", "the fixture's joint is shut", "closed shut is_closed"),
-    ("turnon device", "the device is switched on", "turn_on toggled_on turned_on"),
-    ("turnoff device", "the device is switched off", "turn_off turned_off toggled_off"),
-    ("up item", "the item is held a metre high or more", "raised lifted"),
-    ("true item", "always", ""),
-    ("false item", "never", ""),
-    ("printjointstate fixture", "always; LIBERO prints the joint for whoever debugs", ""),
-))  # fmt: skip
 
 # End of an unterminated instruction: no sentence holds the beginning of a section.
 SECTION_START = re.compile(r"\(\s*:")

@@ -113,14 +113,11 @@ class NormalForm:
     root: int
 
     def costs(self, price: Callable[[Lit], int]) -> list[int]:
-        """Return what it costs at least to make each node true.
+        """Return what it costs at least to make each node true, given the price of each literal.
 
-        Args:
-            price: The price of a literal: 0 where it holds, from 1 up to make it hold, `IMPOSSIBLE` where it cannot.
-
-        Returns:
-            For each node a number that is 0 exactly where the literals of price 0 make it true by Kleene's tables,
-            and never more than the cheapest set of literals that makes it true.
+        A price is 0 where the literal holds, from 1 up to make it hold, `IMPOSSIBLE` where it cannot. A cost is 0
+        exactly where the literals of price 0 make the node true by Kleene's tables. It is never more than that of the
+        cheapest literals that make it true.
         """
         costs: list[int] = []
         for node in self.nodes:
@@ -179,7 +176,6 @@ def _parts(node: NormalNode) -> Iterable[int]:
 
 
 def _cheapest(count: int, costs: list[int], disjoint: bool) -> int:
-    """Return a lower bound on the cost of `count` of some parts."""
     if count > len(costs):
         return IMPOSSIBLE
     chosen = nsmallest(count, costs)
@@ -211,7 +207,6 @@ def normal_form(ground: Ground) -> NormalForm:
 
 
 def _needed(node: GroundNode, value: bool) -> Iterator[tuple[GroundNode, bool]]:
-    """Yield the nodes that are converted before a node: its parts, each with the value that it is to have."""
     match node:
         case Negation(body=body):
             yield body, not value
@@ -290,7 +285,6 @@ class _FormBuilder:
         return True
 
     def _first_disjoint(self, parts: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the parts that share no atom with those returned before them."""
         covered = 0
         kept: list[int] = []
         for part in parts:
@@ -317,31 +311,22 @@ def options(
 ) -> Iterator[Option]:
     """Return the options that make a goal true, cheapest first, each computed on demand.
 
-    An option is a set of literals such that the goal is true when they hold, whatever the other atoms are and even
-    when they are unknown. No option contradicts itself, and none contains another; every set of literals that makes
-    the goal true by Kleene's tables contains one. A goal that holds anyway has the one option without literals, and
-    one that nothing makes true has none.
+    An option is a set of literals such that the goal is true when they hold, whatever the other atoms are and even when
+    they are unknown. No option contradicts itself, and none contains another; every set of literals that makes the goal
+    true by Kleene's tables contains one. A goal that holds anyway has the one option without literals, and one that
+    nothing makes true has none.
 
-    Without a state, an option costs the number of its literals. In a state it costs the number of its literals that
-    do not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals
-    come first. The literals that hold already are part of the option, since they have to stay. A wildcard of BEHAVIOR
-    is counted as one object, of which CountedWildcard warns.
+    Without a state, an option costs the number of its literals. In a state it costs the number of its literals that do
+    not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals come
+    first. The literals that hold already are part of the option, since they have to stay.
 
     Args:
         goal: Any formula.
-        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
+        objects: As for `evaluate`.
         state: Where the goal is to be reached from, as for `evaluate`; None to count from nothing.
-        pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
-        steps: How many steps the search may take. Goals whose parts share many atoms, or contradict each other, may
-            take a number that is exponential in their size.
-
-    Returns:
-        An iterator over options; the literals of each stand in the order in which the goal first names their atoms.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
-        SearchLimit: Raised by the iterator when the steps are used up; there may be more options, or none at all.
+        pairs: As for `evaluate`.
+        steps: Limit of the search, above which the iterator raises SearchLimit. Goals whose parts share many atoms, or
+            contradict each other, may take a number that is exponential in their size.
 
     Source: docs/bddl.md, Progress and options; A* search (Hart, Nilsson and Raphael, 1968).
 
@@ -412,11 +397,7 @@ class _Search:
         self._surcharge = surcharge
 
     def solutions(self, steps: int) -> Iterator[_Choice]:
-        """Yield the minimal choices that make the goal true, cheapest first.
-
-        Raises:
-            SearchLimit: More steps would be needed.
-        """
+        """Yield the minimal choices that make the goal true, cheapest first; raise SearchLimit after too many steps."""
         found: list[_Choice] = []
         # States expanded already: several orders of the same steps lead to one state.
         expanded: set[tuple[_Choice, frozenset[NormalNode]]] = set()
@@ -448,9 +429,8 @@ class _Search:
     def _propagate(self, choice: _Choice, waiting: _Open) -> tuple[int, _Choice, _Open, list[int]] | None:
         """Apply the forced steps: choose literals without an alternative, and open conjunctions.
 
-        Returns:
-            A lower bound on the cost of the solutions from here, the literals chosen then, the open nodes, and the cost
-            of each node. None when there is no solution from here.
+        The result is a lower bound on the cost of the solutions from here, the literals chosen then, the open nodes,
+        and the cost of each node. It is None when there is no solution from here.
         """
         while True:
             price = self._prices(choice)
@@ -487,7 +467,6 @@ class _Search:
         return max(total, max(still_open.values(), default=0))
 
     def _prices(self, choice: _Choice) -> Callable[[Lit], int]:
-        """Return the price of each literal, given those chosen."""
         true, false = choice
 
         def price(literal: Lit) -> int:
@@ -555,21 +534,8 @@ class GoalProgress:
       alone, such as `(or)`;
     - never lower when more becomes known, and always less than 1 for goals that contradict themselves.
 
-    Conjunctions add up, disjunctions take the least, `forn` makes the cheapest parts true and the others false,
-    `forpairs` counts the pairs that are missing, and negations are pushed down to the atoms first. Where conjuncts
-    share an atom, one literal may serve several of them, and only one counts.
-
-    Args:
-        goal: Any formula.
-        objects: As for `evaluate`.
-        pairs: As for `evaluate`.
-
     Attributes:
-        atoms: The distinct ground atoms that the goal depends on, in the order of `compile_goal`.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
+        atoms: The distinct ground atoms that the goal depends on, in the order of `ground`.
 
     Source: docs/bddl.md, Progress and options.
 
@@ -592,30 +558,15 @@ class GoalProgress:
         self._least = self._cost(0, 0)
 
     def __call__(self, state: State) -> float:
-        """Return the progress in a state.
-
-        Args:
-            state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-                unknown.
-
-        Returns:
-            A number from 0 to 1.
-        """
+        """Return the progress in a state."""
         return self._share(*known_bits(self.atoms, state))
 
     def packed(self, state: int) -> float:
-        """Return the progress in a complete state that was packed by `CompiledGoal.pack`: bit i is `atoms[i]`."""
+        """Return the progress in a complete state whose bit i is the value of `atoms[i]`."""
         return self._share(state, ~state)
 
     def missing(self, state: State) -> float:
-        """Return how many literals must at least change or become known.
-
-        Args:
-            state: As for the progress.
-
-        Returns:
-            A whole number; infinity where no state can make the goal true by its form alone.
-        """
+        """Return how many literals must at least change or become known; infinity where the goal cannot be true."""
         cost = self._cost(*known_bits(self.atoms, state))
         return inf if cost >= IMPOSSIBLE else cost
 

@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import Counter
-from collections.abc import Collection, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, groupby, pairwise
-from typing import TypeAlias
 
 from bddl.ast import Span
 from bddl.diagnostics import Code, Reporter
-from bddl.dialects import FORM_SHAPES, Profile, inner_forms
+from bddl.dialects import FORM_SHAPES, Profile, inner_forms, near_names
 from bddl.lexer import Word
 from bddl.problem import REGION_ATTRIBUTES, ROWS, STYLE_ATTRIBUTES, read_number
-from bddl.vocabulary import near_names
 
-# A place where parentheses are missing, with the opening parentheses that they would close.
-_Gap: TypeAlias = tuple[Span, list[Word]]
+
+@dataclass(slots=True)
+class _Edits:
+    """Changes to the words of a text after which its parentheses match, by positions of words.
+
+    Attributes:
+        dropped: Surplus parentheses.
+        opened: Words before which an opening parenthesis is missing.
+        closed: Missing closing parentheses: behind which word, at which offset of the text, and how many.
+    """
+
+    dropped: dict[int, Word] = field(default_factory=dict)
+    opened: list[int] = field(default_factory=list)
+    closed: list[tuple[int, int, int]] = field(default_factory=list)
+
+    def depths(self, words: Sequence[Word]) -> Iterator[int]:
+        """Yield the depth behind each word."""
+        opened, closed = set(self.opened), Counter[int]()
+        for behind, _, count in self.closed:
+            closed[behind] += count
+        depth = 0
+        for position, word in enumerate(words):
+            depth += (position in opened) - closed[position] + (position not in self.dropped and _step(word))
+            yield depth
 
 
 def recover_parentheses(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word]:
@@ -27,39 +47,27 @@ def recover_parentheses(words: list[Word], profile: Profile, reporter: Reporter)
     tells which line is wrong, and the parentheses of that line are corrected. Otherwise a parenthesis that closes
     nothing is dropped, and a missing one is inserted where the text shows that it belongs. An atom or a full `not` ends
     before the next opening parenthesis. A section ends before the next section, and any other form at the end.
-
-    Args:
-        words: The words of a text whose parentheses do not match.
-        profile: The dialect, which tells atoms from connectives.
-        reporter: Receives the diagnostics.
-
-    Returns:
-        The words, some parentheses dropped and some invented; their parentheses match.
     """
-    bare = unopened_forms(words, profile)
-    edits = Edits(opened=bare) if bare else edits_by_indentation(words, profile)
-    openings: list[Word] = []
-    surplus: list[Word] = []
-    dropped: list[Word] = []
-    if edits is not None:
-        surplus = list(edits.dropped.values())
-        fixed, gaps, openings = _edited_words(words, edits)
-    else:
-        kept, dropped = _drop_extra(words)
-        fixed, gaps = _add_missing(kept, profile)
+    bare = _unopened_forms(words, profile)
+    edits = _Edits(opened=bare) if bare else _edits_by_indentation(words, profile)
+    counted = edits is None
+    if edits is None:
+        edits = _edits_by_counting(words, profile)
+    fixed, gaps = _apply(words, edits)
 
     def report(
         code: Code, place: Span, message: str, hint: str, expected: tuple[str, ...] = (), related: Span | None = None
     ) -> None:
         reporter.add(code, place, message, expected=expected, hint=hint, related=related, whole=True)
 
-    if dropped:
+    dropped = list(edits.dropped.values())
+    if counted and dropped:
         message = "This closing parenthesis closes nothing."
         if len(dropped) > 1:
             message = f"From here on, {len(dropped)} closing parentheses close nothing."
         advice = "remove it" if len(dropped) == 1 else "remove them"
         report("extra-parenthesis", dropped[0].span, message, advice, ("end of text",))
-    for word in surplus:
+    for word in () if counted else dropped:
         message = "This closing parenthesis is one too many: what follows is indented as if it were not there."
         if word.kind == "OPEN":
             message = "This opening parenthesis begins no form."
@@ -71,105 +79,95 @@ def recover_parentheses(words: list[Word], profile: Profile, reporter: Reporter)
         if count > 1:
             message = f"{count} closing parentheses are missing: {count} forms, the first {where}, are never closed."
         report("missing-parenthesis", place, message, f"add {')' * min(count, 20)} here", (")",), related=first)
-    for word in openings:
+    for word in (words[position] for position in edits.opened):
         message = f"An opening parenthesis is missing before `{word.text}`."
         report("missing-parenthesis", word.span, message, f"write ({word.text}", ("(",))
     return fixed
 
 
-def _edited_words(words: list[Word], edits: Edits) -> tuple[list[Word], list[_Gap], list[Word]]:
-    """Return the words after some edits, the missing closing parentheses, and the words not opened."""
+def _apply(words: list[Word], edits: _Edits) -> tuple[list[Word], list[tuple[Span, list[Word]]]]:
+    """Return the words after some edits, and each place of missing parentheses with those that they would close."""
     fixed: list[Word] = []
     frames: list[Word] = []
-    gaps: list[_Gap] = []
+    gaps: list[tuple[Span, list[Word]]] = []
+    opened = set(edits.opened)
+    closed: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+    for behind, offset, count in edits.closed:
+        closed[behind].append((offset, count))
     for position, word in enumerate(words):
-        if position in edits.opened:
-            opening = Word("OPEN", "(", word.offset, word.source, invented=True)
-            fixed.append(opening)
-            frames.append(opening)
+        if position in opened:
+            fixed.append(Word("OPEN", "(", word.offset, word.source, invented=True))
+            frames.append(fixed[-1])
         if position not in edits.dropped:
             fixed.append(word)
             if word.kind == "OPEN":
                 frames.append(word)
             elif word.kind == "CLOSE":
                 frames.pop()
-        for behind, offset in edits.closed:
-            if behind == position:
-                closing = Word("CLOSE", ")", offset, word.source, invented=True)
-                fixed.append(closing)
-                gaps.append((closing.span, [frames.pop()]))
-    return fixed, gaps, [words[position] for position in edits.opened]
+        for offset, count in closed.get(position, ()):
+            closing = Word("CLOSE", ")", offset, word.source, invented=True)
+            fixed += [closing] * count
+            gaps.append((closing.span, [frames.pop() for _ in range(count)]))
+    return fixed, gaps
 
 
-def _drop_extra(words: list[Word]) -> tuple[list[Word], list[Word]]:
-    """Return the words without the parentheses that close nothing, and those parentheses."""
-    depth = 0
-    extra: list[int] = []
-    ends: list[int] = []
-    for position, word in enumerate(words):
-        if word.kind == "OPEN":
-            depth += 1
-        elif word.kind == "CLOSE" and depth == 0:
-            extra.append(position)
-        elif word.kind == "CLOSE":
-            depth -= 1
-            if depth == 0:
-                ends.append(position)
-    takes_more = len(words) > 1 and words[1].key in ("and", "or", "define")
-    if takes_more and len(extra) == 1 and len(ends) > 1 and depth == 0 and extra[0] == len(words) - 1:
-        # In `(and (a)) (b))` the surplus one is not the last but the one that ended the formula too early.
-        extra = [ends[0]]
-    dropped = [words[position] for position in extra]
-    surplus = set(extra)
-    return [word for position, word in enumerate(words) if position not in surplus], dropped
-
-
-def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[_Gap]]:
-    """Return the words with every form closed, and the places where parentheses were missing."""
-    spare = _spare_closings(words)
+def _edits_by_counting(words: list[Word], profile: Profile) -> _Edits:
+    edits = _Edits(dropped={position: words[position] for position in _unmatched_closings(words)})
+    kept = [position for position in range(len(words)) if position not in edits.dropped]
+    spare = _spare_closings([words[position] for position in kept])
     added = 0
-    fixed: list[Word] = []
     frames: list[_OpenForm] = []
-    gaps: list[_Gap] = []
-
-    def close(count: int) -> None:
-        after = fixed[-1]
-        closing = Word("CLOSE", ")", after.end, after.source, invented=True)
-        gaps.append((closing.span, [frames.pop().opened for _ in range(count)]))
-        fixed.extend([closing] * count)
-
-    for position, word in enumerate(words):
+    for place, position in enumerate(kept):
+        word = words[position]
         if word.kind == "OPEN":
-            count = min(spare[position] - added, _frames_ended(frames, words[position + 1 : position + 2], profile))
+            following = words[kept[place + 1]] if place + 1 < len(kept) else None
+            count = min(spare[place] - added, _frames_ended(frames, following, profile))
             if count > 0:
-                close(count)
+                edits.closed.append((kept[place - 1], words[kept[place - 1]].end, count))
+                del frames[-count:]
                 added += count
             if frames:
                 frames[-1].forms += 1
-            frames.append(_OpenForm(word))
+            frames.append(_OpenForm())
         elif word.kind == "CLOSE":
             frames.pop()
         elif frames:
             frames[-1].take(word)
-        fixed.append(word)
     if frames:
         # The end of a Markdown code fence is no part of what it encloses.
-        fence = [fixed.pop()] if len(fixed) > 1 and fixed[-1].text.startswith(("```", "~~~")) else []
-        close(len(frames))
-        fixed += fence
-    return fixed, gaps
+        fenced = len(kept) > 1 and words[kept[-1]].text.startswith(("```", "~~~"))
+        last = kept[-2] if fenced else kept[-1]
+        edits.closed.append((last, words[last].end, len(frames)))
+    return edits
+
+
+def _unmatched_closings(words: list[Word]) -> list[int]:
+    depth = 0
+    extra: list[int] = []
+    ends: list[int] = []
+    for position, word in enumerate(words):
+        if word.kind == "CLOSE" and depth == 0:
+            extra.append(position)
+            continue
+        depth += _step(word)
+        if word.kind == "CLOSE" and depth == 0:
+            ends.append(position)
+    takes_more = len(words) > 1 and words[1].key in ("and", "or", "define")
+    if takes_more and len(extra) == 1 and len(ends) > 1 and depth == 0 and extra[0] == len(words) - 1:
+        # In `(and (a)) (b))` the surplus one is not the last but the one that ended the formula too early.
+        return [ends[0]]
+    return extra
 
 
 def _spare_closings(words: list[Word]) -> list[int]:
     """Return for each word how many closing parentheses may be added before it, so that each behind it has a match."""
-    depth = 0
-    depths = [depth := depth + (word.kind == "OPEN") - (word.kind == "CLOSE") for word in words]
-    return list(accumulate(reversed(depths), min))[::-1]
+    depths = accumulate(map(_step, words))
+    return list(accumulate(reversed(list(depths)), min))[::-1]
 
 
-def _frames_ended(frames: list[_OpenForm], following: list[Word], profile: Profile) -> int:
+def _frames_ended(frames: list[_OpenForm], following: Word | None, profile: Profile) -> int:
     """Return how many open forms must have ended before a parenthesis that opens here; never the outermost."""
-    if following and following[0].kind == "SECTION":
+    if following is not None and following.kind == "SECTION":
         return max(0, len(frames) - 1)
     count = 0
     while count < len(frames) - 1 and frames[-1 - count].is_complete(profile):
@@ -179,9 +177,6 @@ def _frames_ended(frames: list[_OpenForm], following: list[Word], profile: Profi
 
 @dataclass(slots=True)
 class _OpenForm:
-    """A form that is still open: its parenthesis, its head, and how much it holds so far."""
-
-    opened: Word
     head: Word | None = None
     words: int = 0
     forms: int = 0
@@ -218,31 +213,11 @@ _TRAILING_BLANKS = 3
 _TITLES = ("problem", "domain")
 
 
-@dataclass(slots=True)
-class Edits:
-    """Changes to the words of a text after which its parentheses match.
-
-    Attributes:
-        dropped: Surplus parentheses, by position.
-        opened: Positions of words before which an opening parenthesis is missing.
-        closed: Missing closing parentheses: behind which position, at which offset of the text.
-    """
-
-    dropped: dict[int, Word] = field(default_factory=dict)
-    opened: list[int] = field(default_factory=list)
-    closed: list[tuple[int, int]] = field(default_factory=list)
-
-
-def edits_by_indentation(words: Sequence[Word], profile: Profile) -> Edits | None:
-    """Return the edits after which the parentheses match, or None when the indentation does not determine them.
-
-    Args:
-        words: The words and parentheses of a text whose parentheses do not match.
-        profile: The dialect, which tells what a form may begin with.
-    """
+def _edits_by_indentation(words: Sequence[Word], profile: Profile) -> _Edits | None:
+    """Return the edits after which the parentheses match, or None when the indentation does not determine them."""
     heads = frozenset({*profile.words, *profile.absent_forms, "define", "problem", "domain", *_repeated_heads(words)})
     position_of = {id(word): position for position, word in enumerate(words)}
-    edits = Edits()
+    edits = _Edits()
     sections = {*profile.sections, *profile.ignored_sections}
     for imbalance in find_imbalances(words, heads, sections, ROWS if ":regions" in sections else ()):
         start = position_of[id(imbalance.words[0])]
@@ -251,7 +226,8 @@ def edits_by_indentation(words: Sequence[Word], profile: Profile) -> Edits | Non
                 _close(words, start, imbalance, heads, profile, edits)
             else:
                 _open(start, imbalance, heads, edits)
-    return edits if _match(words, edits) else None
+    depths = list(edits.depths(words))
+    return edits if depths[-1] == 0 and min(depths) >= 0 else None
 
 
 def _repeated_heads(words: Sequence[Word]) -> set[str]:
@@ -271,9 +247,8 @@ def _repeated_heads(words: Sequence[Word]) -> set[str]:
 
 
 def _close(
-    words: Sequence[Word], start: int, imbalance: Imbalance, heads: Collection[str], profile: Profile, edits: Edits
+    words: Sequence[Word], start: int, imbalance: Imbalance, heads: Collection[str], profile: Profile, edits: _Edits
 ) -> None:
-    """Drop an opening parenthesis that begins no form, or add a closing one."""
     line = imbalance.words
     for place, word in enumerate(line):
         following = words[start + place + 1] if start + place + 1 < len(words) else None
@@ -284,10 +259,11 @@ def _close(
     heads_of: list[Word | None] = []
     for position, word in enumerate(words[: start + len(line)]):
         if word.kind == "OPEN":
+            head = heads_of[-1] if heads_of else None
             within = position > start and bool(frames) and frames[-1].span.line == line[0].span.line
-            if within and _holds_words_only(heads_of[-1], profile):
+            if within and head is not None and (head.kind == "VARIABLE" or head.key in profile.predicates):
                 # An atom is followed by another form on its own line: it ends before that.
-                edits.closed.append((position - 1, words[position - 1].end))
+                edits.closed.append((position - 1, words[position - 1].end, 1))
                 return
             frames.append(word)
             heads_of.append(None)
@@ -297,7 +273,7 @@ def _close(
         elif frames and heads_of[-1] is None:
             heads_of[-1] = word
     last = start + len(line) - 1
-    edits.closed.append((last, _place_behind(line[-1], frames)))
+    edits.closed.append((last, _place_behind(line[-1], frames), 1))
 
 
 def _place_behind(last: Word, frames: Sequence[Word]) -> int:
@@ -319,8 +295,7 @@ def _place_behind(last: Word, frames: Sequence[Word]) -> int:
     return last.end
 
 
-def _open(start: int, imbalance: Imbalance, heads: Collection[str], edits: Edits) -> None:
-    """Add an opening parenthesis before a word that begins a form, or drop a closing one."""
+def _open(start: int, imbalance: Imbalance, heads: Collection[str], edits: _Edits) -> None:
     line = imbalance.words
     for place in range(len(line)):
         if start + place in edits.opened or not _lacks_opening(line, place, heads):
@@ -340,7 +315,6 @@ def _open(start: int, imbalance: Imbalance, heads: Collection[str], edits: Edits
 
 
 def _lacks_opening(line: Sequence[Word], place: int, heads: Collection[str]) -> bool:
-    """Decide whether a word begins a form without a parenthesis before it."""
     word = line[place]
     following = line[place + 1] if place + 1 < len(line) else None
     binds = word.kind == "VARIABLE" and following is not None and following.kind == "HYPHEN"
@@ -367,36 +341,12 @@ def _begins_form(word: Word | None, heads: Collection[str]) -> bool:
     return begins or bool(near_names(word.text, heads))
 
 
-def _holds_words_only(head: Word | None, profile: Profile) -> bool:
-    return head is not None and (head.kind == "VARIABLE" or head.key in profile.predicates)
-
-
-def _match(words: Sequence[Word], edits: Edits) -> bool:
-    depth = 0
-    opened, closed = set(edits.opened), [position for position, _ in edits.closed]
-    for position, word in enumerate(words):
-        depth += position in opened
-        if position not in edits.dropped:
-            depth += (word.kind == "OPEN") - (word.kind == "CLOSE")
-        depth -= closed.count(position)
-        if depth < 0:
-            return False
-    return depth == 0 and bool(words)
-
-
-def unopened_forms(words: Sequence[Word], profile: Profile) -> list[int]:
+def _unopened_forms(words: Sequence[Word], profile: Profile) -> list[int]:
     """Return the positions of the words before which an opening parenthesis is missing.
 
     Connectives, predicates with their names, sections, variables with a category and numbers behind `forn` begin forms.
     They explain the text under two conditions. Those without a parenthesis are as many as the surplus closing ones, and
     all parentheses match once theirs are inserted.
-
-    Args:
-        words: The words and parentheses of a text whose parentheses do not match.
-        profile: The dialect.
-
-    Returns:
-        The positions in order, or nothing when such words do not explain the text.
     """
     surplus = sum((word.kind == "CLOSE") - (word.kind == "OPEN") for word in words)
     if surplus <= 0:
@@ -408,7 +358,10 @@ def unopened_forms(words: Sequence[Word], profile: Profile) -> list[int]:
             found.append(position)
             if len(found) > surplus:
                 return []
-    return found if len(found) == surplus and is_one_form(words, set(found)) else []
+    depths = list(_Edits(opened=found).depths(words))
+    # All words are one form.
+    matched = depths[-1] == 0 and min(depths[:-1], default=0) > 0 and words[-1].kind == "CLOSE"
+    return found if len(found) == surplus and matched else []
 
 
 def _must_begin_form(words: Sequence[Word], position: int, profile: Profile) -> bool:
@@ -436,21 +389,10 @@ def _must_begin_form(words: Sequence[Word], position: int, profile: Profile) -> 
 
 
 def _has_its_names(words: Sequence[Word], position: int, arity: int) -> bool:
-    """Decide whether a predicate is followed by as many names as it takes, and then by a closing parenthesis."""
     names = words[position + 1 : position + 1 + arity]
     end = position + 1 + arity
     plain = len(names) == arity and all(name.kind in ("NAME", "VARIABLE") for name in names)
     return plain and end < len(words) and words[end].kind == "CLOSE"
-
-
-def is_one_form(words: Sequence[Word], opened: Collection[int] = ()) -> bool:
-    """Decide whether words are exactly one form, with parentheses inserted before some positions."""
-    depth = 0
-    for position, word in enumerate(words):
-        depth += (position in opened) + (word.kind == "OPEN") - (word.kind == "CLOSE")
-        if depth < 0 or (depth == 0 and position < len(words) - 1):
-            return False
-    return depth == 0 and bool(words) and words[-1].kind == "CLOSE"
 
 
 _TAB_COLUMNS = 4
@@ -494,14 +436,7 @@ class _Line:
 def find_imbalances(
     words: Sequence[Word], heads: Collection[str], sections: Collection[str] = (), nested: Collection[str] = ()
 ) -> list[Imbalance]:
-    """Return the lines whose parentheses are wrong, or nothing when the indentation does not tell.
-
-    Args:
-        words: The words and parentheses of a text whose parentheses do not match.
-        heads: The words that a form may begin with.
-        sections: The words that open a section of a definition.
-        nested: The words behind which a further form opens on the same line.
-    """
+    """Return the lines whose parentheses are wrong, or nothing when the indentation does not tell."""
     lines = _lines(words, heads, sections, nested)
     surplus = sum(_step(word) for word in words)
     if not _MIN_LINES <= len(lines) <= _MAX_LINES or abs(surplus) > _MAX_IMBALANCE:
@@ -539,7 +474,6 @@ def find_imbalances(
 def _lines(
     words: Sequence[Word], heads: Collection[str], sections: Collection[str], nested: Collection[str]
 ) -> list[_Line]:
-    """Return the lines that hold something, with their depths and levels."""
     lines: list[_Line] = []
     depth = 0
     columns: list[int] = []
@@ -584,5 +518,4 @@ def width_of_indent(line: str) -> int:
 
 
 def _step(word: Word) -> int:
-    """Return by how much a word changes the depth."""
     return (word.kind == "OPEN") - (word.kind == "CLOSE")

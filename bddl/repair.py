@@ -133,17 +133,6 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
     resembles no other, an ellipsis, and a predicate that does not exist. Neither is there one when the result would be
     illegal. The caller decides whether to take it.
 
-    Args:
-        text: A formula or a problem, as a model wrote it.
-        profile: The dialect, or its name.
-        objects: Category of each object of the scene, against which names are checked.
-
-    Returns:
-        The correction, with no slips when the text was legal, or None.
-
-    Raises:
-        UnknownProfile: There is no such profile.
-
     Example:
         >>> import bddl
         >>> bddl.correct("```\\ninside(glass_0, fridge_0) and (on cup_0 table_0)\\n```").text
@@ -194,15 +183,7 @@ def _is_legal_offer(
     profile: Profile,
     objects: Mapping[str, str] | None,
 ) -> bool:
-    """Decide whether a hint offers no form, or one that may be written as it is.
-
-    Args:
-        found: The mistake with its hint.
-        own: Identity of the mistake.
-        known: Identities of all mistakes in the text, which the form may share.
-        profile: The dialect.
-        objects: Category of each object of the scene, or None.
-    """
+    """Decide whether a hint offers no form, or one that may be written as it is."""
     if found.replacement is None or not found.replacement.text.startswith(("(", "[")):
         return True
     reporter = read_text(found.replacement.text, "any", profile, objects).reporter
@@ -222,16 +203,7 @@ def _mistake_identity(found: Diagnostic, reporter: Reporter) -> tuple[Code, str]
 
 
 def label_slips(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
-    """Return the mistakes in a text, labelled with their slips.
-
-    Args:
-        reading: The text as it was read, with its mistakes.
-        objects: Category of each object of the scene, or None.
-
-    Returns:
-        The same mistakes, in the same order, with `slip` set where one is known. Where the mistake or its slip concerns
-        the text as a whole, the hint is the corrected text, if there is one. No hint offers an illegal form.
-    """
+    """Return the mistakes in a text, labelled with their slips."""
     reporter, profile = reading.reporter, reading.profile
     found, text = reporter.diagnostics, reporter.text
     if len(text) > LONGEST_TEXT or len(found) > MOST_MISTAKES:

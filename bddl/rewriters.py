@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,12 +16,10 @@ from typing import NamedTuple
 
 from bddl.ast import QUANTIFIER_WORDS
 from bddl.diagnostics import SLIP_OF_CODE, Reporter, Slip, Source
-from bddl.dialects import Profile
+from bddl.dialects import FORM_SYNONYMS, ROOM, SYNONYM_OF, VAGUE_PREDICATES, Profile, near_names, swap_reason
 from bddl.lexer import Forest, Group, Item, Word, read_forest, read_words, words_in, words_of
 from bddl.parser import likely_forms
 from bddl.recovery import recover_parentheses
-from bddl.terms import rewrite_predicate
-from bddl.vocabulary import FORM_SYNONYMS, ROOM, SYNONYM_OF, VAGUE_PREDICATES, near_names, swap_reason
 
 
 class TextEdit(NamedTuple):
@@ -121,16 +119,22 @@ _DOTS = re.compile(r"(?<![^\s()])(?:\.{3,}|…)(?![^\s()])")
 _COMMA = re.compile(r",+[ \t]*")
 
 
-def fix_characters(draft: TextDraft) -> Iterator[TextEdit]:
-    """Replace typographic quotes, dashes, blanks and parentheses by those of a keyboard."""
-    for found in _TYPOGRAPHIC.finditer(draft.text):
-        yield TextEdit(*found.span(), _TYPOGRAPHY[found.group()], "typographic-character")
+def _replacing(
+    pattern: re.Pattern[str], slip: Slip, text: Callable[[re.Match[str]], str | None]
+) -> Callable[[TextDraft], Iterator[TextEdit]]:
+    def rewrite(draft: TextDraft) -> Iterator[TextEdit]:
+        for found in pattern.finditer(draft.text):
+            yield TextEdit(*found.span(), text(found), slip)
+
+    return rewrite
 
 
-def remove_fences(draft: TextDraft) -> Iterator[TextEdit]:
-    """Remove code fences and backticks."""
-    for found in _FENCE.finditer(draft.text):
-        yield TextEdit(*found.span(), "", "markdown-fence")
+fix_characters = _replacing(_TYPOGRAPHIC, "typographic-character", lambda found: _TYPOGRAPHY[found.group()])
+remove_fences = _replacing(_FENCE, "markdown-fence", lambda _: "")
+remove_comments = _replacing(_COMMENT, "foreign-comment", lambda _: "")
+unquote = _replacing(_QUOTED, "quoted-name", lambda found: found.group(2))
+# Only the author knows what dots stand for.
+find_ellipses = _replacing(_DOTS, "ellipsis", lambda _: None)
 
 
 def open_json(draft: TextDraft) -> Iterator[TextEdit]:
@@ -148,24 +152,6 @@ def open_json(draft: TextDraft) -> Iterator[TextEdit]:
             return
     for found in _ESCAPE.finditer(text):
         yield TextEdit(*found.span(), '"' if found.group() == '\\"' else " ", "json-text")
-
-
-def remove_comments(draft: TextDraft) -> Iterator[TextEdit]:
-    """Remove comments of other languages."""
-    for found in _COMMENT.finditer(draft.text):
-        yield TextEdit(*found.span(), "", "foreign-comment")
-
-
-def unquote(draft: TextDraft) -> Iterator[TextEdit]:
-    """Remove quotation marks around words."""
-    for found in _QUOTED.finditer(draft.text):
-        yield TextEdit(*found.span(), found.group(2), "quoted-name")
-
-
-def find_ellipses(draft: TextDraft) -> Iterator[TextEdit]:
-    """Mark ellipses; only the author knows what they stand for."""
-    for found in _DOTS.finditer(draft.text):
-        yield TextEdit(*found.span(), None, "ellipsis")
 
 
 def remove_commas(draft: TextDraft) -> Iterator[TextEdit]:
@@ -198,9 +184,6 @@ def formula_of_json(value: object) -> str:
     A string is the formula's own text. A list is a form when it begins with a word that is no formula, as in
     `["ontop", "a", "b"]`, and otherwise a list of formulas to be joined. An object has the formula under a key such
     as `goal`, or a predicate and its arguments.
-
-    Args:
-        value: What `json.loads` returned.
 
     Example:
         >>> formula_of_json(["not", ["open", "refrigerator_0"]])
@@ -355,7 +338,6 @@ def shape_binders(draft: TextDraft) -> Iterator[TextEdit]:
 
 
 def _binder(words: Sequence[Word]) -> str:
-    """Return the binder that two or three loose words mean, or ""."""
     if len(words) == 3 and (words[1].kind == "HYPHEN" or words[1].key in ("in", ":", "of", "∈")):
         words = (words[0], words[2])
     if len(words) != 2 or words[0].kind != "VARIABLE" or words[1].kind != "NAME":
@@ -364,7 +346,6 @@ def _binder(words: Sequence[Word]) -> str:
 
 
 def _sequences(draft: TextDraft) -> Iterator[Sequence[Item]]:
-    """Yield the items of the text and of every form in it, where there are several."""
     if len(draft.forest) > 1:
         yield draft.forest
     for group in draft.groups:
@@ -373,7 +354,6 @@ def _sequences(draft: TextDraft) -> Iterator[Sequence[Item]]:
 
 
 def _is_bare_atom(draft: TextDraft, items: Sequence[Item]) -> bool:
-    """Decide whether items are a predicate and as many names as it takes."""
     first = items[0] if items else None
     if not isinstance(first, Word) or not all(isinstance(item, Word) for item in items):
         return False
@@ -406,7 +386,6 @@ def _prefix(draft: TextDraft, items: list[Item], level: int = 0) -> str:
 
 
 def _operand(draft: TextDraft, items: list[Item]) -> str:
-    """Return one operand: a form, a bare atom, or either behind `not`; "" when it is none of these."""
     negations = 0
     while len(items) > 1 and isinstance(items[0], Word) and items[0].key in _NEGATIONS:
         items = items[1:]
@@ -514,17 +493,16 @@ def convert_truth_values(draft: TextDraft) -> Iterator[TextEdit]:
             continue
         last = items[-1]
         value = _TRUTH.get(last.key) if isinstance(last, Word) else None
+        text = ""
         if head.key in _COMPARISONS and len(items) == 3:
             if value is not None and isinstance(items[1], Group):
-                yield TextEdit(
-                    group.offset, group.end, _with_truth_value(draft.quote(items[1:2]), value), "truth-constant"
-                )
+                text = draft.quote(items[1:2])
             elif group.is_flat:
                 yield TextEdit(group.offset, group.end, None, "equality")
         elif head.key in draft.profile.predicates and value is not None and len(items) > 2:
-            yield TextEdit(
-                group.offset, group.end, _with_truth_value(f"({draft.quote(items[:-1])})", value), "truth-constant"
-            )
+            text = f"({draft.quote(items[:-1])})"
+        if text:
+            yield TextEdit(group.offset, group.end, text if value else f"(not {text})", "truth-constant")
 
 
 def convert_pddl(draft: TextDraft) -> Iterator[TextEdit]:
@@ -549,7 +527,7 @@ def choose_predicates(draft: TextDraft) -> Iterator[TextEdit]:
         if head is None or head.kind != "NAME" or head.key in taken:
             continue
         names = [word.text for word in words_in(group.items[1:])]
-        formula = rewrite_predicate(head.key, names, draft.profile) if flat else ""
+        formula = draft.profile.rewrite(head.key, names) if flat else ""
         if flat and head.key in _ROBOT_WORDS:
             held = [name for name in names if name.lower().rstrip("_0123456789") not in _ROBOTS]
             expressible = len(held) == 1 and "gripper" in draft.profile.builtin_objects
@@ -598,10 +576,6 @@ def swap_roles(draft: TextDraft) -> Iterator[TextEdit]:
                 )
 
 
-def _with_truth_value(text: str, value: bool) -> str:
-    return text if value else f"(not {text})"
-
-
 def _rename_head(draft: TextDraft, head: Word, flat: bool) -> TextEdit:
     if not flat and near_names(head.text, ("define",)) and any(word.kind == "SECTION" for word in draft.words):
         return TextEdit(head.offset, head.end, "define", "misspelt-word")
@@ -633,7 +607,6 @@ def _rename_object(word: Word, known: Sequence[str], draft: TextDraft) -> TextEd
 
 
 def _bound_names(draft: TextDraft) -> frozenset[str]:
-    """Return the variables that quantifiers of the text bind, without their question marks."""
     found: set[str] = set()
     for group in draft.groups:
         if group.head is not None and group.head.key in QUANTIFIER_WORDS:

@@ -12,23 +12,20 @@ from typing import Any, TypeAlias
 
 from bddl.ast import Formula, Span, is_name
 from bddl.diagnostics import Code, Reporter
-from bddl.dialects import Profile
-from bddl.formulas import FormulaReader
+from bddl.dialects import Profile, near_names
+from bddl.formulas import FormulaReader, TermReader
 from bddl.lexer import Group, Item, Word, words_in
 from bddl.problem import (
     ROOT_CATEGORY,
     ROWS,
     SECTION_START,
     STYLE_ATTRIBUTES,
-    Domain,
     Rectangle,
     Region,
     SceneStyle,
     TypedObject,
     read_number,
 )
-from bddl.terms import TermReader
-from bddl.vocabulary import near_names
 
 # Placeholder for a name that was reported.
 UNNAMED = "unnamed"
@@ -125,7 +122,6 @@ def _with_bare_sections(items: Sequence[Item], names: SectionNames, reporter: Re
 
 
 def _bare_section(words: Sequence[Word], reporter: Reporter) -> Group:
-    """Report a section without parentheses and returns it as if it had them."""
     first, last = words[0], words[-1]
     reporter.add(
         "bad-section",
@@ -188,7 +184,6 @@ class ProblemDraft:
         profile: The dialect; from the section `:domain` on with the predicates of that domain.
         reporter: Receives the diagnostics.
         scene: Objects that exist besides those declared, or None; when given, declared ones must be among them.
-        given: The domain that the caller gave, if any.
         name: Name of the problem.
         domain: Name of its domain.
         objects: Its declared objects.
@@ -201,7 +196,6 @@ class ProblemDraft:
     profile: Profile
     reporter: Reporter
     scene: Mapping[str, str] | None
-    given: Domain | None
     name: str = UNNAMED
     domain: str = UNNAMED
     objects: tuple[TypedObject, ...] = ()
@@ -336,7 +330,8 @@ class ObjectsReader:
             )
             if not tolerated:
                 return None
-        self._terms.check_known(word, name)
+        if self._terms.objects is not None and name not in self._terms.objects:
+            self._terms.report_object(word, name)
         declared = TypedObject(name, category, span=span)
         self._declared[name] = declared
         return declared
@@ -464,7 +459,6 @@ def _read_styles(draft: ProblemDraft, sections: Sequence[Group]) -> None:
 
 
 def _style(draft: ProblemDraft, item: Item) -> SceneStyle | None:
-    """Return the style of one part of the scene, or None after reporting a malformed one."""
     head = item.head if isinstance(item, Group) else None
     if isinstance(item, Group) and head is not None and head.kind == "NAME":
         styles: dict[str, str] = {}
@@ -503,7 +497,6 @@ _SHAPES = {
 
 
 def _region(item: Item, reporter: Reporter) -> Region | None:
-    """Return a region, or None after reporting a malformed one."""
     head = item.head if isinstance(item, Group) else None
     if not isinstance(item, Group) or head is None or head.kind != "NAME":
         _report(reporter, item.span, "A region belongs here.", "(NAME (:target NAME) (:ranges ...))")
@@ -532,7 +525,6 @@ def _region(item: Item, reporter: Reporter) -> Region | None:
 
 
 def _attributes(region: Group, reporter: Reporter) -> dict[str, Group]:
-    """Return the attributes of a region by name; unknown and repeated ones are reported."""
     found: dict[str, Group] = {}
     for item in region.items[1:]:
         head = item.head if isinstance(item, Group) else None
@@ -557,7 +549,6 @@ def _attributes(region: Group, reporter: Reporter) -> dict[str, Group]:
 
 
 def _rows(attributes: Mapping[str, Group], name: str, width: int, reporter: Reporter) -> list[tuple[float, ...]]:
-    """Return the rows of numbers of an attribute; anything else is reported."""
     attribute = attributes.get(name)
     if attribute is None:
         return []

@@ -40,9 +40,6 @@ _LONGEST_INLINE = 160
 def smt_text(ground: Ground) -> str:
     """Return text that is satisfiable exactly when the formula is; atom i of the formula is the constant `a<i>`.
 
-    Args:
-        ground: The formula over its atoms, of any depth and with any sharing.
-
     Example:
         >>> import bddl
         >>> from bddl.smt import smt_text
@@ -108,7 +105,6 @@ class Script:
         return terms[id(root)]
 
     def _compose(self, node: GroundNode, terms: dict[int, str], atom: Callable[[int], str]) -> str:
-        """Return the term of a node whose operands have theirs."""
         match node:
             case Leaf(atom=index):
                 return atom(index)
@@ -216,7 +212,6 @@ def _at_most(count: int, terms: list[str]) -> str:
 
 
 def _uncounted(count: int, terms: list[str]) -> tuple[list[str], int]:
-    """Return the terms that are undecided, and the rest of a count after the true ones."""
     return [term for term in terms if term not in (TRUE, FALSE)], count - terms.count(TRUE)
 
 
@@ -264,10 +259,6 @@ class Solver:
         Args:
             text: Declarations and assertions of SMT-LIB; commands such as `check-sat` are ignored.
             timeout_ms: The most time that one question may take; the answer is "unknown" after that.
-
-        Raises:
-            SolverMissing: z3 is not installed.
-            ValueError: The text is no SMT-LIB, or uses what was not declared.
         """
         self._z3: Any = _z3()
         # A context of its own makes an answer independent of earlier questions in the same process.
@@ -280,11 +271,7 @@ class Solver:
         self.add(text)
 
     def add(self, text: str) -> None:
-        """Read more text, which may speak of what was declared before and must not declare it again.
-
-        Raises:
-            ValueError: The text is no SMT-LIB, or uses what was not declared.
-        """
+        """Read more text, which may speak of what was declared before and must not declare it again."""
         try:
             self._solver.from_string(text)
         except self._z3.Z3Exception as problem:
@@ -297,11 +284,7 @@ class Solver:
         self._solver.add(self._literal(name, value))
 
     def check(self, assumed: Iterable[Assumed] = ()) -> SolverAnswer:
-        """Decide whether the text is satisfiable when some constants have given values.
-
-        Args:
-            assumed: Constants and their values, for this question alone.
-        """
+        """Decide whether the text is satisfiable when some constants have given values, for this question alone."""
         literals = {self._literal(name, value): (name, value) for name, value in assumed}
         status = str(self._solver.check(*literals))
         if status == "sat":
@@ -322,14 +305,6 @@ class Solver:
 
 def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> SolverAnswer:
     """Decide whether SMT-LIB text over Boolean constants is satisfiable.
-
-    Args:
-        text: Declarations and assertions.
-        timeout_ms: The most time that it may take; the answer is "unknown" after that.
-
-    Raises:
-        SolverMissing: z3 is not installed.
-        ValueError: The text is no SMT-LIB, or uses what was not declared.
 
     Example:
         >>> from bddl.smt import solve

@@ -17,6 +17,7 @@ from typing import TypeVar
 
 import bddl
 from bddl.smt import Solver, smt_text, solve
+from benchmarks.compiled_goals import CompiledGoal, compile_goal
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
 from benchmarks.conformance.goal_states import draw
@@ -72,7 +73,7 @@ def _try(name: str, problem: bddl.Problem, peer: GoalPeer, source: random.Random
     objects = {thing.name: thing.category for thing in problem.objects}
     seconds, compiled = _timed(lambda: bddl.GoalProgress(problem.goal, objects))
     tally.compile_seconds[name] = seconds
-    goal = bddl.compile_goal(problem.goal, objects)
+    goal = compile_goal(problem.goal, objects)
     found = _options(name, problem, objects, tally)
     states = list(draw(goal, bddl.ground(problem.goal, objects).root, source, STATES))
     states += list(_completions(goal, found, source))
@@ -84,7 +85,7 @@ def _try(name: str, problem: bddl.Problem, peer: GoalPeer, source: random.Random
 
 
 def _coherent(
-    goal: bddl.CompiledGoal,
+    goal: CompiledGoal,
     progress: bddl.GoalProgress,
     objects: dict[str, str],
     states: list[int],
@@ -104,7 +105,7 @@ def _coherent(
     return True
 
 
-def _completions(goal: bddl.CompiledGoal, found: list[bddl.Option], source: random.Random) -> Iterator[int]:
+def _completions(goal: CompiledGoal, found: list[bddl.Option], source: random.Random) -> Iterator[int]:
     """Yield, for each option, a state in which it holds and everything else is random."""
     places = {atom: index for index, atom in enumerate(goal.atoms)}
     for option in found:
@@ -156,7 +157,7 @@ def _reference(
     seconds = peer.ask("time", activity=name, states=texts)
     assert isinstance(rewards, list) and isinstance(seconds, float)
     objects = {thing.name: thing.category for thing in problem.objects}
-    judged = bddl.compile_goal(problem.goal, objects, pairs="reference")
+    judged = compile_goal(problem.goal, objects, pairs="reference")
     for state, reward in zip(states, rewards, strict=True):
         true = judged.evaluate(state)
         if true and reward < 1.0:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 
-import bddl
 from bddl.grounding import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some
+from benchmarks.compiled_goals import CompiledGoal
 
 SATISFYING = 8
 
 
-def draw(goal: bddl.CompiledGoal, root: GroundNode, source: random.Random, states: int) -> Iterator[int]:
+def draw(goal: CompiledGoal, root: GroundNode, source: random.Random, states: int) -> Iterator[int]:
     """Yield states of all densities, then states made to satisfy the goal, upon backgrounds of several densities."""
     width = len(goal.atoms)
     for number in range(states):

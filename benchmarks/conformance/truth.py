@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
 import bddl
+from benchmarks.compiled_goals import compile_goal
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_oracle import oracle
 from benchmarks.conformance.goal_peer import GoalPeer
@@ -91,7 +92,7 @@ def _compare(
     name: str, problem: bddl.Problem, peer: GoalPeer, source: random.Random, states: int, outcome: Outcome
 ) -> None:
     objects = {thing.name: thing.category for thing in problem.objects}
-    ours = bddl.compile_goal(problem.goal, objects, pairs="reference")
+    ours = compile_goal(problem.goal, objects, pairs="reference")
     drawn = list(draw(ours, bddl.ground(problem.goal, objects).root, source, states))
     conditions = peer.load(name, ours.atoms, checked=True)
     theirs = peer.ask("evaluate", activity=name, states=[hex(state) for state in drawn])
@@ -107,7 +108,7 @@ def _compare(
     if not found == slowly == [ours.evaluate_conditions(state) for state in drawn]:
         outcome.self_unequal.append(name)
     if any(isinstance(node, bddl.ForPairs) for node in problem.goal.walk()):
-        matching = bddl.compile_goal(problem.goal, objects)
+        matching = compile_goal(problem.goal, objects)
         paired = [matching.evaluate_conditions(state) for state in drawn]
         expected = [tuple(oracle(part, state, objects) for part in matching.conditions) for state in known]
         batch = [tuple(row) for row in matching.evaluate_batch(rows).tolist()]

@@ -81,21 +81,6 @@ def test_every_domain_survives_printing(domain: bddl.Domain) -> None:
     assert bddl.parse_domain(bddl.format(domain)) == domain
 
 
-def test_a_problem_may_use_the_predicates_of_its_domain_alone() -> None:
-    domain = bddl.parse_domain(TEXT)
-    text = "(define (problem p) (:domain Workshop) (:objects a b - plank) (:init) (:goal (glued a b)))"
-    assert bddl.parse(text, domain=domain).goal == bddl.Atom("glued", ("a", "b"))
-    (found,) = bddl.check(text.replace("glued", "inside"), domain=domain)
-    assert (found.code, found.hint) == ("unknown-predicate", "the predicates are: glued, ontop, drying")
-    assert bddl.parse_formula("(drying a b)", domain=domain) == bddl.Atom("drying", ("a", "b"))
-
-
-def test_a_problem_of_another_domain_is_reported() -> None:
-    text = "(define (problem p) (:domain kitchen) (:objects a - plank) (:goal (ontop a a)))"
-    (found,) = bddl.check(text, domain=bddl.parse_domain(TEXT))
-    assert (found.code, found.column) == ("unknown-domain", 30)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "code"),
     [

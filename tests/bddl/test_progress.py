@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl import GoalProgress
+from benchmarks.compiled_goals import compile_goal
 from tests.bddl.small_goals import OBJECTS, Partial, goals, missing, partial_states, readings, smallest_ways
 
 
@@ -78,7 +79,7 @@ def test_knowing_more_of_a_way_never_lowers_progress(goal: bddl.Formula, data: s
 
 @given(goals(most_atoms=5))
 def test_the_packed_state_of_a_compiled_goal_is_understood(goal: bddl.Formula) -> None:
-    compiled = bddl.compile_goal(goal, OBJECTS)
+    compiled = compile_goal(goal, OBJECTS)
     own = GoalProgress(goal, OBJECTS)
     assert own.atoms == compiled.atoms
     for packed in range(1 << len(own.atoms)):

@@ -36,6 +36,6 @@ def test_importing_the_package_imports_no_parser_generator() -> None:
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("name", ["grammar.lark", "py.typed"])
+@pytest.mark.parametrize("name", ["codes.toml", "dialects.toml", "grammar.lark", "py.typed", "vocabulary.toml"])
 def test_data_files_lie_in_the_package(name: str) -> None:
     assert files("bddl").joinpath(name).is_file()
