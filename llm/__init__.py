@@ -9,6 +9,8 @@ taken on trust). With `model="openai:gpt-5.2"` or another configuration the five
 the graph decides which of its answers are taken (docs/models.md).
 """
 
+from __future__ import annotations
+
 import importlib
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +28,12 @@ from llm.errors import (
 )
 from llm.offline.lexicon import Lexicon, LexiconError
 from llm.offline.planner import OfflinePlanner
-from llm.proposing.proposal import Expanded, Proposal
-from llm.proposing.propose import Proposer, propose
+from llm.proposing.proposal import Expanded, Proposal, Proposer
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round
+from oag import Scene
+from oag.model.codec import shown
+from oag.sizes import TO_THE_AIM, Sizing
+from oag.task import required_scene
 
 if TYPE_CHECKING:
     from llm.client.recording import Recorder, Replay, connect
@@ -67,6 +72,44 @@ __all__ = [
     "connect",
     "propose",
 ]
+
+
+def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, sizing: Sizing = TO_THE_AIM) -> Proposal:
+    """Propose a task for a query in a scene; `oag.compose(proposal.task).verify()` gives its certificate.
+
+    Args:
+        query: The request, in English.
+        scene: The scene.
+        model: None for the offline planner, a configuration string such as "openai:gpt-5.2" or "replay:FILE", or an
+            object that proposes. The last one, such as a `ModelProposer` with a budget, uses its own `sizing`.
+        sizing: Rule for the sizes of manipulated objects; by default an object that is too wide is scaled to the
+            aim.
+
+    Raises:
+        QueryError: The query is no text, is not understood, is ambiguous, or cannot be executed in the scene.
+        SceneError: The scene is no `Scene`, but for example the name of one.
+        ProposerError: `model` cannot propose.
+        ModelConfigError: The configuration string names no known model, or its key is missing.
+        ModelError: The model did not reply.
+        AnswersRefused: No answer of the model was valid in the allowed rounds.
+    """
+    if not isinstance(query, str):
+        raise QueryError("not-understood", str(query), f"expected a sentence in English, got {shown(query)}")
+    required_scene(scene)
+    if model is None:
+        return OfflinePlanner(sizing=sizing).propose(query, scene)
+    proposer: object = model
+    if isinstance(model, str):
+        # pydantic is loaded with the first question to a model.
+        from llm.client.recording import connect
+        from llm.proposing.model_proposer import ModelProposer
+
+        proposer = ModelProposer(connect(model), name=model, sizing=sizing)
+    # A class has the method too, but unbound.
+    if isinstance(proposer, type) or not isinstance(proposer, Proposer):
+        raise ProposerError(proposer)
+    return proposer.propose(query, scene)
+
 
 # pydantic is loaded with the first question to a model.
 _PLACES = {

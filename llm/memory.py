@@ -38,13 +38,7 @@ from oag.model.symbols import ARTICULATIONS, Parameter
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
-    """One result to store.
-
-    Attributes:
-        about: Name of the note.
-        note: The note if it were new; None if only an existing one is meant.
-        evidence: The trial.
-    """
+    """One result to store: the note if it were new, or None if only the existing one of that name is meant."""
 
     about: str
     note: Note | None
@@ -56,11 +50,6 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
 
     The noted correction is the change from the first flow to the last one, without the detours between them. If a
     note led there at once, its evidence grows and no new note is made.
-
-    Args:
-        task: The task as it was first run.
-        scene: The scene of the run.
-        history: History of one of its subtasks.
     """
     iterations = _from_one_start(history)
     attempts = [attempt for attempt, _ in iterations]
@@ -130,12 +119,7 @@ RELIABLE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Foreseen:
-    """A task whose flows were changed by notes.
-
-    Attributes:
-        task: The task to run.
-        notes: Index of a subtask -> name of the note applied to its flow.
-    """
+    """A task whose flows were changed by notes; of each changed subtask the name of its note."""
 
     task: Task
     notes: Mapping[int, str]
@@ -154,11 +138,6 @@ def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:
 
     A correction is applied only if it is proven, and only to exactly the same flow for the same kind of subtask,
     target and support.
-
-    Args:
-        notes: The notes.
-        task: The task, with its flows.
-        scene: The scene of the run.
     """
     reliable = sorted(
         (note for note in notes if note.proven and note.rate >= RELIABLE),
@@ -245,15 +224,6 @@ class SkillMemory:
         """Store what evolutions of a task's subtasks have shown, and return the names of the changed notes.
 
         A known correction gets the new evidence; so does one that was applied or tried from memory and failed.
-
-        Args:
-            task: The task as it was first run.
-            scene: The scene of the run.
-            histories: Histories of its subtasks.
-            foreseen: Corrections applied before the run, if any.
-
-        Raises:
-            MemoryFolderError: A note cannot be written.
         """
         recorded = list(histories)
         found = [lesson for history in recorded for lesson in lessons(task, scene, history)]
@@ -262,7 +232,7 @@ class SkillMemory:
         return tuple(dict.fromkeys(name for lesson in found for name in self._take(lesson)))
 
     def _take(self, lesson: Lesson) -> list[str]:
-        name = lesson.about if lesson.note is None else lesson.note.name
+        name = lesson.about
         known = self._notes.get(name) or lesson.note
         if known is None:
             return []
@@ -358,11 +328,6 @@ def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionF
 
     Flows are aligned by their primitives. There is no transfer if the flow lacks the steps that the change refers
     to.
-
-    Args:
-        before: The flow that failed then.
-        after: The flow that succeeded then.
-        flow: The flow that fails now.
     """
     places = _places(before, flow)
     changed: list[list[Action]] = [[action] for action in flow]
@@ -401,7 +366,6 @@ def _places(before: ActionFlow, flow: ActionFlow) -> dict[int, int]:
 
 
 def _anchor(places: dict[int, int], low: int, high: int, length: int, now: int) -> int | None:
-    """Return the insertion index in the current flow for steps low to high of the earlier one."""
     if low in places:
         return places[low]
     if low > 0 and low - 1 in places:

@@ -238,15 +238,7 @@ _CAUSE, _PRIMITIVE, _KIND, _TARGET, _TYPE, _SUPPORT = 3.0, 2.0, 2.0, 2.0, 0.5, 1
 
 @dataclass(frozen=True, slots=True)
 class Circumstances:
-    """Features by which a failure is compared.
-
-    Attributes:
-        cause: Root cause in a few words; empty if unknown.
-        primitive: Primitive of the step with the cause; None if unknown.
-        kind: Kind of the subtask.
-        target: Category of its target.
-        support: Category of the target's source or destination; empty for none.
-    """
+    """Features by which a failure is compared; empty or None if unknown."""
 
     cause: str
     primitive: Primitive | None
@@ -257,13 +249,7 @@ class Circumstances:
 
 @dataclass(frozen=True, slots=True)
 class Recalled:
-    """A note that resembles a failure.
-
-    Attributes:
-        note: The note.
-        score: Its points.
-        why: The shared features, with their points.
-    """
+    """A note that resembles a failure."""
 
     note: Note
     score: float
@@ -299,13 +285,7 @@ def about(task: Task, subtask: int, scene: Scene) -> tuple[Kind, str, str]:
 
 
 def recall(notes: Iterable[Note], of: Circumstances, most: int = 5) -> tuple[Recalled, ...]:
-    """Return the notes with enough points, the most similar first; ties by success.
-
-    Args:
-        notes: All notes.
-        of: The failure.
-        most: Most notes to return.
-    """
+    """Return the notes with enough points, the most similar first; ties by success."""
     # A correction of another cause would waste an attempt, however similar the rest is.
     related = [note for note in notes if note.rate >= HOPELESS and (not of.cause or _alike(note.cause, of.cause) > 0)]
     enough = [one for one in (_compared(note, of) for note in related) if one.score >= ENOUGH]

@@ -52,13 +52,7 @@ def form_words(form: BoxForm) -> str:
 
 
 def box_px(numbers: Sequence[float], form: BoxForm, size_px: tuple[int, int]) -> Box:
-    """Convert four numbers to a box in pixels; it may lie outside the picture.
-
-    Args:
-        numbers: As written by a model.
-        form: Unit and order of the numbers.
-        size_px: Width and height of the picture [px].
-    """
+    """Convert four numbers to a box in pixels; it may lie outside the picture."""
     unit, order = form.split()
     first, second, third, fourth = numbers
     if order == "yxyx":
@@ -159,17 +153,7 @@ def agreement(answer: Rectangles) -> dict[BoxForm, float]:
 
 
 def infer_box_form(transport: Transport, form: BoxForm, log: Log) -> tuple[BoxForm, float]:
-    """Infer the form of a model's boxes from the pattern; return it with the mean overlap, 0 to 1.
-
-    Args:
-        transport: The model.
-        form: The form that is requested.
-        log: Record of the rounds.
-
-    Raises:
-        AnswersRefused: In no form do its boxes overlap the rectangles.
-        ModelError: The model did not reply.
-    """
+    """Infer the form of a model's boxes from the pattern; return it with the mean overlap, 0 to 1."""
     width, height = SIZE_PX
     text = render(
         "vision/pattern", width=str(width), height=str(height), colours=", ".join(RECTANGLES_PX), form=form_words(form)
@@ -341,7 +325,6 @@ def _cut(box: Box, size_px: tuple[int, int]) -> Box:
 def _detection_findings(
     answer: ThingsAnswer, form: BoxForm, size_px: tuple[int, int], unknown: Callable[[str], str | None]
 ) -> Iterator[Diagnostic]:
-    """Yield errors for impossible boxes and duplicate numbers, and warnings for doubtful entries."""
     if not answer.things:
         hint = "answer with an empty list again if there is none of them"
         yield finding("answer/nothing", "no thing is listed", "things", hint=hint, severity="warning")
@@ -364,7 +347,6 @@ def _detection_findings(
 
 
 def _misplaced(box: Box, size_px: tuple[int, int]) -> str | None:
-    """Return the problem with a box's position, None if there is none."""
     width, height = size_px
     x0, y0, x1, y1 = box
     if x1 - x0 < _LEAST_PX or y1 - y0 < _LEAST_PX:

@@ -210,30 +210,6 @@ class EvolveOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
-class AblateOptions(CommonOptions):
-    """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
-
-    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
-    are shown to the model, and none are written, so that no setting profits from another.
-    """
-
-    what: tyro.conf.Positional[Literal["views", "look-back"]]
-    """What is varied: the subsets of the three cameras, or 0, 1 and 2 steps back."""
-    task: TaskToRun
-    scene: SceneName
-    seed: FirstSeed = 0
-    episodes: int = 1
-    """How many episodes to run in each setting."""
-    limit: Limit = 5
-    keep_sizes: KeepSizes = False
-    judged: JudgeOptions = field(default_factory=JudgeOptions)
-    out: Maybe[Path] = None
-    """Folder for the table, the recording and the pictures."""
-    resume: GoOn = False
-    force: ReplaceResults = False
-
-
-@dataclass(frozen=True)
 class BenchOptions(CommonOptions):
     """Measure success rates over many episodes, and print them beside the paper's main table.
 
@@ -427,7 +403,6 @@ SubCommand = (
     | Annotated[PlanOptions, tyro.conf.subcommand("plan")]
     | Annotated[RolloutOptions, tyro.conf.subcommand("rollout")]
     | Annotated[EvolveOptions, tyro.conf.subcommand("evolve")]
-    | Annotated[AblateOptions, tyro.conf.subcommand("ablate")]
     | Annotated[BenchOptions, tyro.conf.subcommand("bench")]
     | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
     | Annotated[DatasetOptions, tyro.conf.subcommand("dataset")]

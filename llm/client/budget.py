@@ -121,14 +121,6 @@ class Metered:
     ) -> None:
         """Set up the meter; nothing is sent.
 
-        Args:
-            transport: Transport that answers.
-            name: The configuration string.
-            budget: Limits; default is none.
-            price: Price of tokens; None if unknown, then no cost is reported.
-            warnings: What was skipped in a recording that answers.
-            boxes: Requested form of boxes in a picture; None for a recording, which does not state it.
-
         Raises:
             ModelConfigError: The cost is limited, but the price is unknown.
         """
@@ -153,12 +145,7 @@ class Metered:
             return replace(self._usage, elapsed_s=self._elapsed_s())
 
     def complete(self, request: ChatRequest) -> ChatReply:
-        """Return the transport's reply.
-
-        Raises:
-            BudgetSpent: A limit is reached and nothing was sent, or the time ran out while a reply was awaited.
-            ModelError: As the transport does.
-        """
+        """Return the transport's reply."""
         left_s = self._admit()
         if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
             request = replace(request, timeout_s=left_s)

@@ -51,10 +51,6 @@ _ADDRESS = "Check the server's address: it mostly ends in /v1"
 def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     """Return the fields of the request's body.
 
-    Args:
-        request: The request.
-        profile: The model's settings.
-
     Raises:
         RequestError: The request has more images than the model takes, an unusable image, or content that is no
             JSON.
@@ -200,10 +196,6 @@ def read_answer(body: bytes, content_type: str) -> ChatReply | Unanswered:
     """Return the completion in a body, or what is wrong with it.
 
     The body itself shows whether it was streamed: some servers ignore the setting, and some label JSON as text.
-
-    Args:
-        body: All bytes of an answer with status 200.
-        content_type: Its header, for messages.
     """
     start = body.lstrip()[:6]
     if start.startswith((b"data:", b"event:", b":", b"id:")):
@@ -277,7 +269,6 @@ def _events(body: bytes) -> Iterator[bytes]:
 
 
 def _reply(text: str | None, finish: str | None, answer: _ChatAnswer, usage: _ChatUsage | None) -> ChatReply:
-    """Return the reply; its text may be empty, and the client sets the latency."""
     counts = usage or _ChatUsage()
     return ChatReply(
         text or "",

@@ -172,7 +172,6 @@ def listed(known: Mapping[str, Table]) -> tuple[str, ...]:
 
 
 def _unknown(configuration: str, known: dict[str, Table]) -> ModelConfigError:
-    """Return the error for a configuration without a profile: the problem, near and known names."""
     shown = " ".join(configuration.split())[:80] or "(no model)"
     provider, colon, model = shown.partition(":")
     names = listed(known)
@@ -220,7 +219,6 @@ def _built_in() -> dict[str, Table]:
 
 
 def _checked(text: str, file: str) -> dict[str, Table]:
-    """Parse and validate a file of profiles; raise a ModelConfigError with the faulty place."""
     try:
         found = tomllib.loads(text)
         _FILE.validate_python(found)
@@ -234,7 +232,6 @@ def _checked(text: str, file: str) -> dict[str, Table]:
 
 
 def _faulty(provider: int | str, *place: int | str, found: object, file: str) -> ModelConfigError:
-    """Return the error for a setting that is unknown or has an invalid value."""
     where = f"[{provider}]"
     if place[:1] == ("models",) and len(place) > 1:
         where, place = f'[{provider}.models."{place[1]}"]', place[2:]

@@ -107,7 +107,6 @@ def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float
 
 
 def _shared(one: str, other: str) -> int:
-    """Return the length of the common prefix of two texts."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((index for index, (a, b) in pairs if a != b), min(len(one), len(other)))
 
@@ -169,13 +168,7 @@ class _RecordedLine(_Recorded):
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One request and its outcome.
-
-    Attributes:
-        request: `ChatRequest.record()`.
-        outcome: The reply, or the failure in its place.
-        digest: Digest of the request.
-    """
+    """One request, as `ChatRequest.record` writes it, and its reply or the failure in its place."""
 
     request: Mapping[str, Any]
     outcome: ChatReply | ModelError
@@ -368,11 +361,7 @@ class Replay:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file.
-
-        Raises:
-            CassetteError: It cannot be read, or is no recording.
-        """
+        """Read the file."""
         self.path = path
         self._exchanges, self.warnings = read_recording(path)
         self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)

@@ -146,13 +146,7 @@ class ChatRequest:
 
     @classmethod
     def of(cls, system: str, *parts: Part, json_schema: Mapping[str, object] | None = None) -> ChatRequest:
-        """Return a request with one user message.
-
-        Args:
-            system: Instructions; may be empty.
-            parts: Texts and images of the message.
-            json_schema: JSON Schema of the answer.
-        """
+        """Return a request with one user message."""
         return cls(system, (Message(parts),), json_schema)
 
     @property
@@ -173,11 +167,7 @@ class ChatRequest:
         }
 
     def digest(self) -> str:
-        """Return the SHA-256 of the record as canonical JSON (sorted keys, no blanks), in hexadecimal.
-
-        Raises:
-            RequestError: The schema or the extra body is not JSON.
-        """
+        """Return the SHA-256 of the record as canonical JSON (sorted keys, no blanks), in hexadecimal."""
         return digest_of(self.record())
 
 

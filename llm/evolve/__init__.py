@@ -1,7 +1,6 @@
 """Self-evolution: the Inspector that judges an attempt, the Supervisor that revises its flow, their inputs.
 
-Protocols are in `observation`. `rules` has the judges that need no model, `model_judges` those of a model, and
-`judges` sets these up.
+Protocols are in `observation`. `rules` has the judges that need no model, `judges` those of a model.
 """
 
 from llm.evolve.observation import (

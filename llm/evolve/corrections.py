@@ -36,6 +36,7 @@ from llm.evolve.flow_edits import (
     without,
 )
 from oag import Action, ActionFlow, Primitive
+from oag.measurements import Miss
 from oag.model.symbols import ARTICULATIONS
 
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
@@ -158,14 +159,7 @@ def aimed(off_m: tuple[float, float], flow: ActionFlow, step: int) -> Changes:
 
 
 def slide_base(flow: ActionFlow, step: int, by_m: Mapping[Axis, float], why: str) -> Changes:
-    """Slide the base before the APPROACH of a step; an existing slide becomes longer or shorter.
-
-    Args:
-        flow: The flow to correct.
-        step: A step at or after the APPROACH.
-        by_m: Axis -> distance [m].
-        why: The reason, as half a sentence.
-    """
+    """Slide the base before the APPROACH of a step; an existing slide becomes longer or shorter."""
     start = last_up_to(flow, step, Primitive.APPROACH)
     if start is None or all(abs(amount) < SMALLEST_SLIDE_M for amount in by_m.values()):
         return
@@ -324,8 +318,6 @@ def blocked(cause: FailureCause, flow: ActionFlow) -> Changes:
     if flow[step].primitive in NAVIGATIONS and met is not None and met.mover.startswith(_BASE_LINKS):
         yield from _driven_elsewhere(met.other, flow, step, release)
         return
-    mover, other = ("the robot", "something") if met is None else (met.mover, met.other)
-    moved, asked = (None, None) if cause.move is None else (cause.move.eef_moved_m, cause.move.asked_m)
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     yield from _navigated_again(cause, flow)
     over: list[tuple[ActionFlow, str]] = []
@@ -348,28 +340,34 @@ def blocked(cause: FailureCause, flow: ActionFlow) -> Changes:
         side = "left" if miss.centre_left_m > 0 else "right"
         words = f"go {abs(miss.centre_left_m):.2f} m to the {side} before it, where the middle of the place is"
         yield shifted(flow, release, LEFT, miss.centre_left_m), words
-    if moved is not None and asked is not None and moved < asked and is_move(flow[step]):
-        # A hand that meets an obstacle while lowering is where it can release.
-        clearance_m = TOUCHING_M if UP.sign(flow[step]) else CLEARANCE_M
-        kept = max(moved - clearance_m, 0.0)
-        ahead = moved - kept if FORWARD.sign(flow[step]) else 0.0
-        shorter = with_parameter(flow, step, kept) if kept >= 0.01 else without(flow, step)
-        if release is not None and miss is not None:
-            # The hand covers the remaining distance: the miss less the flow's later moves.
-            later = numbered_moves(flow, range(step + 1, release))
-            rest = miss.forward_m + ahead - sum(FORWARD.sign(flow[i]) * number for i, number in later)
-            at = step + 1 - (len(flow) - len(shorter))
-            yield (
-                _reaching(shorter, at, rest),
-                f"stop {clearance_m:g} m before {other} and reach the rest with the hand",
-            )
-        yield shorter, f"stop {clearance_m:g} m before {mover} meets {other}"
+    yield from _stopped_before(cause, flow, release, miss)
     yield from over
     for side_step in SIDE_STEPS_M:
         for primitive in (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT):
             words = f"step aside with {primitive.name} by {side_step:.1f} m before it"
             yield inserted(flow, step, Action(primitive, side_step)), words
     yield from open_numbers(flow, release)
+
+
+def _stopped_before(cause: FailureCause, flow: ActionFlow, release: int | None, miss: Miss | None) -> Changes:
+    """Yield flows whose move ends before the obstacle; the hand may cover the rest."""
+    step, met = cause.step, cause.contact
+    mover, other = ("the robot", "something") if met is None else (met.mover, met.other)
+    moved, asked = (None, None) if cause.move is None else (cause.move.eef_moved_m, cause.move.asked_m)
+    if moved is None or asked is None or moved >= asked or not is_move(flow[step]):
+        return
+    # A hand that meets an obstacle while lowering is where it can release.
+    clearance_m = TOUCHING_M if UP.sign(flow[step]) else CLEARANCE_M
+    kept = max(moved - clearance_m, 0.0)
+    ahead = moved - kept if FORWARD.sign(flow[step]) else 0.0
+    shorter = with_parameter(flow, step, kept) if kept >= 0.01 else without(flow, step)
+    if release is not None and miss is not None:
+        # The hand covers the remaining distance: the miss less the flow's later moves.
+        later = numbered_moves(flow, range(step + 1, release))
+        rest = miss.forward_m + ahead - sum(FORWARD.sign(flow[i]) * number for i, number in later)
+        at = step + 1 - (len(flow) - len(shorter))
+        yield _reaching(shorter, at, rest), f"stop {clearance_m:g} m before {other} and reach the rest with the hand"
+    yield shorter, f"stop {clearance_m:g} m before {mover} meets {other}"
 
 
 def _driven_elsewhere(other: str, flow: ActionFlow, step: int, release: int | None) -> Changes:

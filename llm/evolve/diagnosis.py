@@ -182,12 +182,10 @@ class FailureCause:
         return (*self.grounds.failure_measurements, *(self.grounds.measurements or ()))
 
     def _latest(self, kind: type[_Kind], read: Callable[[_Kind], _Read | None]) -> _Read | None:
-        """Return a value of the last record of a kind that has it."""
         found = (read(record) for record in reversed(self.until_then) if isinstance(record, kind))
         return next((value for value in found if value is not None), None)
 
     def _unmet(self, read: Callable[[AtomMeasured], float | None]) -> float | None:
-        """Return a value that the detectors measured for the last unmet condition that has it."""
         found = (read(unmet.measurements) for unmet in reversed(self.grounds.unmet))
         return next((value for value in found if value is not None), None)
 
@@ -352,15 +350,7 @@ class EarlierCause:
 def earlier_causes(
     task: Task, subtask: int, attempt: Attempt, cause: FailureCause, earlier: tuple[History, ...]
 ) -> list[EarlierCause]:
-    """Return the earlier steps that may have caused a failed attempt, the evident ones first.
-
-    Args:
-        task: The task as it was run.
-        subtask: Index of the failed subtask.
-        attempt: The failed attempt.
-        cause: Its cause, as far as it shows in this subtask.
-        earlier: Histories of the subtasks before it; the last attempt of each is the one that stands.
-    """
+    """Return the earlier steps that may have caused a failed attempt, the evident ones first."""
     found = list(_candidates(task, subtask, attempt, cause, earlier))
     return sorted(found, key=lambda candidate: not candidate.evident)
 

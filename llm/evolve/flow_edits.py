@@ -104,13 +104,7 @@ def shifted(flow: ActionFlow, release: int, axis: Axis, amount_m: float) -> Acti
     """Return the flow with its release shifted along an axis: a changed number if there is one, else a new step.
 
     Of several numbers the hand's last one is changed, for a longer distance the base's. A new move sideways or up is
-    inserted before going in, one further in or down at the end.
-
-    Args:
-        flow: A flow with a release.
-        release: Index of the UNGRASP.
-        axis: The direction.
-        amount_m: Distance [m]; negative goes back.
+    inserted before going in, one further in or down at the end. A negative amount goes back.
     """
     if abs(amount_m) < NEGLIGIBLE_M:
         return flow

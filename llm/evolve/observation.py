@@ -99,12 +99,7 @@ class Inspector(Protocol):
     """
 
     def inspect(self, attempt: AttemptObservation, step: int) -> Critique:
-        """Return the critique of one executed step.
-
-        Args:
-            attempt: The whole attempt, so that the steps before can be used.
-            step: Index into `attempt.steps`.
-        """
+        """Return the critique of one executed step."""
         ...
 
 
@@ -178,14 +173,7 @@ _JPEG = b"\xff\xd8\xff"
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a step.
-
-    Attributes:
-        step: Index of the step, from 0.
-        primitive: Name of its primitive.
-        view: The camera.
-        image: The picture.
-    """
+    """One picture of a step."""
 
     step: int
     primitive: str
@@ -204,15 +192,6 @@ def select_pictures(
     """Return the pictures of some steps, in order, view by view; evenly thinned out if there are too many.
 
     Each step and view keeps the same number, as far as it has them, its last one first.
-
-    Args:
-        attempt: The attempt.
-        steps: Indices of its steps.
-        views: Cameras; for none, nothing is rendered.
-        most: Most pictures altogether.
-
-    Raises:
-        PicturesMissing: They cannot be rendered.
     """
     sequences = [
         [
@@ -256,11 +235,6 @@ def picture_index_text(pictures: Sequence[Picture]) -> str:
     return "\n".join(lines)
 
 
-def picture_records(pictures: Sequence[Picture]) -> list[dict[str, object]]:
-    """Return step, view and hash of the pictures, for the record."""
-    return [{"step": p.step, "view": p.view, "sha256": p.image.sha256} for p in pictures]
-
-
 LONGEST_LINE = 600
 _LONGEST_NUMBERS = 1_500
 # Offset below which an object counts as being at its place.
@@ -300,13 +274,7 @@ def flow_text(flow: ActionFlow) -> str:
 
 
 def steps_text(steps: Sequence[StepObservation], shown: range, *, numbers_run: bool) -> str:
-    """Return some of the executed steps, a line each.
-
-    Args:
-        steps: All steps.
-        shown: Indices of those to show.
-        numbers_run: Whether to show the executed numbers, or the requested ones.
-    """
+    """Return some of the executed steps, a line each."""
     return "\n".join(_step_line(step, steps[step].done if numbers_run else steps[step].asked) for step in shown)
 
 
@@ -346,12 +314,7 @@ def numbers_text(evidence: MeasuredEvidence) -> str:
 
 
 def history_text(history: History, *, show_failures: bool) -> str:
-    """Return the earlier attempts: each flow, its failure, and the reason of the following revision.
-
-    Args:
-        history: Attempts before the current one.
-        show_failures: Whether to show the measured failures, or the critiques alone.
-    """
+    """Return the earlier attempts: each flow, its failure, and the reason of the following revision."""
     lines = []
     for number, (attempt, revision) in enumerate(history.iterations, start=1):
         lines.append(f"attempt {number}: {json.dumps(flow_to_json(attempt.flow))}")

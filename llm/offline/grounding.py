@@ -32,13 +32,7 @@ class Named:
 class Names:
     """Names of the objects of a scene.
 
-    Attributes:
-        scene: The scene.
-        affordances: What can be done with each object.
-        lexicon: Names of categories.
-        entries: The lexicon's entry of each category of the scene.
-        bearers: Name -> the objects that it fits best, then those that it fits less.
-        words: Every word of a name, of the scene's and of the lexicon's.
+    The `bearers` of a name are the objects that it fits best, then those that it fits less.
     """
 
     scene: Scene
@@ -95,11 +89,7 @@ class Names:
         return Named(tuple(tiers[0]), name, passed_over=tuple(key for tier in tiers[1:] for key in tier))
 
     def doors(self, phrase: NounPhrase, front: Front) -> Named:
-        """Return the objects whose door or drawer is meant: those with the name before the word, or all that have one.
-
-        Raises:
-            Refusal: None of them is known to have one, or the words select one of an object's several.
-        """
+        """Return the objects whose door or drawer is meant: those of the name before the word, or all that have one."""
         before = phrase.words[:-1]
         named = self.described(before) if before else Named(tuple(self.affordances), phrase.words[-1])
         if phrase.side is not None and (not before or len(named.ids) == 1):
@@ -113,15 +103,7 @@ class Names:
         return Named(ids, named.name, named.descriptions, by_door=True)
 
     def door_of(self, whole: str, phrase: NounPhrase) -> Named:
-        """Return an object whose door or drawer is meant.
-
-        Args:
-            whole: The object.
-            phrase: The words before "of".
-
-        Raises:
-            Refusal: It has no such part, is not known to have one, or the words select one of several.
-        """
+        """Return an object whose door or drawer is meant."""
         before, front = phrase.words[:-1], phrase.front
         which = (*((phrase.side,) if phrase.side else ()), *self._which(before))
         if front is not None and which:
@@ -197,15 +179,7 @@ _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """An object that a phrase names.
-
-    Attributes:
-        object_id: Its id.
-        by_surface: Whether it was named by its top ("countertop").
-        by_door: Whether it was named by its door.
-        notes: Assumptions.
-        hollow: Whether the naming part holds things itself, such as a drawer.
-    """
+    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer."""
 
     object_id: str
     by_surface: bool = False
@@ -220,12 +194,7 @@ _Noted = tuple[tuple[str, ...], tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Grounding:
-    """Ground phrases in one scene.
-
-    Attributes:
-        around: The scene and its facts at this point of the query.
-        names: Names of its objects.
-    """
+    """Ground phrases in one scene."""
 
     around: Surroundings
     names: Names
@@ -239,15 +208,7 @@ class Grounding:
         return cls(around, Names.of(around, lexicon, entries))
 
     def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
-        """Return the one object that a phrase names.
-
-        Args:
-            phrase: The words.
-            source: Place where the object has to stand, if it is named.
-
-        Raises:
-            Refusal: The scene has no such object, or more than one, or it stands elsewhere.
-        """
+        """Return the one object that a phrase names."""
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         phrase = self._of_one_name(phrase)
@@ -262,15 +223,7 @@ class Grounding:
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(self, phrase: NounPhrase, source: Location | None = None) -> tuple[Grounded, ...]:
-        """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
-
-        Args:
-            phrase: The words; not those for all items whatever they are called.
-            source: Place where the objects have to stand, if it is named.
-
-        Raises:
-            Refusal: The scene has none, or not as many as the phrase demands.
-        """
+        """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if not phrase.several and not named.plural:
@@ -286,13 +239,7 @@ class Grounding:
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
     def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
-        """Return the items that "everything" means, without those that stand in or on another item.
-
-        Args:
-            phrase: The words, with the place that they may name.
-            source: Place that they are taken from.
-            besides: Excluded objects, since the items go there.
-        """
+        """Return the items that "everything" means, without those that stand in or on another item."""
         scene = self.around.scene
         own = {*besides, *(step.object_id for key in besides for step in self.around.chain(key))}
         others = [key for key, thing in scene.objects.items() if thing.role == "B" and key not in own]
@@ -367,7 +314,6 @@ class Grounding:
         return ids, notes
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
-        """Return the object meant by "the door of X" or "the countertop of X"."""
         whole = self.one(owner)
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
@@ -441,7 +387,6 @@ def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
 
 
 def _referenced(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
-    """Return the objects that stand in a prepositional relation to one of the others."""
     pairs = [(key, other) for key in ids for other in others if key != other]
     if direction == "CLOSEST":
         gaps = {key: min(gap_m(first, other, scene) for first, other in pairs if first == key) for key, _ in pairs}

@@ -42,14 +42,7 @@ class IntentKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """One intent about one object.
-
-    Attributes:
-        kind: The action.
-        target: Id of the object.
-        relation: For PLACE, the wanted relation of the target to the destination; else None.
-        destination: For PLACE, the id of the destination; else None.
-    """
+    """One intent about one object; only PLACE has a relation and a destination."""
 
     kind: IntentKind
     target: str
@@ -81,11 +74,7 @@ class Intent:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Intents in order; a command about several objects is one intent for each of them.
-
-    Attributes:
-        intents: At least one.
-    """
+    """Intents in order; a command about several objects is one intent for each of them."""
 
     intents: tuple[Intent, ...]
 
@@ -111,7 +100,6 @@ def merge_repeated(intents: Iterable[Intent]) -> Request:
 
 
 def _clause(group: tuple[Intent, ...]) -> str:
-    """Return one intent with all its targets as a clause."""
     first = group[0]
     text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
     if first.relation is None or first.destination is None:
@@ -228,14 +216,7 @@ FRONTS: tuple[Front, ...] = get_args(Front)
 
 @dataclass(frozen=True, slots=True)
 class Affordances:
-    """What can be done with an object.
-
-    Attributes:
-        interior: Things can be put inside.
-        surface: Things can be put on top.
-        door: It can be opened and closed.
-        fronts: Doors or drawers, as far as known; empty otherwise.
-    """
+    """What can be done with an object; `fronts` are its doors or drawers, as far as known."""
 
     interior: bool = False
     surface: bool = False
@@ -424,7 +405,6 @@ class Surroundings:
 
 
 def _standing(known: Mapping[bddl.Atom, bool]) -> dict[str, tuple[Support, ...]]:
-    """Return the known supports of each object, containers first."""
     found: dict[str, tuple[Support, ...]] = {}
     for relation in RELATIONS:
         for atom, value in known.items():

@@ -31,13 +31,7 @@ from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """Objects mentioned by one command.
-
-    Attributes:
-        intents: One intent for each object.
-        source: Where the objects are to be taken from, or None.
-        as_one: Whether one word named several objects, so that "it" can mean them.
-    """
+    """Objects mentioned by one command; `as_one` when one word named several of them, so that "it" can mean them."""
 
     intents: tuple[Intent, ...]
     source: str | None = None
@@ -57,22 +51,13 @@ class Mention:
 
 @dataclass(slots=True)
 class Discourse:
-    """Mentions of a query so far, the latest last.
-
-    Attributes:
-        around: The scene, to know what can be lifted, opened, and placed.
-        mentions: The mentions.
-    """
+    """Mentions of a query so far, the latest last."""
 
     around: Surroundings
     mentions: list[Mention] = field(default_factory=list)
 
     def item(self, phrase: NounPhrase) -> tuple[str, ...]:
-        """Resolve a pronoun that names a moved item: what the latest command about items moved.
-
-        Raises:
-            Refusal: Nothing was moved before, or the pronoun is ambiguous.
-        """
+        """Resolve a pronoun that names a moved item: what the latest command about items moved."""
         for index in range(len(self.mentions) - 1, -1, -1):
             mention = self.mentions[index]
             themes = tuple(filter(self._is_item, mention.themes))
@@ -88,12 +73,7 @@ class Discourse:
         raise self._unclear(phrase)
 
     def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:
-        """Resolve a pronoun that names something to open or close.
-
-        Args:
-            phrase: The pronoun.
-            front: Restrict to doors or to drawers; None for any.
-        """
+        """Resolve a pronoun that names something to open or close."""
 
         def fits(key: str) -> bool:
             can = self.around.affordances[key]
@@ -125,7 +105,6 @@ class Discourse:
         return tuple(dict.fromkeys(key for mention in self.mentions[first : last + 1] for key in mention.themes))
 
     def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
-        """Return the objects if their number agrees with the pronoun."""
         if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
             problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
@@ -145,11 +124,7 @@ _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind
 
 
 def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
-    """Return the request of one reading, in an order for one hand, and the assumptions.
-
-    Raises:
-        Refusal: A command names nothing or too much, or is infeasible in its turn.
-    """
+    """Return the request of one reading, in an order for one hand, and the assumptions."""
     wishes = _IntentBuilder(grounding, Discourse(grounding.around))
     for command, following in zip(reading, (*reading[1:], None), strict=True):
         wishes.add(command, following)
@@ -224,12 +199,7 @@ class _IntentBuilder:
         return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
     def _wished(self, command: Command, placed: bool) -> Mention:
-        """Return the intents of a command.
-
-        Args:
-            command: The command.
-            placed: Whether the next command places the objects.
-        """
+        """Return the intents of a command; `placed` is whether the next command places its objects."""
         source = self._source(command)
         targets, place = self._ends(command, source)
         for grounded in (*targets, *(() if place is None else (place,))):
@@ -332,7 +302,6 @@ class _IntentBuilder:
             return ()
 
     def _source(self, command: Command) -> Location | None:
-        """Return the source of the objects, with a pronoun resolved."""
         source = command.source
         if source is None or not source.phrase.pronoun:
             return source
@@ -345,7 +314,6 @@ class _IntentBuilder:
             return None
 
     def _spoken_of(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> str:
-        """Resolve a pronoun for a place to one object."""
         ids = self.discourse.latest(phrase, fits)
         if len(ids) > 1:
             raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')

@@ -30,13 +30,7 @@ class LexiconError(LlmError):
 
 @dataclass(frozen=True, slots=True)
 class Category:
-    """One category: its names and affordances.
-
-    Attributes:
-        names: All its names.
-        surface_names: The names of its top, such as "countertop".
-        affordances: What can be done with it.
-    """
+    """One category: all its names, those of its top such as "countertop", and what can be done with it."""
 
     names: tuple[str, ...]
     surface_names: frozenset[str]

@@ -59,14 +59,7 @@ _LONGEST_STRANGER = 60
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Meaning of a query.
-
-    Attributes:
-        request: The intents, in order.
-        goal: The task goal G.
-        around: The scene state, for the later modules.
-        notes: Assumptions, for the user.
-    """
+    """Meaning of a query: the intents in order, the goal G, the scene's state for the later modules, assumptions."""
 
     request: Request
     goal: bddl.Formula
@@ -76,12 +69,6 @@ class Meaning:
 
 def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Meaning:
     """Return the intents of a query in a scene, and their goal.
-
-    Args:
-        query: English, one request or several in order.
-        scene: The scene.
-        lexicon: Known words.
-        sizing: Rule for sizes, needed if one object has to go into another.
 
     Raises:
         QueryError: The query is not understood, is ambiguous, or cannot be executed here.
@@ -131,7 +118,6 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple
 
 
 def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
-    """Return the request, or raise the most informative Refusal."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
     if is_too_long(tokens):
@@ -143,11 +129,7 @@ def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Re
 
 
 def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
-    """Return the one request that the readings (at least one) allow in the scene, and the assumptions.
-
-    Raises:
-        Refusal: No reading makes sense (the refusal of the one that got furthest), or several different ones do.
-    """
+    """Return the one request that the readings (at least one) allow in the scene, and the assumptions."""
     found: dict[Request, tuple[str, ...]] = {}
     refusals: list[Refusal] = []
     for reading in readings:
@@ -184,13 +166,7 @@ def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:
 
 
 def _strange_words(strange: Sequence[str], names: Names, other: Refusal | None) -> Refusal:
-    """Return the refusal that names unknown words: no part of any name in scene or lexicon.
-
-    Args:
-        strange: Those words, at least one, in runs.
-        names: Names of the scene's objects.
-        other: The refusal from reading the query in spite of them.
-    """
+    """Return the refusal that names unknown words: no part of any name in scene or lexicon."""
     words = [word for run in strange for word in run.split()]
     strange = [run if len(run) <= _LONGEST_STRANGER else f"{run[:_LONGEST_STRANGER]}..." for run in strange]
     listed = [f'"{run}"' for run in strange[:_MOST_STRANGERS]]
@@ -285,11 +261,6 @@ def other_readings(task: Task, scene: Scene, lexicon: Lexicon | None = None) -> 
 
     The sentences are the task's name with its underscores as blanks, its description, and "The task is to ..." in
     it. A sentence that the offline planner cannot read in the scene is ignored.
-
-    Args:
-        task: The task; its goal must be given.
-        scene: The scene of the sentences.
-        lexicon: Known words; None for the built-in ones.
     """
     wanted = _literals(task.goal, scene) if task.goal_given else None
     if wanted is None:
@@ -381,10 +352,6 @@ class OfflinePlanner:
     def propose(self, query: str, scene: Scene) -> Proposal:
         """Return the task for a query in a scene.
 
-        Args:
-            query: English, one request or several in order.
-            scene: The scene.
-
         Raises:
             QueryError: The query is not understood, is ambiguous, or cannot be executed in the scene. Code
                 "too-large": an object would have to be scaled too much. Code "unproved": the plan cannot succeed.
@@ -468,7 +435,6 @@ def _wish_name(group: Sequence[Intent], around: Surroundings) -> str:
 
 
 def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
-    """Describe a simple task as an imperative sentence."""
     target, start, end = step.target, step.start, step.end
     if step.kind.is_about_a_door:
         front = "drawer" if around.affordances[target].opens_by("drawer") else "door"
@@ -489,7 +455,6 @@ def _subtask_detail(step: PlainTask, around: Surroundings) -> str:
 
 
 def _narrative(request: Request, steps: Sequence[PlainTask], around: Surroundings) -> str:
-    """Describe the whole task: positions, the request, and the steps in order."""
     places = [(step.target, *(s.object_id for s in (step.start, step.end) if s is not None)) for step in steps]
     involved = dict.fromkeys(key for ids in places for key in ids if key in around.scene.objects)
     sentences = [f"The scene is {around.scene.name}.", *(_setting(key, around) for key in involved)]

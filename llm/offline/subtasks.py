@@ -97,7 +97,6 @@ def _check_standing(target: str, around: Surroundings) -> None:
 
 
 def _check_destination(intent: Intent, around: Surroundings) -> None:
-    """Raise the Refusal of a destination that cannot take the item or holds it already."""
     target, destination, relation = intent.target, intent.destination, intent.relation
     if destination is None or relation is None:
         raise ValueError(f"a wish to place {target} needs a destination and a relation")
@@ -130,7 +129,6 @@ def _goes_in(item: str, container: str, around: Surroundings) -> bool:
 
 
 def _check_reachable(intent: Intent, around: Surroundings) -> None:
-    """Raise the Refusal of opening a door or lifting an object while the hand holds another one."""
     if around.held() != (intent.target,):
         _check_free_hand(around, f"to pick up {intent.target}")
         return
@@ -220,13 +218,7 @@ def with_a_free_hand(request: Request, around: Surroundings) -> list[Request]:
 
 
 def places_for(targets: Sequence[str], around: Surroundings, besides: Sequence[str] = ()) -> list[Request]:
-    """Return requests that put all objects at one fixture of the scene, each a different fixture.
-
-    Args:
-        targets: Objects to place.
-        around: The scene.
-        besides: Excluded fixtures.
-    """
+    """Return requests that put all objects at one fixture of the scene, each a different fixture."""
     requests = [
         Request(tuple(Intent(IntentKind.PLACE, target, relation, place) for target in targets))
         for place, thing in around.scene.objects.items()
@@ -269,11 +261,7 @@ class PlainTask:
     end: Support | None = None
 
     def states(self) -> tuple[bddl.Formula, bddl.Formula]:
-        """Return the initial state and the goal.
-
-        Raises:
-            ValueError: A pick without its start, or a placing without its end.
-        """
+        """Return the initial state and the goal."""
         is_open = bddl.Atom("open", (self.target,))
         if self.kind is IntentKind.OPEN:
             return bddl.Not(is_open), is_open
@@ -303,10 +291,6 @@ def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
     and are closed again in reverse order. A door that is open already is neither opened nor closed, and a fulfilled
     intent is not repeated. A door that an intent opens is left to the intents. After a pick no door is closed: the
     hand is not free.
-
-    Args:
-        request: Intents that were checked against the scene.
-        around: The scene and its facts.
     """
     steps: list[PlainTask] = []
     state = around
@@ -337,7 +321,6 @@ def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
 
 
 def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
-    """Return the pick and the placing of an intent, without its doors."""
     steps = []
     start = state.support(intent.target)
     if start is not None and start.object_id != GRIPPER:
@@ -384,14 +367,7 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
 
 
 def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> bddl.Problem:
-    """Return the BDDL problem of a simple task: the objects that its formulas name, with their scene categories.
-
-    Args:
-        name: The subtask's activity name.
-        init: Its initial state.
-        goal: Its goal.
-        scene: The scene that has the objects; names that it lacks (the gripper) need no declaration.
-    """
+    """Return the BDDL problem of a simple task: the objects that its formulas name, with their scene categories."""
     # Sorted: the order of a set of atoms depends on hashes.
     atoms = (atom for part in (init, goal) for atom in sorted(bddl.atoms(part), key=bddl.format))
     named = dict.fromkeys(key for atom in atoms for key in atom.args if key in scene.objects)

@@ -8,7 +8,7 @@ every proposal whole before it is returned.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import bddl
@@ -17,14 +17,114 @@ from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.planner import LONGEST_QUERY, OfflinePlanner
 from llm.offline.subtasks import check_sizes, problem, scale_factors
-from llm.proposing.blame import Charge, charges
-from llm.proposing.modules import ModuleSession, Understood, decompose, instantiate, plan, resize, same_goal, understand
+from llm.proposing.modules import (
+    ModuleSession,
+    Understood,
+    decompose,
+    instantiate,
+    opens_its_target,
+    plan,
+    resize,
+    same_goal,
+    understand,
+)
 from llm.proposing.proposal import Proposal
 from llm.structured.ask import Log
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
-from oag import ActionFlow, Report, Scene, SceneError, SimpleTask, Task, Verdict, compose
+from llm.structured.prompting import CHANGEABLE
+from oag import ActionFlow, Diagnostic, Fix, Report, Scene, SceneError, SimpleTask, Task, Verdict, compose
+from oag.model.diagnostics import SCALES, TASK_GOAL
 from oag.primitives.state import contradictions
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
+
+# A finding of the graph goes to the modules that can correct it: by its verified fix, else by its code. A model cannot
+# change facts of the scene. It can change the task goal only where no plan can reach it. Such fixes are not shown.
+_NOT_OFFERED = frozenset({"add-fact", "change-task-goal"})
+_BY_FIX = {
+    "insert-subtask": 2,
+    "delete-subtask": 2,
+    "move-subtask": 2,
+    "swap-subtasks": 2,
+    "change-role": 2,
+    "change-object": 3,
+    "change-condition": 3,
+    "change-scale": 4,
+    "insert-step": 5,
+    "delete-step": 5,
+    "replace-step": 5,
+    "move-step": 5,
+    "set-flow": 5,
+}
+# The likeliest module first; the next one is asked if that one confirms its answer.
+_BY_CODE = {
+    "task/role-scope": (2, 3),
+    "task/contradictory": (3,),
+    "task/vacuous": (2, 3),
+    "task/size": (4,),
+    "flow/kind": (5, 2),
+    "flow/no-flow": (2, 3),
+    "context/start": (3, 2),
+    "context/refuted": (2, 3),
+    "context/open": (2, 3),
+    "goal/not-reached": (2, 3, 1),
+    "goal/undone": (2, 3, 1),
+    "locality/outside-scope": (5, 2),
+}
+# Warnings worth a question; plans with the others work.
+_DOUBTS = ("context/open", "task/vacuous")
+_LAST_SYMBOLIC = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Charge:
+    """A finding and the modules that can correct it, the likeliest first; empty if none can."""
+
+    finding: Diagnostic
+    modules: tuple[int, ...]
+
+
+def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
+    """Return the findings of a verdict with the modules they are assigned to.
+
+    Where a search supplied the flows (`searched`), only modules 1 to 3 can be at fault. Otherwise these have passed
+    already, so that a failure is first of all one of a flow or a size.
+    """
+    if report.verdict is Verdict.REFUTED:
+        offered = [fix for fix in report.fixes if fix.kind not in _NOT_OFFERED and not fix.assumption]
+        return tuple(
+            _charge(error, [fix for fix in offered if fix.cause == index], report.task, searched)
+            for index, error in enumerate(report.errors)
+        )
+    doubts = [found for found in report.diagnostics if found.severity == "warning" and found.code in _DOUBTS]
+    return tuple(_charge(found, (), report.task, searched) for found in doubts)
+
+
+def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool) -> Charge:
+    finding = replace(found, fixes=tuple(map(str, fixes)))
+    by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
+    by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
+    named = (2, 3) if opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
+    if searched:
+        # No plan reaches what no primitive changes.
+        if not by_fix and found.place == TASK_GOAL and {a.predicate for a in bddl.atoms(task.goal)} - CHANGEABLE:
+            return Charge(finding, (1,))
+        known = tuple(module for module in named if module <= _LAST_SYMBOLIC)
+        return Charge(finding, known or (3, 2))
+    last = tuple(module for module in named if module > _LAST_SYMBOLIC)
+    rest = tuple(module for module in named if module <= _LAST_SYMBOLIC)
+    return Charge(finding, tuple(dict.fromkeys((*(last or (5,)), *rest))))
+
+
+def _by_place(found: Diagnostic) -> tuple[int, ...]:
+    """Return the module that wrote a malformed text, by its place."""
+    if not found.code.startswith("bddl/"):
+        return ()
+    if found.subtask is not None and found.field is not None:
+        return (3,)
+    if found.place == SCALES:
+        return (4,)
+    return (1,) if found.place == TASK_GOAL else (2,)
+
 
 # Modules whose answers depend on a module's answer, to be asked again with it. New conditions keep sizes and flows:
 # the graph decides whether the flows still fit.
@@ -33,15 +133,7 @@ _RESTS_ON = {1: (2, 3, 4, 5), 2: (3, 4, 5), 3: (), 4: (), 5: ()}
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """Answers of modules 1 to 5 so far; None for a missing answer.
-
-    Attributes:
-        understood: Module 1.
-        roles: Module 2: the simple tasks, without conditions and flows.
-        conditions: Module 3: initial state and goal of each.
-        scales: Module 4.
-        flows: Module 5.
-    """
+    """Answers of modules 1 to 5 so far, in their order; None for a missing answer."""
 
     understood: Understood | None = None
     roles: tuple[SimpleTask, ...] | None = None
@@ -60,13 +152,7 @@ class Draft:
         return replace(self, scales=None, flows=None)
 
     def with_conditions(self, session: ModuleSession, expected: bddl.Formula | None) -> Draft:
-        """Return the draft with the missing answers of modules 1 to 3.
-
-        Raises:
-            QueryError: The model states that the query cannot be executed here, or an object is too large for the
-                gripper.
-            AnswersRefused, ModelError: As `ModuleSession.ask` does.
-        """
+        """Return the draft with the missing answers of modules 1 to 3."""
         understood = self.understood or understand(session, expected)
         roles = self.roles or decompose(session, understood)
         wanted = understood.expanded.task_name
@@ -99,9 +185,6 @@ class Draft:
         Args:
             session: Has the scene.
             searched: True to leave the flows to a search, and the sizes to the rule.
-
-        Raises:
-            ValueError: Module 1 has not answered.
         """
         if self.understood is None:
             raise ValueError("a draft has no task before module 1 has answered")
@@ -143,13 +226,7 @@ class Drafting:
     doubted: set[tuple[str, ...]] = field(default_factory=set)
 
     def run(self) -> Proposal:
-        """Return the first plan without findings.
-
-        Raises:
-            QueryError: The model states that the query cannot be executed here.
-            AnswersRefused: Rounds or revisions are used up.
-            ModelError: There is no reply.
-        """
+        """Return the first plan without findings."""
         passed: Draft | None = None
         while True:
             if passed is None or self.draft.symbolic != passed:
@@ -161,7 +238,6 @@ class Drafting:
                 return self._proposal(report)
 
     def _judged(self, *, searched: bool) -> Report:
-        """Request the missing answers of the draft and verify it."""
         pending = set(self.session.objections)
         try:
             self.draft = self.draft.with_conditions(self.session, self.expected)
@@ -181,11 +257,7 @@ class Drafting:
         return compose(self.draft.task(self.session, searched=searched), scene=self.session.scene).verify()
 
     def _sent_back(self, report: Report, *, searched: bool) -> bool:
-        """Return the plan to the module that can correct it, if there are findings; return whether it was.
-
-        Raises:
-            AnswersRefused: The plan is wrong, and no module is left to ask.
-        """
+        """Return the plan to the module that can correct it, if there are findings; return whether it was."""
         standing = self._standing(report, searched=searched)
         # A refuted plan with the model's flows is wrong even without findings about any module.
         wrong = report.verdict is Verdict.REFUTED and bool(standing or not searched)
@@ -276,10 +348,6 @@ class ModelProposer:
         """Return a task that `verify` finds PROVED, or CONDITIONAL if no better one is obtained.
 
         A CONDITIONAL plan is returned once; its assumptions are then in the notes.
-
-        Args:
-            query: The request.
-            scene: The scene.
 
         Raises:
             SceneError: The scene's facts contradict each other; the model is not asked.

@@ -26,7 +26,6 @@ import bddl
 from llm.client.transport import Image, Transport
 from llm.errors import QueryError
 from llm.offline.subtasks import TEMPLATES
-from llm.proposing.blame import concerns_roles
 from llm.proposing.proposal import Expanded
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import errors_of, finding
@@ -107,14 +106,6 @@ class ModuleSession:
     ) -> AnswerT:
         """Return a module's answer once `check` finds nothing wrong with it.
 
-        Args:
-            module: 1 to 5; its template is filled with `places` and the scene.
-            schema: The answer's form.
-            check: Returns the findings about an answer of that form.
-            places: Texts for the places of the template.
-            images: Pictures of the question.
-            entries: Expected number of numbered subtasks, if known; the numbers are checked before anything else.
-
         Raises:
             AnswersRefused: No answer was valid.
             ModelError: There is no reply.
@@ -145,6 +136,15 @@ def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Form
     return Task("task", "", goal, True, tuple(subtasks), {}, scene)
 
 
+def opens_its_target(found: Diagnostic, task: Task) -> bool:
+    """Decide whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
+    if found.code != "bddl/kind" or found.subtask is None:
+        return False
+    subtask = task.subtasks[found.subtask]
+    opened = bddl.Atom("open", (subtask.target,))
+    return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
+
+
 def check_numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:
     """Return findings about the numbers of an answer's entries: they have to be 1, 2, 3 up to `wanted`, if given."""
     numbers = [entry.sub_task for entry in entries]
@@ -169,13 +169,6 @@ class Understanding(Answer):
 
     The fields are in the order of reasoning: a model that is asked for a problem first finds one before it has read
     the scene.
-
-    Attributes:
-        task_name: The request with every object named by its id, such as "put glass_0 into refrigerator_0".
-        task_activity_name: The same as an identifier.
-        task_message_detail: The description, step by step.
-        goal: The task goal G as a BDDL formula; empty when there is a problem.
-        problem: Why the query cannot be executed here, in one sentence; empty when it can.
     """
 
     task_name: Line = Field(description="the wish in one line, every object named by its id")
@@ -198,13 +191,7 @@ class Understanding(Answer):
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Meaning of a query.
-
-    Attributes:
-        expanded: The query in terms of the scene.
-        activity: The task's name as an identifier.
-        goal: The task goal G.
-    """
+    """Meaning of a query."""
 
     expanded: Expanded
     activity: str
@@ -227,10 +214,6 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
         session: State shared by the modules.
         expected: Goal of the literal reading of the query, if it can be read. A model with another goal is asked
             once for confirmation.
-
-    Raises:
-        QueryError: The model states that the query cannot be executed here.
-        AnswersRefused, ModelError: As `ModuleSession.ask` does.
     """
 
     def check(answer: Understanding) -> Iterator[Diagnostic]:
@@ -253,7 +236,6 @@ def understand(session: ModuleSession, expected: bddl.Formula | None = None) -> 
 
 
 def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -> Iterator[Diagnostic]:
-    """Yield findings about an answer that declares the query executable."""
     for name in dict.fromkeys(_ID.findall(answer.task_name)):
         if name not in scene.objects:
             near = bddl.near_names(name, scene.objects)
@@ -302,17 +284,7 @@ def _conjuncts(formula: bddl.Formula) -> frozenset[str]:
 
 
 class SubtaskRoles(SubtaskAnswer):
-    """One simple task before it has formulas.
-
-    Attributes:
-        sub_task: Its number, from 1.
-        task_activity_name: Name of the activity, such as `pick_up_glass`.
-        task_detail_message: Description for people, in a sentence or two.
-        target: Id of the object it acts on (o_t).
-        support_init: Id of the target's initial support or container (o_s1); empty for none.
-        support_goal: Id of the target's final support or container (o_s2); empty for none.
-        bddl_category: The target's category in the scene; empty if not given.
-    """
+    """One simple task before it has formulas; the paper's o_t, o_s1 and o_s2 are target, support_init, support_goal."""
 
     sub_task: Number = Field(description="1, 2, 3 and so on")
     task_activity_name: ActivityName = Field(description="such as pick_up_glass")
@@ -358,7 +330,6 @@ def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTas
 
 
 def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
-    """Yield findings about numbers, unknown objects, conflicting roles, and categories that differ from the scene's."""
     yield from check_numbering(answer.sub_tasks)
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
     for index, entry in enumerate(answer.sub_tasks):
@@ -406,7 +377,6 @@ def instantiate(
 
 
 def _condition_findings(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
-    """Yield syntax errors, then errors of form, then conditions that do not mention the target."""
     task = bare_task(scene, subtasks)
     unreadable = False
     for index, entry in enumerate(answer.sub_tasks):
@@ -421,8 +391,10 @@ def _condition_findings(answer: Conditions, subtasks: Sequence[SimpleTask], scen
         return
     written = answer.added_to(subtasks)
     plan = bare_task(scene, written)
-    # Errors of the roles are module 2's; the verdict on the plan assigns them to it.
-    yield from (found for found in check_form(plan, scene) if not concerns_roles(found, plan))
+    # Errors of the roles are module 2's, and the verdict on the plan assigns them to it: a goal that puts the target
+    # elsewhere than on its support_goal, or a target to be opened that has no door.
+    of_form = (found for found in check_form(plan, scene) if found.code != "task/role-scope")
+    yield from (found for found in of_form if not opens_its_target(found, plan))
     for index, subtask in enumerate(written):
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             names = {name for atom in bddl.atoms(formula) for name in atom.args}
@@ -473,7 +445,6 @@ def resize(session: ModuleSession, subtasks: Sequence[SimpleTask]) -> dict[str, 
 
 
 def _size_findings(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
-    """Yield findings about objects other than the subtask's target, and factors that break the rule."""
     gripper = Gripper.of(scene.robot)
     for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
         place = f"T{index + 1} {subtask.name}, scale"
@@ -525,13 +496,7 @@ class Flows(Answer):
 
 
 def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
-    """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does.
-
-    Args:
-        session: State shared by the modules.
-        subtasks: The simple tasks with their conditions.
-        scales: Factors of the size adjustment.
-    """
+    """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does."""
     templates = (
         f"- {kind}: {', '.join(f'{int(primitive)} {primitive.name}' for primitive in flow)}"
         for kind, flow in TEMPLATES.items()
@@ -542,13 +507,9 @@ def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
     }
-    return session.ask(
-        5, Flows, lambda given: _flow_findings(given, subtasks, scales, session.scene), places, entries=len(subtasks)
-    ).added_to(subtasks)
 
+    def check(answer: Flows) -> Iterable[Diagnostic]:
+        task = replace(bare_task(session.scene, answer.added_to(subtasks)), scales=dict(scales))
+        return check_form(task, session.scene)
 
-def _flow_findings(
-    answer: Flows, subtasks: Sequence[SimpleTask], scales: Mapping[str, float], scene: Scene
-) -> Iterator[Diagnostic]:
-    """Yield parameters out of range and primitives that cannot act on their objects."""
-    yield from check_form(replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales)), scene)
+    return session.ask(5, Flows, check, places, entries=len(subtasks)).added_to(subtasks)

@@ -1,12 +1,13 @@
-"""The result of modules 1 to 5: a task with all texts that were written for it, and its JSON."""
+"""Proposals: tasks with all texts that modules 1 to 5 wrote for them, and the interface of whatever proposes one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import bddl
 from llm.structured.conversation import Conversation
-from oag import Task
+from oag import Scene, Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,3 +75,12 @@ class Proposal:
                 "bddl": bddl.format(problem),
             }
         return written
+
+
+@runtime_checkable
+class Proposer(Protocol):
+    """Interface of everything that turns a query into a proposal: the offline planner, or a model."""
+
+    def propose(self, query: str, scene: Scene) -> Proposal:
+        """Return the task for a query in a scene, or raise a QueryError."""
+        ...

@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from llm.client.transport import ChatReply, Transport
+from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.structured.conversation import AnswersRefused, Conversation, Round, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
 from llm.structured.schema import Answer, wire_schema
@@ -113,7 +113,6 @@ def _unusable(problem: str) -> Diagnostic:
 
 
 def _broken(text: str, start: int, problem: json.JSONDecodeError) -> Diagnostic:
-    """Return the finding about an unreadable JSON text, with the piece around the error."""
     line = text.count("\n", start, problem.pos) + 1
     piece = " ".join(text[max(start, problem.pos - 30) : problem.pos + 20].split())
     ended = not text[problem.pos : problem.pos + 1].strip() and not text[problem.pos :].strip()
@@ -189,12 +188,7 @@ _MOST_FIELD_ERRORS = 12
 
 @dataclass(slots=True)
 class Log:
-    """State of `ask` in a conversation: the record, and the refused answers.
-
-    Attributes:
-        conversation: Record of every round.
-        refused: (prompt, answer) -> number of the round in which it was refused, and the findings.
-    """
+    """State of `ask` in a conversation: the record, and (prompt, answer) -> round and findings of a refused answer."""
 
     conversation: Conversation
     refused: dict[tuple[str, str], tuple[int, tuple[Diagnostic, ...]]] = field(default_factory=dict)
@@ -203,6 +197,36 @@ class Log:
         """Register an answer to a prompt as wrong, so that it is not accepted when it is repeated."""
         number = len(self.conversation.rounds)
         self.refused.setdefault((prompt.sha256, _key(answer)), (number, tuple(findings)))
+
+    def repeated(self, prompt: Prompt, answer: Answer) -> tuple[Diagnostic, ...]:
+        """Return the findings about an answer to a prompt that was refused before; empty for a new answer."""
+        number, findings = self.refused.get((prompt.sha256, _key(answer)), (0, ()))
+        if not number:
+            return ()
+        again = f"this is the answer of round {number} again, and it is wrong for the same reasons"
+        hint = "change what the points below name; an unchanged answer cannot be used"
+        return (finding("answer/repeated", again, "reply", hint=hint), *findings)
+
+    def record(
+        self, prompt: Prompt, request: ChatRequest, reply: ChatReply, findings: tuple[Diagnostic, ...], accepted: bool
+    ) -> None:
+        """Append a round to the conversation."""
+        self.conversation.add(
+            Round(
+                module=prompt.module,
+                number=len(self.conversation.rounds) + 1,
+                request_sha256=request.digest(),
+                prompt_sha256=prompt.sha256,
+                reply=reply.text,
+                findings=findings,
+                accepted=accepted,
+                finish_reason=reply.finish_reason,
+                input_tokens=reply.input_tokens,
+                output_tokens=reply.output_tokens,
+                latency_s=reply.latency_s,
+                recorded=reply.recorded,
+            )
+        )
 
 
 def ask(
@@ -239,37 +263,20 @@ def ask(
         request = prompt.request(wire, refused)
         reply = transport.complete(request)
         answer, findings = _judged(reply, schema, check)
-        earlier = None if answer is None else log.refused.get((prompt.sha256, _key(answer)))
-        if earlier is not None:
-            again = f"this is the answer of round {earlier[0]} again, and it is wrong for the same reasons"
-            hint = "change what the points below name; an unchanged answer cannot be used"
-            findings = (finding("answer/repeated", again, "reply", hint=hint), *earlier[1])
+        repeated = () if answer is None else log.repeated(prompt, answer)
+        if repeated:
+            findings = repeated
             repeats += 1
         errors = errors_of(findings)
         news = {finding_key(found) for found in findings} - doubts
         accepted = answer is not None and not errors and not news
-        log.conversation.add(
-            Round(
-                module=prompt.module,
-                number=len(log.conversation.rounds) + 1,
-                request_sha256=request.digest(),
-                prompt_sha256=prompt.sha256,
-                reply=reply.text,
-                findings=findings,
-                accepted=accepted,
-                finish_reason=reply.finish_reason,
-                input_tokens=reply.input_tokens,
-                output_tokens=reply.output_tokens,
-                latency_s=reply.latency_s,
-                recorded=reply.recorded,
-            )
-        )
+        log.record(prompt, request, reply, findings, accepted)
         if answer is not None and not errors:
             fallback = answer
             if accepted:
                 return answer
             doubts |= news
-        elif answer is not None and earlier is None:
+        elif answer is not None and not repeated:
             log.refuse(prompt, answer, findings)
         if repeats >= MOST_REPEATS:
             break

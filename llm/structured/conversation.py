@@ -56,9 +56,6 @@ class Round:
     latency_s: float = 0.0
     recorded: bool = field(default=False, compare=False, repr=False)
 
-    def to_json(self) -> dict[str, object]:
-        return {"kind": "round"} | _members(self)
-
 
 @dataclass(frozen=True, slots=True)
 class PlanVerdict:
@@ -76,13 +73,11 @@ class PlanVerdict:
     blamed: int | None = None
     findings: tuple[Diagnostic, ...] = ()
 
-    def to_json(self) -> dict[str, object]:
-        return {"kind": "verdict"} | _members(self)
 
-
-def _members(entry: Round | PlanVerdict) -> dict[str, object]:
+def _entry_json(entry: Round | PlanVerdict) -> dict[str, object]:
+    kind = "round" if isinstance(entry, Round) else "verdict"
     written = {item.name: getattr(entry, item.name) for item in fields(entry)}
-    return written | {"findings": [found.to_json() for found in entry.findings]}
+    return {"kind": kind, **written, "findings": [found.to_json() for found in entry.findings]}
 
 
 @dataclass(slots=True)
@@ -114,12 +109,6 @@ class Conversation:
         """The questions, without the verdicts between them."""
         return tuple(entry for entry in self.entries if isinstance(entry, Round))
 
-    @property
-    def tokens(self) -> tuple[int, int]:
-        """Input and output tokens of all rounds, as far as the server counted them."""
-        counted = [(entry.input_tokens or 0, entry.output_tokens or 0) for entry in self.rounds]
-        return sum(first for first, _ in counted), sum(second for _, second in counted)
-
     def to_json(self) -> dict[str, object]:
         """Return the whole record as JSON values; documented in docs/models.md."""
         return {
@@ -127,7 +116,7 @@ class Conversation:
             "model": self.model,
             "query": self.query,
             "scene": self.scene,
-            "entries": [entry.to_json() for entry in self.entries],
+            "entries": [_entry_json(entry) for entry in self.entries],
         }
 
     def story(self) -> str:
@@ -208,10 +197,6 @@ class AnswersRefused(LlmError):
         self.insists = insists
 
 
-def _ignore_line(line: str) -> None:
-    """Ignore a line; the default of `Spending.tell`."""
-
-
 @dataclass(slots=True)
 class Spending:
     """Rounds of a run with their costs; `add_round` is the listener of whoever asks the model.
@@ -223,7 +208,7 @@ class Spending:
     """
 
     model: Metered
-    tell: Callable[[str], None] = _ignore_line
+    tell: Callable[[str], None] = lambda line: None
     rounds: list[Round] = field(default_factory=list)
     _asked: Counter[int] = field(default_factory=Counter)
 

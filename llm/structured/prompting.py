@@ -59,13 +59,7 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """An answer that is returned to the model.
-
-    Attributes:
-        reply: The answer as the model wrote it.
-        findings: The findings about it.
-        before: Findings about earlier answers, a line each.
-    """
+    """An answer that is returned to the model, with the findings about it and, a line each, about earlier ones."""
 
     reply: str
     findings: tuple[Diagnostic, ...]
@@ -227,12 +221,7 @@ def predicate_table() -> str:
 
 
 def subtask_table(subtasks: Sequence[SimpleTask], *, conditions: bool = True) -> str:
-    """Return the subtasks as far as they are known, a line each.
-
-    Args:
-        subtasks: In order.
-        conditions: False to omit initial states and goals that are not written yet.
-    """
+    """Return the subtasks as far as they are known, a line each."""
     rows = []
     for number, subtask in enumerate(subtasks, start=1):
         row = f"{number} | {subtask.name} | target {subtask.target}"

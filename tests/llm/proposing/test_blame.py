@@ -10,9 +10,8 @@ import pytest
 import bddl
 import oag
 from llm.client.transport import ChatReply, ChatRequest
-from llm.proposing import blame
-from llm.proposing.blame import charges
-from llm.proposing.model_proposer import ModelProposer
+from llm.proposing import model_proposer
+from llm.proposing.model_proposer import ModelProposer, charges
 from tests.json_edits import altered
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
 
@@ -128,4 +127,4 @@ def test_every_kind_of_fix_is_known() -> None:
     listed = re.search(r"kind: What it does: (.*?), or several", described, re.DOTALL)
     assert listed is not None
     kinds = set(re.sub(r"\s+", " ", listed[1]).split(", "))
-    assert kinds == {*blame._BY_FIX, *blame._NOT_OFFERED}
+    assert kinds == {*model_proposer._BY_FIX, *model_proposer._NOT_OFFERED}

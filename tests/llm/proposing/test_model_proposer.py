@@ -305,7 +305,8 @@ def test_the_conversation_is_json_and_tells_the_story() -> None:
     refuted = next(entry for entry in data["entries"] if entry["kind"] == "verdict")
     assert (refuted["verdict"], refuted["blamed"], refuted["searched"]) == ("REFUTED", 2, True)
     assert refuted["findings"][0]["fixes"]
-    assert conversation.tokens == (700, 140)
+    assert sum(entry.input_tokens or 0 for entry in conversation.rounds) == 700
+    assert sum(entry.output_tokens or 0 for entry in conversation.rounds) == 140
     assert "verdict  REFUTED, module 2 asked again: goal/not-reached" in conversation.story()
 
 

@@ -11,7 +11,7 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.evolve.model_judges import RevisedFlow, StepCritique
+from llm.evolve.judges import RevisedFlow, StepCritique
 from llm.proposing.model_proposer import ModelProposer
 from llm.structured.prompting import (
     CHANGEABLE,

@@ -1,4 +1,7 @@
-"""`scene2demo ablate views|look-back`: the same episodes with a model that gets more or fewer pictures of them.
+"""The paper's ablations: the same episodes with a model that gets more or fewer pictures of them.
+
+    python -m benchmarks.ablation views TASK.json --scene SCENE --model MODEL [--episodes 5] [--out FOLDER]
+    python -m benchmarks.ablation look-back TASK.json --scene SCENE --model MODEL --views head
 
 Varies the subset of the cameras, or the number of steps to look back. Every setting runs the same scenes and seeds.
 Exit code 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 130 after Ctrl-C,
@@ -9,15 +12,31 @@ Source: the paper's ablations over camera views and over p_1.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
+from pathlib import Path
+from typing import Literal
 
-from executor.cli.command_options import AblateOptions
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+import tyro
+
+from executor.cli.command_options import JudgeOptions
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check, explain
 from executor.cli.evolution_setup import EvolutionSetup, parse_views
 from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
 from executor.cli.inputs import refuse_existing
+from executor.cli.options import (
+    CommonOptions,
+    FirstSeed,
+    GoOn,
+    KeepSizes,
+    Limit,
+    Maybe,
+    ReplaceResults,
+    SceneName,
+    TaskToRun,
+)
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.rollouts.evolution_record import Evolution
 from executor.sim.render.cameras import VIEWS
@@ -166,12 +185,36 @@ def _cells(row: AblationRow) -> tuple[str, ...]:
     )
 
 
+@dataclass(frozen=True)
+class AblationOptions(CommonOptions):
+    """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
+
+    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
+    are shown to the model, and none are written, so that no setting profits from another.
+    """
+
+    what: tyro.conf.Positional[Literal["views", "look-back"]]
+    """What is varied: the subsets of the three cameras, or 0, 1 and 2 steps back."""
+    task: TaskToRun
+    scene: SceneName
+    seed: FirstSeed = 0
+    episodes: int = 1
+    """How many episodes to run in each setting."""
+    limit: Limit = 5
+    keep_sizes: KeepSizes = False
+    judged: JudgeOptions = field(default_factory=JudgeOptions)
+    out: Maybe[Path] = None
+    """Folder for the table, the recording and the pictures."""
+    resume: GoOn = False
+    force: ReplaceResults = False
+
+
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"
 BY_CTRL_C = "interrupted"
 
 
-def execute(options: AblateOptions) -> int:
+def execute(options: AblationOptions) -> int:
     """Run every setting, print the table, and return the exit code."""
     check_seed(options.seed, options.episodes)
     if options.judged.model is None:
@@ -203,7 +246,7 @@ def execute(options: AblateOptions) -> int:
     return _finish(options, kept, rows[-1].stopped, judging.spending)
 
 
-def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
+def settings(options: AblationOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
     """Return the settings that a command compares.
 
     Raises:
@@ -219,7 +262,7 @@ def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSe
 
 
 def _row(
-    options: AblateOptions, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup
+    options: AblationOptions, setting: AblationSetting, graph: ObjectActionGraph, judging: EvolutionSetup
 ) -> AblationRow:
     """Run the episodes of a setting; Ctrl-C, too, keeps the finished ones."""
     episodes: list[tuple[Evolution, Conversation]] = []
@@ -239,7 +282,7 @@ def _row(
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
+def _finish(options: AblationOptions, rows: list[AblationRow], stopped: str, spending: Spending | None) -> int:
     """Write and print the table.
 
     Args:
@@ -270,9 +313,35 @@ def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str, spend
     if spending is not None:
         say(spending.total())
     if interrupted:
-        tell("scene2demo: interrupted; finished episodes are in the table", style="yellow")
+        tell("ablation: interrupted; finished episodes are in the table", style="yellow")
     elif stopped:
-        tell(f"scene2demo: stopped: {stopped}", style="red")
+        tell(f"ablation: stopped: {stopped}", style="red")
     if options.out is not None and rows:
         say(f"results in {options.out}")
     return code
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one ablation and return the exit code.
+
+    Args:
+        arguments: What was typed after the module's name; by default that of this process.
+    """
+    options = tyro.cli(
+        AblationOptions,
+        prog="python -m benchmarks.ablation",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
+    )
+    try:
+        return execute(options)
+    except (Exception, KeyboardInterrupt) as error:
+        ending = explain(error)
+        if options.debug and not ending.expected:
+            raise
+        tell(f"ablation: {ending.message}", style="red")
+        return ending.code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

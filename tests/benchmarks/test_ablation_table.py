@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from executor.cli.commands.ablate import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
+from benchmarks.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from llm.structured.conversation import Conversation, Round
 
 

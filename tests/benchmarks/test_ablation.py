@@ -1,4 +1,4 @@
-"""`scene2demo ablate`: the settings that it runs, what the model is shown in each, and the table."""
+"""`benchmarks.ablation`: the settings that it runs, what the model is shown in each, and the table."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from typing import Any
 import pytest
 
 import oag
-from executor.cli import app, evolution_setup
+from benchmarks import ablation
+from executor.cli import evolution_setup
 from executor.cli.command_options import JudgeOptions
 from executor.cli.evolution_setup import EvolutionSetup
 from executor.system import vulkan
+from executor.system.files import write_json
 from llm import Metered
 from llm.evolve import Situation
 from llm.structured.conversation import Spending
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
+from tests.executor.rollouts.tasks import closing
 from tests.llm.evolve.scripted_judges import Judge, ajar, attempt_of, revision_answer
 from tests.llm.model_server import ModelServer, fails
 from tests.oag.paper import scene
@@ -37,6 +40,14 @@ def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any
 
 
 @pytest.fixture
+def door(tmp_path: Path) -> Path:
+    """A task file whose flow leaves a refrigerator's door ajar; its scene is beside it, see `scene_of`."""
+    graph = closing()
+    write_json(tmp_path / "kitchen.json", graph.scene.to_json())
+    return write_json(tmp_path / "task.json", graph.task.to_json())
+
+
+@pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take the physics and the renderer out of the command."""
     monkeypatch.setattr(evolution_setup, "evolve", one_attempt)
@@ -44,7 +55,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(what: str, task: Path, *words: str) -> int:
-    return app.run(["ablate", what, str(task), "--scene", scene_of(task), "--seed", "17001", *words])
+    return ablation.main([what, str(task), "--scene", scene_of(task), "--seed", "17001", *words])
 
 
 @pytest.mark.usefixtures("quick")
