@@ -84,9 +84,9 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout) 
 
 def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     code = (
-        "from executor.rollouts.rollout import rollout\n"
+        "from executor.rollouts.rollout import Conditions, rollout\n"
         "from tests.executor.rollouts.tasks import t3\n"
-        "print(rollout(t3(), seed=1, record_hz=20.0).state_hash)\n"
+        "print(rollout(t3(), seed=1, conditions=Conditions(record_hz=20.0)).state_hash)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout.split()[-1] == t3_rollout.state_hash
