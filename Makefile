@@ -55,11 +55,11 @@ interop: setup-all  ## Loads exported data sets with lerobot, h5py and zarr, whi
 
 baselines: setup-all  ## Measures what others do in our rooms (BASELINES, EPISODES, SEED; ROBOGEN=checkout reads its plans).
 	@for baseline in $(BASELINES); do \
-	    $(BIN)/scene2demo bench T1 T2 T3 T4 T5 T6 --baseline $$baseline --episodes $(EPISODES) --seed $(SEED) \
+	    $(BIN)/python -m benchmarks.baselines $$baseline T1 T2 T3 T4 T5 T6 --episodes $(EPISODES) --seed $(SEED) \
 	        --out runs/baselines || exit $$?; \
 	done
 	$(BIN)/scene2demo bench T1 T2 T3 T4 T5 T6 --episodes $(EPISODES) --seed $(SEED) --out runs/baselines
-	$(BIN)/python -m benchmarks.baselines runs/baselines
+	$(BIN)/python -m benchmarks.baselines table runs/baselines
 	@if [ -n "$(ROBOGEN)" ]; then $(BIN)/python -m benchmarks.robogen_plans "$(ROBOGEN)"; fi
 
 docs: setup-test  ## Builds the documentation, with its generated pages, in build/site/index.html.

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import bddl
+from benchmarks.baselines.methods import UncheckedRun
 from benchmarks.robogen_plans import Recorded, as_task, recorded
-from executor.bench.baselines.methods import UncheckedRun
 from executor.bench.tables import rate_text
 from executor.campaign.rate import Rate
 from executor.records import Rollout, ignore

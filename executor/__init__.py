@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from executor.data.episode import Episode
-    from executor.data.robomimic import write_robomimic
+    from executor.data.formats.robomimic import write_robomimic
     from executor.data.store import EpisodeStore
     from executor.records import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
     from executor.rollouts.evolution_record import Evolution
@@ -64,7 +64,7 @@ _PLACES = {
     "rollout": ("executor.rollouts.rollout", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
-    "write_robomimic": ("executor.data.robomimic", "write_robomimic"),
+    "write_robomimic": ("executor.data.formats.robomimic", "write_robomimic"),
     "write_video": ("executor.sim.render.frames", "write_video"),
 }
 

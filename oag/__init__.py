@@ -40,10 +40,10 @@ from oag.model.symbols import Kind, ParameterKind, Primitive, applicable, kind_o
 from oag.progression import Grade, Obligation
 from oag.task import SimpleTask, Task
 from oag.verify.edits import Fix
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict
 
 if TYPE_CHECKING:
-    from oag.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
+    from oag.measurements import clopper_pearson
     from oag.normal_form import canonical, canonical_digest
     from oag.revision import (
         Admission,
@@ -67,12 +67,9 @@ __all__ = [
     "Attempt",
     "Certificate",
     "Completion",
-    "Conditioning",
-    "Count",
     "Critique",
     "Diagnostic",
     "Edge",
-    "Evidence",
     "EvidenceError",
     "Fix",
     "FixError",
@@ -109,7 +106,6 @@ __all__ = [
     "applicable",
     "canonical",
     "canonical_digest",
-    "chain_evidence",
     "change_between",
     "clopper_pearson",
     "complete",
@@ -120,7 +116,6 @@ __all__ = [
     "kind_of",
     "parameter_kind",
     "parameter_problem",
-    "pooled_evidence",
     "recheck",
     "same_flow",
     "to_dot",
@@ -131,25 +126,14 @@ __all__ = [
 
 # What verifying a plan does not need is loaded when it is first asked for.
 _PLACES = {
-    "Admission": "oag.revision",
-    "Attempt": "oag.revision",
-    "Conditioning": "oag.evidence",
-    "Count": "oag.evidence",
-    "Critique": "oag.revision",
-    "Evidence": "oag.evidence",
-    "Hindsight": "oag.revision",
-    "History": "oag.revision",
-    "Iteration": "oag.revision",
-    "Revision": "oag.revision",
-    "Tolerance": "oag.revision",
-    "admissible": "oag.revision",
-    "canonical": "oag.normal_form",
-    "canonical_digest": "oag.normal_form",
-    "chain_evidence": "oag.evidence",
-    "change_between": "oag.revision",
-    "clopper_pearson": "oag.evidence",
-    "pooled_evidence": "oag.evidence",
-    "same_flow": "oag.revision",
+    name: module
+    for module, names in {
+        "oag.measurements": "clopper_pearson",
+        "oag.normal_form": "canonical canonical_digest",
+        "oag.revision": "Admission Attempt Critique Hindsight History Iteration Revision Tolerance admissible "
+        "change_between same_flow",
+    }.items()
+    for name in names.split()
 }
 
 

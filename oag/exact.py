@@ -37,9 +37,7 @@ class Undecided(Exception):
 def decide(unrolled: Unrolled) -> Decision:
     """Return the decision of a plan's open obligations.
 
-    Raises:
-        Undecided: The solver ran out of time, or the question was too large.
-        bddl.SolverMissing: z3 is not installed.
+    Raises Undecided when the solver ran out of time, or the question was too large.
     """
     if not unrolled.open:
         return Decision(unrolled.fails, run=None if unrolled.fails is None else ())
@@ -74,8 +72,6 @@ def _entailed(condition: Condition | None, others: Collection[Condition | None])
 
 
 class _Deciding:
-    """The solver session about one plan."""
-
     def __init__(self, unrolled: Unrolled) -> None:
         self._unrolled = unrolled
         self._session = Solver(unrolled.text())
@@ -184,7 +180,6 @@ def _written(run: Mapping[Unknown, bool]) -> tuple[tuple[int, Fact, Value], ...]
 
 
 def _tied(unknown: Unknown) -> tuple[Unknown, ...]:
-    """Return an unknown, and its converse by an invariant if there is one."""
     other = converse(unknown.fact)
     return (unknown,) if other is None else (unknown, unknown._replace(fact=other))
 
@@ -200,9 +195,7 @@ class OpenObligation(NamedTuple):
     """An obligation that depends on what is unknown.
 
     Attributes:
-        number: Its index among all obligations.
         term: The term that is true exactly when it holds.
-        unknowns: Unknown facts that it mentions.
     """
 
     number: int
@@ -223,9 +216,7 @@ class Unrolled:
     def __init__(self, objects: Mapping[str, str], *, every: bool = False) -> None:
         """Start with nothing.
 
-        Args:
-            objects: Categories of the scene's objects, for quantifiers.
-            every: Write what is known as constants with given values too, so that nothing is decided beforehand.
+        `every` writes what is known as constants with given values too, so that nothing is decided beforehand.
         """
         self.names: dict[Unknown, str] = {}
         self.open: list[OpenObligation] = []
@@ -313,9 +304,7 @@ def unroll(
 ) -> Unrolled:
     """Return the terms of all obligations of a plan that was followed.
 
-    Args:
-        trace: The plan as it was followed; only its start, its steps and the places of its obligations are read.
-        every: See `Unrolled`.
+    Of the trace, only its start, its steps and the places of its obligations are read. For `every` see `Unrolled`.
     """
     unrolled = Unrolled(objects, every=every)
     state, done = trace.start, 0
@@ -330,7 +319,6 @@ def unroll(
 
 
 def _rests_on_assumptions(obligation: Obligation) -> bool:
-    """True unless an obligation follows from what the start and the steps wrote."""
     return obligation.grade is not Grade.HOLDS or any(link.producer % 2 for link in obligation.links)
 
 
@@ -349,12 +337,7 @@ Facts = tuple[tuple[Fact, Value], ...]
 
 
 class Moment(NamedTuple):
-    """Changes of one step.
-
-    Attributes:
-        step: The step.
-        changes: The facts of the plan that it gave another value.
-    """
+    """One step and the facts of the plan that it gave another value."""
 
     step: Step
     changes: Facts
@@ -371,7 +354,6 @@ class Counterexample:
     Attributes:
         start: The values of all facts that the plan mentions up to there, and of all that the scene states.
         moments: The steps that still run, in order.
-        stops_at: The obligation that fails then.
     """
 
     start: Facts
@@ -456,6 +438,5 @@ def unknown_since(trace: Trace, assumption: Assumption) -> int:
 
 
 def _settled(known: State, fact: Fact, otherwise: Value) -> Value:
-    """Return the known value of a fact, or another value where it is unknown."""
     value = known.value(fact)
     return otherwise if value is None else value

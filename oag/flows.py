@@ -74,12 +74,7 @@ _Step = Callable[[View, CompiledSubtask, Primitive, Parameter], View | None]
 
 
 def taking(relation: str, category: str) -> PrimitiveFlow:
-    """Return the flow that takes a thing from where it stands.
-
-    Args:
-        relation: How it stands there, "ontop" or "inside".
-        category: Of what it stands on or in.
-    """
+    """Return the flow that takes a thing from where it is: "ontop" or "inside" something of a category."""
     return TAKE_OUT if relation == "inside" or has_boards(category) else PICK
 
 
@@ -125,8 +120,7 @@ def flows(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, leave: Le
         them; of open goals those with the fewest open parts. Among equals comes the empty flow when the goal holds
         already, then working templates in the order of `TEMPLATES`, then the shortest.
 
-    Raises:
-        TooManyStates: The search reached `MOST_STATES` states; what was found before was yielded.
+    Raises TooManyStates after what was found within `MOST_STATES` states.
     """
     visited: set[View] = set()
     gave_up = False
@@ -166,7 +160,6 @@ def _leaving(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, level:
 
 
 def _open_parts(state: View, wanted: Needed) -> int:
-    """Return how many clauses, or conjuncts of a formula, a state leaves open."""
     parts = [(clause,) for clause in wanted] if isinstance(wanted, tuple) else bddl.conjuncts(wanted)
     return sum(state.truth(part) is None for part in parts)
 
@@ -199,7 +192,6 @@ def _may_run(state: View, subtask: CompiledSubtask, primitive: Primitive, parame
 
 
 def _known_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
-    """Return the state after a primitive whose precondition is known to hold, otherwise None."""
     known = _may_run(state, subtask, primitive, parameter) is True
     return step(state, subtask.rows, primitive, parameter)[1] if known else None
 
@@ -242,14 +234,12 @@ def force_flow(state: View, subtask: CompiledSubtask) -> View:
 def reachable(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow) -> tuple[View, ...]:
     """Return every state that any flow of a subtask leads to; unknown preconditions count as met.
 
-    Raises:
-        TooManyStates: There are more than `MOST_STATES`.
+    Raises TooManyStates beyond `MOST_STATES`.
     """
     return tuple(found.state for found in _breadth_first(start, subtask, legal, _possible_step))
 
 
 def _breadth_first(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, taken: _Step) -> Iterator[Found]:
-    """Yield every reachable state once, with a shortest flow to it, in the order of length."""
     visited = {start}
     waiting = deque([Found((), start)])
     yield waiting[0]
@@ -275,7 +265,6 @@ class Completion:
     """A task with the flows that a search could add.
 
     Attributes:
-        task: The task; every subtask that got a flow has it.
         searched: Indices of the subtasks whose flow was searched and found.
         missing: Indices of the subtasks that still have none.
     """
@@ -291,15 +280,9 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
     Flows are chosen so that the whole plan succeeds, where that is possible. Otherwise each subtask reaches its goal
     and, if possible, the initial condition of the next one. The first subtask without any flow ends the search, since
     later ones have no start state. Given flows are never changed. A goal with alternatives, such as a disjunction, is
-    narrowed to one alternative where only that has a flow.
+    narrowed to one alternative where only that has a flow. A task that is not well formed is returned as it is.
 
-    Args:
-        task: The plan. One that is not well formed is returned as it is.
-        scene: Where it starts; by default the scene that the task carries.
-
-    Raises:
-        MissingScene: There is no scene, neither here nor with the task.
-        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
+    The scene is by default the one that the task carries.
 
     Example:
         >>> import oag
@@ -315,13 +298,12 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
 def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completion, bool]:
     """Return a task with its missing flows, and whether the whole plan succeeds with them.
 
-    Args:
-        tries: An iterator with one entry for each alternative of a goal that may be tried.
+    `tries` has one entry for each alternative of a goal that may be tried.
     """
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
     if not lacking or check(task, scene):
         return Completion(task, (), lacking), not lacking
-    chain = _Chain(task, scene)
+    chain = PlanSearch(task, scene)
     through = next(filter(None, (chain.through(leave) for leave in Leave)), None)
     found = through or chain.as_far_as_possible()
     subtasks = list(task.subtasks)
@@ -336,7 +318,7 @@ def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completi
 
 
 def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iterator[int]) -> tuple[Completion, bool]:
-    """Return the completion in which the first subtask without a flow has one for an alternative of its goal.
+    """Complete the task with an alternative of the goal of the first subtask without a flow.
 
     The first alternative with which the whole plan succeeds is taken, otherwise the first that gets furthest.
     """
@@ -351,8 +333,14 @@ def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iter
     return furthest, False
 
 
-class _Chain:
-    """The subtasks of a task as one search: given flows are followed, missing ones are tried."""
+class PlanSearch:
+    """The subtasks of a task as one search: given flows are followed, missing ones are tried.
+
+    Attributes:
+        subtasks: Prepared for progression.
+        start: What is known at the start of the facts that the plan reads.
+        legal: The primitives that each subtask's flow may use.
+    """
 
     def __init__(self, task: Task, scene: Scene) -> None:
         objects = scene.categories
@@ -426,7 +414,6 @@ class _Chain:
             yield Found(tuple(action.primitive for action in subtask.flow), end)
 
     def _best(self, index: int, state: View) -> Found | None:
-        """Return the first flow that also lets the next subtask start, else the first flow."""
         following = self.subtasks[index + 1].init if index + 1 < len(self.subtasks) else self.goal
         first: Found | None = None
         for leave in Leave:
@@ -452,13 +439,8 @@ MOST_GOAL_OPTIONS = 64
 def narrow_goal(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
     """Yield a subtask with one alternative of its goal as its goal, those that change least of the start first.
 
-    Args:
-        subtask: One whose goal is no conjunction of literals; any other has no alternatives.
-        scene: Where the plan starts.
-
-    Yields:
-        Subtasks whose goal implies the given one in every state. A given goal support is kept; a missing one is set to
-        where the alternative puts the target.
+    Each goal implies the given one in every state; a conjunction of literals has no alternatives. A given goal support
+    is kept; a missing one is set to where the alternative puts the target.
     """
     if bddl.literals(subtask.goal) is not None:
         return
@@ -482,7 +464,6 @@ class NoFlow:
     """The proof that a subtask has no flow.
 
     Attributes:
-        subtask: Index of the subtask.
         facts: The facts of the states, in order.
         start: What is known where the subtask starts.
         states: States that contain the start and are closed under all primitives; the goal holds in none.
@@ -506,8 +487,7 @@ class NoFlow:
 def prove_no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     """Return the proof that the subtask at which a trace stopped has no flow.
 
-    Returns:
-        None when the trace did not stop, a flow may exist, or the search was too large to decide.
+    None when the trace did not stop, a flow may exist, or the search was too large to decide.
     """
     index = trace.undecided_from
     if index is None:
@@ -565,11 +545,7 @@ def searched_notes(task: Task, searched: tuple[int, ...]) -> Iterator[Diagnostic
 
 
 def no_flow_hint(subtask: SimpleTask) -> str | None:
-    """Return what in the form of a goal keeps every flow from reaching it; None if nothing does.
-
-    Args:
-        subtask: One for which no flow exists.
-    """
+    """Return what in the form of a goal keeps every flow of a subtask from reaching it; None if nothing does."""
     target, goal = subtask.target, subtask.goal
     wanted = [
         literal.atom

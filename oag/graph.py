@@ -41,8 +41,8 @@ from oag.model.symbols import (
 )
 from oag.primitives.table import Clause, Context, effect, requirements
 from oag.task import SimpleTask, Task, chosen_scene
-from oag.verify.report import Report
-from oag.verify.verify import verify
+from oag.verify.fixes import find_fixes
+from oag.verify.verify import Report, verify
 
 if TYPE_CHECKING:
     import networkx
@@ -54,11 +54,8 @@ class Node(NamedTuple):
     """One step of the plan as a vertex.
 
     Attributes:
-        subtask: Index of the subtask, from 0.
         t: Position in its flow, from 1.
-        primitive: What is done.
         object: Id of the object it is done to or goes to.
-        parameter: Its number, None where it takes none or none is filled in.
     """
 
     subtask: int
@@ -85,9 +82,7 @@ class ObjectActionGraph:
 
     Attributes:
         task: The plan, with the flows that were searched for it.
-        scene: The scene it is for.
         searched: Indices of the subtasks whose flow was searched.
-        nodes: All steps, in order.
     """
 
     def __init__(self, task: Task, scene: Scene, searched: tuple[int, ...] = ()) -> None:
@@ -133,7 +128,7 @@ class ObjectActionGraph:
 
     @cached_property
     def _report(self) -> Report:
-        return verify(self.task, self.scene, self.searched)
+        return verify(self.task, self.scene, self.searched, repair=find_fixes)
 
 
 def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:
@@ -149,7 +144,6 @@ def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGrap
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
         TaskError: JSON that does not have the documented form, or something that is none of these.
-        SceneError: The scene is no `Scene`.
 
     Example:
         >>> import oag
@@ -172,17 +166,10 @@ def _object(subtask: SimpleTask, primitive: Primitive) -> str:
 
 @cache
 def feasible(first: Primitive, second: Primitive, *, kinds: tuple[Kind, Kind], same_object: bool) -> bool:
-    """Decide whether one primitive can directly follow another.
+    """Decide whether one primitive can directly follow another, given the kinds of their objects.
 
-    Args:
-        first: What ran.
-        second: What is to run.
-        kinds: Kind of the object that each of them acts on or goes to.
-        same_object: Whether that is one object; its two kinds are then equal.
-
-    Returns:
-        True when some state meets the needs of the first and, after its effect, those of the second. False for a step
-        that its object's kind rules out, and for a sequence such as RETREAT, GRASP.
+    True when some state meets the needs of the first and, after its effect, those of the second. False for a step that
+    its object's kind rules out, and for a sequence such as RETREAT, GRASP.
     """
     if not all(map(applicable, (first, second), kinds)):
         return False
@@ -202,7 +189,7 @@ def _follows(first: Primitive, second: Primitive, before: Context, after: Contex
 
 
 def _admit(clause: Clause, state: dict[Fact, Value]) -> bool:
-    """Decide whether a clause can hold in a partial state, and if a single literal was free, fixes it."""
+    """Decide whether a clause can hold in a partial state; a single literal that was free is fixed."""
     graded = [condition.grade(state.get(condition.fact)) for condition in clause]
     if len(clause) == 1 and graded[0] is None:
         only: Condition = clause[0]
@@ -211,7 +198,6 @@ def _admit(clause: Clause, state: dict[Fact, Value]) -> bool:
 
 
 def _hands(before: Context, after: Context) -> Iterator[Value]:
-    """Yield the possible values of the hand: empty, or holding or gripping either object or a third one."""
     yield EMPTY
     yield holding(_THIRD)
     yield gripping(_THIRD)
@@ -275,9 +261,7 @@ def to_graphml(graph: ObjectActionGraph) -> str:
 def to_drawing(graph: ObjectActionGraph) -> dict[str, list[dict[str, object]]]:
     """Return the nodes and edges as plain data: indices into `nodes`, and names in words.
 
-    Returns:
-        `nodes` with `subtask`, `step` (both from 0), `subtask_name`, `primitive`, `object` and `parameter`; `edges`
-        with `source`, `target`, `kind` and `feasible`.
+    Subtasks and steps count from 0.
     """
     position = {node: index for index, node in enumerate(graph.nodes)}
     nodes: list[dict[str, object]] = [
@@ -303,10 +287,8 @@ def _name(node: Node) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return text that may stand between Graphviz's quotes."""
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _quoted(text: str) -> str:
-    """Return text that may stand between Mermaid's quotes."""
     return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

@@ -1,4 +1,4 @@
-"""Measurements of a step, and the evidence that a critique rests on.
+"""Measurements of a step, the evidence that a critique rests on, and the confidence interval of a success rate.
 
 Records travel unchanged from a primitive to the critique and the cause. A step, and a failure, has a tuple of records:
 one for what its primitive does, and more for other measurements, such as the contact that ended a motion. In files they
@@ -7,22 +7,28 @@ are one mapping with the units in its keys.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal, TypeVar
+from dataclasses import MISSING, dataclass, fields
+from numbers import Integral
+from typing import Annotated, Literal, TypeVar
 
-from oag.model.codec import ReadBy, members, number
+from oag.model.codec import ReadBy, Record, as_json, fields_json, members, number
+from oag.model.diagnostics import EvidenceError
 
 
 @dataclass(frozen=True, slots=True)
-class Measurement:
+class Measurement(Record):
     """Base of all records; values that are None or not finite were not measured, and are not written."""
 
     def to_json(self) -> dict[str, object]:
-        """Return the record as JSON values."""
-        found = ((field.name, _plain(getattr(self, field.name))) for field in fields(self))
-        return {name: value for name, value in found if value is not None}
+        """Return what was measured as JSON values."""
+        return {name: value for name, value in fields_json(self).items() if value is not None}
+
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a record of this kind: every field without a default, or any field at all."""
+        required = [field.name for field in fields(cls) if field.default is MISSING]
+        return all(name in written for name in required)
 
 
 Measurements = tuple[Measurement, ...]
@@ -103,7 +109,7 @@ class SupportDrive(Measurement):
         leaning_deg: Lean of the held object [deg].
         region: Where the thing will be put; None where no place was found.
         joint_margin_deg: How far the joints are from their limits there.
-        stance: Remark on a nominal stance, where the flow's numbers reach no free spot from anywhere; else None.
+        stance: Remark on a nominal stance, where the flow's numbers reach no free spot from anywhere.
         beside_m: Distance from the base to its goal at the end [m].
     """
 
@@ -113,6 +119,12 @@ class SupportDrive(Measurement):
     joint_margin_deg: float | None = None
     stance: str | None = None
     beside_m: float | None = None
+
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a drive: `support` alone may be that of a step without a plan."""
+        own = {field.name for field in fields(cls)} & written.keys()
+        return "support" in own and (len(own) > 1 or not _UNPLANNED & written.keys())
 
     @property
     def nominal(self) -> bool:
@@ -227,20 +239,23 @@ class StageCount(Measurement):
 
     stages: int
 
+    @classmethod
+    def is_in(cls, written: Mapping[str, object]) -> bool:
+        """Decide whether a mapping has a count: the stages of a joint's motion are a list."""
+        return isinstance(written.get("stages"), int)
+
 
 @dataclass(frozen=True, slots=True)
 class Unplanned(Measurement):
     """Reason why no plan was found, or a step was not begun.
 
     Attributes:
-        target, support, joint: The objects concerned.
         gripped: Whose handle is still in the gripper.
         near: What the hand touches.
         stances_tried, looked_at: How many stances, or configurations, were tried.
         in_the_way: The bodies in collision; with counts, where many configurations were tried.
         free_to_fraction: How far a joint is free, as a fraction of its range.
         residual_m, residual_deg: Remaining error of the hand.
-        joints_at_limit: The joints that cause it.
     """
 
     target: str | None = None
@@ -276,7 +291,6 @@ class AtomMeasured(Measurement):
         beyond_its_furniture_m, nearest_room: `inroom`.
         tilted_deg: Of what was put down: how far it leans from upright, or from how it stood at first.
         lifted_m: Of what was picked up: how far its lowest point is above where that was.
-        undecided: Whether no detector could decide.
     """
 
     reason: str | None = None
@@ -304,9 +318,11 @@ class AtomMeasured(Measurement):
 
 
 NOTHING_MEASURED = AtomMeasured()
+# Keys by which a step without a plan differs from a drive.
+_UNPLANNED = {field.name for field in fields(Unplanned)} - {field.name for field in fields(SupportDrive)}
 
 
-# A mapping is read as the first of these kinds that its keys and values fit, then the next with the keys left over.
+# The kinds that a mapping is read by, each from the keys that those before it left.
 _KINDS: tuple[type[Measurement], ...] = (
     StageCount,
     JointMotion,
@@ -340,35 +356,22 @@ def measurements_json(records: Iterable[Measurement]) -> dict[str, object]:
 
 
 def read_measurements(written: Mapping[str, object], kinds: Iterable[type[Measurement]] = _KINDS) -> Measurements:
-    """Return the records that `measurements_json` wrote; values of no known form are left out.
+    """Return the records that `measurements_json` wrote, of some kinds; values of no known form are left out."""
+    from pydantic import ValidationError  # Takes as long to import as all of this package.
 
-    Args:
-        written: The JSON object.
-        kinds: Possible kinds of records.
-    """
-    from pydantic import TypeAdapter, ValidationError  # Takes as long to import as all of this package.
+    from oag.model.forms import adapter
 
     left, found = dict(written), list[tuple[int, Measurement]]()
     for kind in kinds:
         own = {field.name: left[field.name] for field in fields(kind) if field.name in left}
-        if own:
+        if own and kind.is_in(left):
             try:
-                record = TypeAdapter(kind).validate_python(own)
+                record = adapter(kind).validate_python(own)
             except ValidationError:
                 continue
             found.append((min(list(written).index(name) for name in own), record))
             left = {name: value for name, value in left.items() if name not in own}
     return tuple(record for _, record in sorted(found, key=lambda entry: entry[0]))
-
-
-def _plain(value: Any) -> object:
-    if isinstance(value, Measurement):
-        return value.to_json()
-    if isinstance(value, tuple | list):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 _Number = Annotated[float, ReadBy(number)]
@@ -380,9 +383,6 @@ class GoalReading:
 
     Attributes:
         literal: The atom, or the formula, as BDDL.
-        wanted: What the goal asks for.
-        value: What was read.
-        measurements: The numbers behind it.
         predicate: Of the atom, such as "open"; empty for any other formula.
     """
 
@@ -414,7 +414,7 @@ class Unmet(Measurement):
 
 
 @dataclass(frozen=True, slots=True)
-class Miss:
+class Miss(Record):
     """How far an item is from where its goal would hold, in the robot's own directions.
 
     All distances are what the item would have to be moved by: positive is forward, to the left, up.
@@ -437,10 +437,6 @@ class Miss:
         """How far the nearest place is; 0 where the item is over it or in it."""
         return float((self.forward_m**2 + self.left_m**2 + self.up_m**2) ** 0.5)
 
-    def to_json(self) -> dict[str, object]:
-        """Return the miss as JSON values."""
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
-
 
 def _read_measured(value: object) -> Measurements:
     return read_measurements(members(value))
@@ -460,11 +456,9 @@ class MeasuredEvidence:
     Attributes:
         measurements: What the step measured; None where no measurement was read.
         failure: Kind of the step's own failure; empty when it did what it should.
-        failure_measurements: The numbers behind the failure.
         unmet: Conditions that the step should have made true and did not.
         misses: How far items are from their places.
         measured: The critique by the measurements alone, where a model was asked too.
-        pictures: The pictures that were used.
         model_did_not_judge: Why a model did not judge the step; empty when it did, or was not asked.
     """
 
@@ -479,17 +473,48 @@ class MeasuredEvidence:
 
     def to_json(self) -> dict[str, object]:
         """Return the evidence as JSON values; empty entries are left out."""
-        written: dict[str, object] = {}
-        if self.measurements is not None:
-            written["measurements"] = measurements_json(self.measurements)
-        if self.failure:
-            written |= {"failure": self.failure, "failure_measurements": measurements_json(self.failure_measurements)}
-        if self.unmet:
-            written["unmet"] = measurements_json(self.unmet)
-        if self.misses:
-            written["misses"] = [miss.to_json() for miss in self.misses]
-        if self.measured is not None:
-            written["measured"] = dict(self.measured)
-        if self.pictures:
-            written["pictures"] = [dict(picture) for picture in self.pictures]
-        return written | ({"model_did_not_judge": self.model_did_not_judge} if self.model_did_not_judge else {})
+        written = {
+            "measurements": None if self.measurements is None else measurements_json(self.measurements),
+            "failure": self.failure or None,
+            "failure_measurements": measurements_json(self.failure_measurements) if self.failure else None,
+            "unmet": measurements_json(self.unmet) or None,
+            "misses": as_json(self.misses) or None,
+            "measured": as_json(self.measured),
+            "pictures": as_json(self.pictures) or None,
+            "model_did_not_judge": self.model_did_not_judge or None,
+        }
+        return {name: value for name, value in written.items() if value is not None}
+
+
+def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the exact two-sided confidence interval of a success probability.
+
+    Raises EvidenceError, a ValueError, for impossible counts or a confidence outside of (0, 1).
+    """
+    if not 0.0 < confidence < 1.0:
+        raise EvidenceError(f"expected a confidence between 0 and 1, such as 0.95, got {confidence:g}")
+    tail = (1.0 - confidence) / 2.0
+    return lower_bound(successes, trials, tail), 1.0 - lower_bound(trials - successes, trials, tail)
+
+
+def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
+    """Return the exact one-sided lower bound: the true probability is below it in at most `alpha` of cases."""
+    _check_whole(successes, trials)
+    if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
+        raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")
+    if successes == 0:
+        return 0.0
+    # scipy takes as long to import as all of this package, and only measurements need it.
+    from scipy.special import betaincinv
+
+    return float(betaincinv(successes, trials - successes + 1, alpha))
+
+
+def is_whole(number: object) -> bool:
+    """Decide whether a value is a whole number, numpy's included; truth values are not."""
+    return isinstance(number, Integral) and not isinstance(number, bool)
+
+
+def _check_whole(successes: object, trials: object) -> None:
+    if not (is_whole(successes) and is_whole(trials)):
+        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")

@@ -26,7 +26,6 @@ from typing import TypeVar
 import bddl
 from oag.certificate.recheck import digest
 from oag.flows import complete
-from oag.goals import default_goal
 from oag.model.actions import Action, ActionFlow
 from oag.model.scene import ROBOT, RobotPose, Scene, SceneObject
 from oag.model.symbols import (
@@ -52,7 +51,7 @@ from oag.primitives.table import NAVIGATION, RESTING
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
 from oag.sizes import longest_motion_m
-from oag.task import SimpleTask, Task, chosen_scene
+from oag.task import SimpleTask, Task, chosen_scene, default_goal
 from oag.verify.verify import follow
 from oag.wellformed import check
 
@@ -114,7 +113,6 @@ def _unique(pairs: Iterable[tuple[_Key, str]]) -> dict[_Key, str]:
 
 
 def _squeeze(name: str) -> str:
-    """Return a name without case and separators."""
     return _SEPARATORS.sub("", name.casefold())
 
 
@@ -125,7 +123,6 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _nouns(key: str, thing: SceneObject) -> frozenset[str]:
-    """Return the nouns of an object: those of its id and of its category, and synonyms."""
     own = {_split(key)[0], _squeeze(thing.category.split(".", 1)[0])}
     return frozenset(own.union(*(group for group in _SAME if group & own)))
 
@@ -162,12 +159,10 @@ class Movement:
     """Steps about one target that belong together, with what they change.
 
     Attributes:
-        subtasks: The subtasks of the steps.
         flow: The steps as they are written.
         steps: The steps as they run, without the reset's motion to the first target.
         reads: World facts that the steps need.
         before: Values, before them, of every fact or pattern that they write; the hand included, the robot's pose not.
-        after: The same facts after them.
     """
 
     subtasks: list[SimpleTask]
@@ -298,7 +293,6 @@ def _begins(movement: Movement, subtask: SimpleTask, step: Step) -> bool:
 
 
 def _reads(trace: Trace) -> dict[int, set[Fact]]:
-    """Return the world facts that the precondition of each step rests on."""
     found: dict[int, set[Fact]] = {}
     for obligation in trace.obligations:
         if obligation.kind == "precondition":
@@ -336,7 +330,6 @@ def _without_idle(found: Sequence[Movement]) -> list[Movement]:
 
 
 def _is_free(later: Sequence[Movement]) -> bool:
-    """Decide whether the next of some later movements, the last of the list, navigates first, or there is none."""
     return not later or later[-1].navigates
 
 
@@ -385,9 +378,7 @@ class _Part:
     """Movements that stay together, with what they read and write.
 
     Attributes:
-        subtasks: The movements as subtasks, in order.
         fixed: True when nothing may be exchanged with it, since the hand is not empty before it.
-        reads: Facts that they read.
         writes: Facts whose known value they change.
         blurs: Facts that they make unknown; doing so twice is no conflict.
     """
@@ -445,22 +436,11 @@ def content(subtask: SimpleTask) -> dict[str, object]:
 
 
 def canonical(task: Task, scene: Scene | None = None) -> Task:
-    """Return the canonical form of a task.
+    """Return the canonical form of a task; its verdict is the task's, and its canonical form is itself.
 
     Names are resolved to the scene's ids, and formulas sorted. A PROVED plan is then cut again where the hand is at
     rest. The conditions of each part state what it changes. Parts that change nothing are dropped, and independent
-    parts are put in one order. A plan that is not proved keeps its subtasks.
-
-    Args:
-        task: The task.
-        scene: The scene it is for; by default the one that the task carries.
-
-    Returns:
-        A task with the same verdict, whose runs end as those of the task. Its canonical form is itself.
-
-    Raises:
-        MissingScene: There is no scene, neither here nor with the task.
-        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
+    parts are put in one order. A plan that is not proved keeps its subtasks. The scene is by default the task's own.
 
     Source: docs/semantics.md, Canonical form.
     """
@@ -478,14 +458,7 @@ def canonical(task: Task, scene: Scene | None = None) -> Task:
 def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = True) -> str:
     """Return the SHA-256 of a task's canonical form: its goal and its subtasks, without names and descriptions.
 
-    Args:
-        task: The task.
-        scene: The scene it is for; by default the one that the task carries.
-        flows: False to compare decompositions alone, the five-tuples of the subtasks without their flows.
-
-    Raises:
-        MissingScene: There is no scene, neither here nor with the task.
-        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
+    Without `flows`, decompositions alone are compared: the five-tuples of the subtasks.
     """
     form = canonical(task, scene)
     rows = [content(subtask) for subtask in form.subtasks]
@@ -496,7 +469,6 @@ def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = Tr
 
 
 def _named(task: Task, scene: Scene) -> Task:
-    """Return a task with its names resolved, and its formulas and scales in order."""
     task = with_scene_names(task, resolver(scene))
     subtasks = tuple(replace(s, init=normalize(s.init), goal=normalize_goal(s.goal, s.target)) for s in task.subtasks)
     # A factor of one changes no size; for an unknown object it is a mistake and is kept.

@@ -57,14 +57,7 @@ from oag.task import SimpleTask, label
 
 @dataclass(frozen=True, slots=True)
 class CompiledSubtask:
-    """A subtask prepared for progression.
-
-    Attributes:
-        rows: The primitives' table for its objects.
-        init: What it needs at its start.
-        goal: What it needs at its end.
-        flow: Its actions, None when there are none yet.
-    """
+    """A subtask prepared for progression: the primitives' table for its objects, its needs, and its actions."""
 
     rows: Rows
     init: Needed
@@ -135,9 +128,7 @@ class CausalLink(NamedTuple):
     """One causal link: a condition, and the write that decides it.
 
     Attributes:
-        condition: What is needed.
         producer: Time of the write that gave the fact its value; 0 for the start state.
-        value: The value it wrote.
     """
 
     condition: Condition
@@ -149,12 +140,9 @@ class Obligation(NamedTuple):
     """One need at one place.
 
     Attributes:
-        kind: Which kind.
         subtask: Index of the subtask; for the task goal, the number of subtasks.
         step: Index of the step for a precondition, else -1.
         time: When it must hold: writes before this time count.
-        grade: Its grade.
-        links: The links that decided it.
         cases: The distinction of cases that decided it, in preorder, where links alone do not. An unknown fact stands
             before its case true and its case false; None ends a case. None when there is no such distinction.
     """
@@ -179,7 +167,6 @@ class Assumption(NamedTuple):
     """Something unknown that a plan needs.
 
     Attributes:
-        time: When it is assumed.
         condition: The literal; None when a formula beyond literals is unknown as a whole.
         formula: That formula, or None.
         obligation: Index of the obligation that needs it.
@@ -197,7 +184,6 @@ class RootFailure(NamedTuple):
     """A root failure: an obligation that fails, not as a consequence of an earlier failure.
 
     Attributes:
-        obligation: Index of the obligation.
         condition: The literal that is false; None when a formula beyond literals is.
         formula: That formula, or None.
         entry: The write that made the literal false.
@@ -247,12 +233,7 @@ def case_tree(
 ) -> tuple[bool, CaseTree] | None:
     """Return the value that clauses or a formula have in every case, with the cases.
 
-    Args:
-        read: Reader of what is known; None for unknown.
-        largest: The most entries that a distinction may have.
-
-    Returns:
-        The value and its cases; None when the cases disagree, are too many, or take too long to evaluate.
+    None when the cases disagree, are too many, or take too long to evaluate.
     """
     reads = 0
 
@@ -329,11 +310,9 @@ class Trace:
     """The progression of a plan, as far as it is decided.
 
     Attributes:
-        start: What is known at the start.
         state: What is known at the end of the plan, or where progression stopped.
         writes: Writes after the start with their times: by steps at even times, else by assumptions.
         steps: The flattened plan; step n (from 1) is `steps[n - 1]`.
-        obligations: In order.
         assumptions: What was unknown and needed, in order; each fact once.
         failures: Root failures, in order.
         dependents: For each root failure, how many later failures follow from it.
@@ -350,14 +329,7 @@ class Trace:
     def __init__(
         self, start: State, objects: dict[str, str], decision: Decision = NOTHING_DECIDED, *, chose: bool = False
     ) -> None:
-        """Start a progression.
-
-        Args:
-            start: What is known at the start.
-            objects: Categories of the scene's objects.
-            decision: What was decided exactly of what progression alone leaves open.
-            chose: Whether that decision rests on an assumption that might not have been needed.
-        """
+        """Start a progression; `chose` says that the decision rests on what might not have been needed."""
         self.start = self.state = start
         self.writes: list[tuple[int, Effect]] = []
         self.steps: list[Step] = []
@@ -400,12 +372,9 @@ class Trace:
             yield last
 
     def since(self, fact: Fact, asked: bool | str, until: int) -> Entry:
-        """Return the first write of the unbroken run of one answer to "has the fact this value?".
+        """Return the first write, up to a time, of the unbroken run of one answer to "has the fact this value?".
 
-        Args:
-            fact: Which fact.
-            asked: The value asked about; runs of any other value count as one answer.
-            until: Look at the fact as it was at this time.
+        Runs of any other value count as one answer.
         """
         began, answer = UNWRITTEN, None
         for entry in self.history(fact):
@@ -453,7 +422,6 @@ class Trace:
         self._need("goal", index, -1, subtask.goal)
 
     def _write(self, effect: Effect) -> None:
-        """Write an assumption at the boundary."""
         self.state = self.state.after(effect, self.boundary_time)
         self.writes.append((self.boundary_time, effect))
 

@@ -15,21 +15,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, NamedTuple, Self
 
 from bddl.terminal import pluralize
-from oag.evidence import is_whole
 from oag.graph import compose
-from oag.measurements import MeasuredEvidence
+from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
-from oag.model.codec import ReadBy, Source, expected, index, load, shown
+from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.primitives.table import NAVIGATION
 from oag.task import Task, chosen_scene, subtask_place, unreadable_step
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict
 
 Outcome = Literal["succeeded", "failed"]
 Change = Literal["sequence", "parameters"]
@@ -57,18 +56,16 @@ _Index = Annotated[int, ReadBy(index)]
 
 
 @dataclass(frozen=True, slots=True)
-class Critique:
+class Critique(Record):
     """Judgement of an inspector on one executed step.
 
     Attributes:
         step: Index in the flow, from 0.
-        primitive: The primitive.
         motion_verified: Whether the robot moved as intended; None when not judged.
         state_reached: Whether the intended change occurred; None when not judged.
         state_contrast: What differs between the step's beginning and its end, in words.
         anomaly: What happened that should not have, such as a collision; None when nothing did.
         text: The diagnosis in a sentence or two.
-        evidence: The measurements behind it.
         origin: Whether measurements, a model that looked at frames, or both were asked.
 
     Source: the paper's three aspects of a critique: motion verification, state contrast, anomaly detection.
@@ -89,13 +86,9 @@ class Critique:
         """True when anything about the step was wrong."""
         return self.motion_verified is False or self.state_reached is False or self.anomaly is not None
 
-    def to_json(self) -> dict[str, object]:
-        """Return the critique as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Hindsight:
+class Hindsight(Record):
     """Why an attempt that reached its goal counts as failed after all: a later subtask failed because of it.
 
     Attributes:
@@ -108,13 +101,9 @@ class Hindsight:
     failure: str
     message: str = ""
 
-    def to_json(self) -> dict[str, object]:
-        """Return the hindsight as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(Record):
     """One execution of a subtask's flow from its saved initial state.
 
     Attributes:
@@ -123,7 +112,6 @@ class Attempt:
         failed_step: Index of the earliest step that failed; None when it succeeded, or when every step ran but the goal
             was not reached.
         failure: Kind of failure, such as "unexpected-contact"; empty on success.
-        message: The failure in a sentence.
         critiques: One for each step that was judged, in order.
         filled: The flow with the numbers that were run; None when they were all given.
         seed: Seed of the episode; None when it has none.
@@ -151,17 +139,12 @@ class Attempt:
         """True when the subtask's goal was reached."""
         return self.outcome == "succeeded"
 
-    def to_json(self) -> dict[str, object]:
-        """Return the attempt as JSON values."""
-        return _written(self)
-
 
 @dataclass(frozen=True, slots=True)
 class Revision:
     """A changed flow, and why it was changed.
 
     Attributes:
-        flow: The new flow.
         change: "sequence" when primitives were added, taken out or exchanged, "parameters" when only numbers differ.
         explanation: The supervisor's reason, for people and for the next round.
         cause: The root cause in a few words, such as "door in the way".
@@ -185,7 +168,7 @@ class Revision:
 
     def to_json(self) -> dict[str, object]:
         """Return the revision as JSON values, the note only where there is one."""
-        written = _written(self)
+        written = fields_json(self)
         return ({"note": self.note} if self.note else {}) | {
             key: value for key, value in written.items() if key != "note"
         }
@@ -195,18 +178,6 @@ def change_between(old: ActionFlow, new: ActionFlow) -> Change:
     """Return how one flow became another: "parameters" when the primitives are the same ones, else "sequence"."""
     same = [action.primitive for action in old] == [action.primitive for action in new]
     return "parameters" if same else "sequence"
-
-
-def _written(record: Critique | Hindsight | Attempt | Revision) -> dict[str, object]:
-    return {entry.name: _plain(getattr(record, entry.name)) for entry in fields(record)}
-
-
-def _plain(value: Any) -> object:
-    if isinstance(value, Primitive):
-        return value.name
-    if isinstance(value, tuple):
-        return [_plain(entry) for entry in value]
-    return value.to_json() if hasattr(value, "to_json") else value
 
 
 SCHEMA = "scene2demo-history/2"
@@ -231,7 +202,6 @@ class History:
     Attributes:
         subtask: Index of the subtask, from 0.
         iterations: In order; only the last may lack a revision.
-        limit: How many revisions may be made.
     """
 
     subtask: int
@@ -268,8 +238,7 @@ class History:
     def add(self, attempt: Attempt, revision: Revision | None = None) -> Self:
         """Return the history with one more attempt, and the revision made because of it.
 
-        Raises:
-            HistoryFull: The evolution has ended already, or the revision would be one too many.
+        Raises HistoryFull when the evolution has ended already, or the revision would be one too many.
         """
         which = f"subtask {self.subtask + 1}"
         if self.iterations and self.iterations[-1].revision is None:
@@ -282,10 +251,8 @@ class History:
     def reopened(self, hindsight: Hindsight) -> tuple[Attempt, Self]:
         """Return the last, successful attempt as a failed one, and the history before it.
 
-        Adding that attempt again, with its revision, continues the evolution.
-
-        Raises:
-            RecordError: There is no success to blame, or the blaming subtask does not come later.
+        Adding that attempt again, with its revision, continues the evolution. Raises RecordError when there is no
+        success to blame, or the blaming subtask does not come later.
         """
         if not self.solved or hindsight.subtask <= self.subtask:
             problem = f"T{self.subtask + 1} cannot be blamed for a failure of T{hindsight.subtask + 1}"
@@ -298,8 +265,7 @@ class History:
     def superseded(self, revision: Revision) -> Self:
         """Return the history with its last attempt superseded by the revision of an earlier subtask.
 
-        Raises:
-            RecordError: The revision is not one of an earlier subtask, or the last attempt was revised already.
+        Raises RecordError when it is no such revision, or the last attempt was revised already.
         """
         if revision.subtask is None or revision.subtask >= self.subtask or not self.iterations:
             problem = "only a change before it supersedes an attempt"
@@ -328,8 +294,7 @@ class History:
     def from_json(cls, source: Source) -> Self:
         """Return the history that a JSON file, or a mapping of the same form, describes.
 
-        Raises:
-            RecordError: The one first thing that is malformed, with its place and what was expected.
+        Raises RecordError for the one first thing that is malformed, with its place and what was expected.
         """
         document = load(source, RecordError)
         form = document.read(_HistoryForm)
@@ -356,12 +321,7 @@ class Tolerance:
     """How far two numbers may lie apart and still be the same number to the robot.
 
     Attributes:
-        distance_m: For distances.
-        angle_deg: For turns.
         joint: For joint limits: fractions of the range, or radians or metres of the joint.
-
-    Raises:
-        ValueError: A tolerance is negative, or no finite number: no flow would then repeat another one.
     """
 
     distance_m: float = 0.01
@@ -439,7 +399,6 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
 
 
 def _idle(action: Action, tolerance: Tolerance) -> bool:
-    """Decide whether an action moves by no more than the tolerance."""
     moved = action.parameter
     return action.primitive in _AXES and isinstance(moved, int | float) and abs(moved) <= tolerance.of(action.primitive)
 
@@ -495,7 +454,6 @@ def admissible(
     """Decide whether a revised flow of one subtask may run.
 
     Args:
-        task: The task as it is.
         subtask_index: Index of the revised subtask, from 0.
         new_flow: Actions, or the paper's JSON form of them as a model wrote it.
         scene: The scene to judge it in; by default the one that the task carries.
@@ -510,8 +468,6 @@ def admissible(
     Raises:
         NoSuchSubtask: The task has no subtask of that index.
         RecordError: The history is that of another subtask.
-        MissingScene: There is no scene, neither here nor with the task.
-        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
     """
     chosen = chosen_scene(task, scene)
     count = len(task.subtasks)

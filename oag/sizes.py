@@ -8,12 +8,12 @@ the opening of the robot's gripper. Widths are drawn from a seed, and nothing lo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from random import Random
 from typing import Self
 
-from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.codec import Record
+from oag.model.scene import PAPER_SCALE, RobotPose, Scene, SceneObject, Vector3
 from oag.model.symbols import Primitive, has_rim
 from oag.task import Task
 
@@ -114,12 +114,8 @@ class Sizing:
 def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) -> float:
     """Return the factor S of the size adjustment, however small it is.
 
-    It is 1.0 for fixtures, for items that fit the gripper, and for items too wide to be scaled that have a rim.
-
-    Args:
-        thing: The object; its size is that of its bounding box with the scale it has in the scene.
-        gripper: The gripper that it must fit.
-        seed: Seed of the width, drawn uniformly over the allowed range; by default the width is the aim, or near it.
+    It is 1.0 for fixtures, for items that fit the gripper, and for items too wide to be scaled that have a rim. A seed
+    draws the width uniformly over the allowed range; by default the width is the aim, or near it.
     """
     width_m = min(thing.extent_m[:2])
     if thing.role != "B" or width_m <= gripper.widest_m:
@@ -150,11 +146,10 @@ def too_small(factor: float) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Resizing:
+class Resizing(Record):
     """One object that does not have its original size.
 
     Attributes:
-        object_id: Its id.
         factors: What its size is multiplied by along its own axes.
         before_m, after_m: Size of its bounding box along its own axes [m].
     """
@@ -170,10 +165,6 @@ class Resizing:
         different = self.factors if len(set(self.factors)) > 1 else self.factors[:1]
         return " x ".join(f"{factor:g}" for factor in different)
 
-    def to_json(self) -> dict[str, object]:
-        """Return the change as plain data."""
-        return asdict(self)
-
     def __str__(self) -> str:
         """Return the change in words."""
         sides = (" x ".join(f"{1000 * side:.0f}" for side in extent) for extent in (self.before_m, self.after_m))
@@ -181,12 +172,7 @@ class Resizing:
 
 
 def planned_resizings(scales: Mapping[str, float], scene: Scene) -> tuple[Resizing, ...]:
-    """Return the changes of a scene's sizes by a task, in the order of the factors.
-
-    Args:
-        scales: Object id -> factor, as a task has them; factors of 1 and of unknown objects change nothing.
-        scene: The scene that the task is planned in.
-    """
+    """Return the changes of a scene's sizes by a task's factors, in order; those of unknown objects change nothing."""
     known = ((scene.objects[name], factor) for name, factor in scales.items() if name in scene.objects)
     return tuple(
         Resizing(thing.id, (factor,) * 3, thing.extent_m, thing.scaled(factor).extent_m)

@@ -6,21 +6,20 @@ Mistakes in a file's formulas and flows are kept as diagnostics of the task; in 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, NamedTuple, Self
 
 import bddl
+from bddl.ast import Quantified
 from bddl.terminal import pluralize
-from oag.goals import default_goal
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json, flow_to_json
 from oag.model.codec import Document, ReadBy, Source, load, missing, number, shown
 from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene, SceneError, TaskError
-from oag.model.scene import Scene
-from oag.model.scene_rules import SCALES
-from oag.model.symbols import GRIPPER
-from oag.primitives.table import RESTING, placement_of
+from oag.model.scene import SCALES, Scene
+from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, overlap
+from oag.primitives.table import RESTING, carries, placement_of
 
 # Stands for an unreadable formula; the task then carries the reason as an issue.
 UNREADABLE: bddl.Formula = bddl.And(())
@@ -66,8 +65,7 @@ class SubtaskForm:
 def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, ...]]:
     """Return the paths of the subtasks in order: in the list `sub_tasks`, or at `sub_task_1`, `sub_task_2`, ...
 
-    Raises:
-        InputError: There are neither, or both, of which one would be lost.
+    Raises an InputError when there are neither, or both, of which one would be lost.
     """
     matches = (re.fullmatch(r"sub_task_(\d{1,9})", key) for key in document.at())
     numbered = [(int(match[1]), match[0]) for match in matches if match is not None]
@@ -94,11 +92,7 @@ def read_formula(text: str, place: str) -> tuple[bddl.Formula, tuple[Diagnostic,
 
 
 def formula_of(given: object, place: str) -> bddl.Formula:
-    """Return a formula, or the formula of a text, where a task is built in memory.
-
-    Raises:
-        TaskError: It is neither, or the text is no formula.
-    """
+    """Return a formula, or the formula of a text, where a task is built in memory; raises TaskError for others."""
     if isinstance(given, bddl.Formula):
         return given
     if not isinstance(given, str):
@@ -110,11 +104,7 @@ def formula_of(given: object, place: str) -> bddl.Formula:
 
 
 def flow_of(given: object) -> ActionFlow:
-    """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory.
-
-    Raises:
-        FlowError: It is no list, or an item is no action.
-    """
+    """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory."""
     if not isinstance(given, list | tuple):
         return flow_from_json(given)
     return tuple(
@@ -128,7 +118,6 @@ def syntax_issues(problem: bddl.BDDLError, place: str) -> tuple[Diagnostic, ...]
 
 
 def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
-    """Return a parser's diagnostic as one of the plan's; codes without a counterpart here are syntax."""
     code = _CODES.get(found.code, "bddl/syntax")
     return Diagnostic(
         code=code,
@@ -177,14 +166,8 @@ class Roles(NamedTuple):
 def infer_roles(init: bddl.Formula, goal: bddl.Formula, target: str | None = None) -> Roles:
     """Return the roles that an initial state and a goal imply.
 
-    Args:
-        init: Where the subtask starts.
-        goal: Where it ends.
-        target: The target, where it is known.
-
-    Returns:
-        The target is the first argument of the goal's literals beyond the initial state, if that is one object.
-        Otherwise `target` is empty and `problem` gives the reason.
+    Unless it is given, the target is the first argument of the goal's literals beyond the initial state, if that is one
+    object. Otherwise `target` is empty and `problem` gives the reason.
 
     Example:
         >>> import bddl
@@ -260,12 +243,7 @@ class SimpleTask:
     issues: tuple[Diagnostic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Read what is given as a text or in the JSON form.
-
-        Raises:
-            TaskError: A condition is no formula and no text of one, or a role is no id.
-            FlowError: The flow is no list of actions.
-        """
+        """Read what is given as a text or in the JSON form; raises TaskError or FlowError for anything else."""
         for role in ("target", "support_init", "support_goal"):
             name: object = getattr(self, role)
             if not isinstance(name, str) and (name is not None or role == "target"):
@@ -301,12 +279,10 @@ class Task:
     """An ordered sequence of subtasks with the goal that the query asks for.
 
     Attributes:
-        name: Its activity.
         detail: What to do, for people and models.
         goal: The task goal G, judged after the last subtask.
         goal_given: True when G was given apart from the decomposition; False when it was derived from the subtasks,
             which cannot detect a dropped subtask.
-        subtasks: In order.
         scales: Object id -> factor of the size adjustment.
         scene: The scene it was planned for, if known.
         issues: Mistakes found while it was read that belong to no subtask.
@@ -326,11 +302,7 @@ class Task:
     source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Read a goal that is given as a text.
-
-        Raises:
-            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
-        """
+        """Read a goal that is given as a text; raises TaskError for no formula and for no `SimpleTask`."""
         object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
         object.__setattr__(self, "subtasks", tuple(self.subtasks))
         listed: tuple[object, ...] = self.subtasks
@@ -393,7 +365,6 @@ class Task:
 
 
 def _read_subtask(index: int, document: Document, place: Sequence[str | int]) -> SimpleTask:
-    """Return one subtask; `index` counts from 0 and gives it a name when it has none."""
     form = document.read(SubtaskForm, *place)
     given = document.at(*place)
     init, init_issues = read_formula(form.init, "init")
@@ -429,10 +400,7 @@ _ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path 
 def chosen_scene(task: Task, scene: Scene | None) -> Scene:
     """Return the scene to judge a task in: the one given, else the one that the task carries.
 
-    Raises:
-        TaskError: The task is no `Task`.
-        SceneError: The scene is no `Scene`.
-        MissingScene: There is none.
+    Raises MissingScene when there is none, and TaskError or SceneError for an argument of another kind.
     """
     if not isinstance(task, Task):
         raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
@@ -443,11 +411,7 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
 
 
 def required_scene(scene: object) -> Scene:
-    """Return a scene.
-
-    Raises:
-        SceneError: It is none, but the name of one, for example.
-    """
+    """Return a scene; raises SceneError for anything else, such as the name of one."""
     if not isinstance(scene, Scene):
         raise SceneError(f"expected a Scene, got {shown(scene)}", source=_ARGUMENT, hint=_READ.format("Scene"))
     return scene
@@ -467,3 +431,146 @@ def step_place(task: Task, subtask: int, step: int) -> str:
     """Return the full name of a step."""
     flow = task.subtasks[subtask].flow or ()
     return f"{subtask_place(task, subtask)}, step {step + 1} {flow[step].primitive.name}"
+
+
+def default_goal(subtasks: Sequence[SimpleTask]) -> bddl.Formula:
+    """Return the conjunction of the subtask goals, without what later subtasks replace.
+
+    A later subtask replaces what its own goal denies. It replaces the place of its target, the gripper included, when
+    its flow or its goal takes the target away. A formula beyond literals is dropped as a whole when a later subtask
+    replaces any of its atoms.
+
+    Such a goal cannot detect a dropped subtask, so a report says when it was used.
+
+    Example:
+        >>> import oag
+        >>> opened = {"target": "box_0", "init": "(and)", "goal": "(open box_0)"}
+        >>> task = oag.Task.from_json({"sub_tasks": [opened, {**opened, "goal": "(not (open box_0))"}]})
+        >>> str(default_goal(task.subtasks))
+        '(not (open box_0))'
+
+    Source: docs/semantics.md, Verdicts.
+    """
+    later: list[_GoalChange] = []
+    literals: dict[bddl.Atom, bddl.Formula] = {}
+    others: dict[bddl.Formula, None] = {}
+    for subtask in reversed(subtasks):
+        for part in reversed(bddl.conjuncts(subtask.goal)):
+            if any(_replaced(demand, later) for demand in _demands(part, strictly=True)):
+                continue
+            literal = bddl.literals(part)
+            if literal is None:
+                others.setdefault(part)
+            else:
+                for atom, value in literal:
+                    literals.setdefault(atom, atom if value else bddl.Not(atom))
+        later.append(_goal_change(subtask))
+    parts = (*reversed(literals.values()), *reversed(others))
+    return parts[0] if len(parts) == 1 else bddl.And(parts)
+
+
+def is_meant_to_change(subtask: SimpleTask, literal: bddl.Formula) -> bool:
+    """Decide whether a subtask replaces a literal that held before it, as for the task goal."""
+    change = _goal_change(subtask)
+    return any(_replaced(demand, [change]) for demand in _demands(literal, strictly=True))
+
+
+class _Demand(NamedTuple):
+    """An atom of a formula; `*` stands for a variable, and `wanted` is False under a negation."""
+
+    fact: Fact
+    wanted: bool
+
+
+class _GoalChange(NamedTuple):
+    """Changes that a subtask is meant to make: by its goal, and by what it does with its target."""
+
+    target: str
+    demand: frozenset[_Demand]
+    takes: bool
+    releases: bool
+    carries: bool
+
+
+def _goal_change(subtask: SimpleTask) -> _GoalChange:
+    demand = frozenset(_demands(subtask.goal, strictly=False))
+    placed = placement_of(subtask.goal, subtask.target) is not None
+    about = [part for part in demand if _is_place(part.fact) and part.fact[1] == subtask.target]
+    picked = any(part.wanted is (part.fact[2:] == (GRIPPER,)) for part in about)
+    flow = subtask.flow or ()
+    steps = [action.primitive for action in flow]
+    if Primitive.ARTICULATE_OPEN in steps or Primitive.ARTICULATE_CLOSE in steps:
+        steps = []
+    grasps, releases = Primitive.GRASP in steps, Primitive.UNGRASP in steps
+    first = steps.index(Primitive.GRASP) if grasps else 0
+    # What moves after the hand let go takes nothing along.
+    last = max((i for i, step in enumerate(steps) if step is Primitive.UNGRASP and i > first), default=len(steps))
+    held = flow[first:last] if grasps or releases else ()
+    return _GoalChange(
+        subtask.target,
+        demand,
+        takes=(picked or grasps) and not (placed or releases),
+        releases=placed or releases,
+        carries=placed or picked or any(carries(action.primitive, action.parameter) for action in held),
+    )
+
+
+def _replaced(demand: _Demand, later: Sequence[_GoalChange]) -> bool:
+    """Decide whether an atom of an earlier goal is no longer meant to hold after some subtasks."""
+    if _is_place(demand.fact) and _moved(demand, later):
+        return True
+    return any(
+        other.wanted is not demand.wanted and _meets(demand.fact, other.fact, change.target)
+        for change in later
+        for other in change.demand
+    )
+
+
+def _moved(demand: _Demand, later: Sequence[_GoalChange]) -> bool:
+    """Decide whether subtasks move the item of an earlier goal, and do not all put it there again."""
+    _, item, place = demand.fact
+    about = [change for change in later if item in (change.target, ANY)]
+    if place == GRIPPER:
+        return any(change.releases if demand.wanted else change.takes for change in about)
+    away = [change for change in about if change.carries]
+    return demand.wanted and len(away) > sum(demand in change.demand for change in away)
+
+
+def _is_place(fact: Fact) -> bool:
+    # Goals are read before it is checked that they are well formed.
+    return fact[0] in RESTING and len(fact) == 3
+
+
+def _meets(fact: Fact, other: Fact, target: str) -> bool:
+    """Decide whether two facts are one, or with variables, can be one fact about a target."""
+    if fact == other and ANY not in fact:
+        return True
+    if not overlap(fact, other):
+        return False
+    names = {b if a == ANY else a for a, b in zip(fact[1:], other[1:], strict=True)}
+    return ANY in (*fact, *other) and (target in names or ANY in names)
+
+
+def _demands(formula: bddl.Formula, *, strictly: bool) -> Iterator[_Demand]:
+    """Yield the atoms of a formula, each with its wanted value.
+
+    Strictly, atoms of exact counts come with both values, since more and fewer of them break the formula.
+    """
+    pending: list[tuple[bddl.Formula, tuple[bool, ...], frozenset[str]]] = [(formula, (True,), frozenset())]
+    while pending:
+        node, wanted, bound = pending.pop()
+        if isinstance(node, bddl.Atom):
+            fact = (node.predicate, *(ANY if name in bound else name for name in node.args))
+            yield from (_Demand(fact, value) for value in wanted)
+            continue
+        opposite = tuple(not value for value in wanted)
+        if isinstance(node, bddl.Not):
+            wanted = opposite
+        elif isinstance(node, Quantified):
+            bound |= {binder.variable for binder in node.binders}
+            if isinstance(node, bddl.ForN):
+                wanted = opposite if node.count == 0 else (True, False) if strictly else wanted
+        parts = [(operand, wanted) for operand in node.operands]
+        if isinstance(node, bddl.Imply):
+            parts[0] = (parts[0][0], opposite)
+        pending.extend((operand, value, bound) for operand, value in reversed(parts))

@@ -16,8 +16,7 @@ from bddl.grounding import count_ground_parts
 from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
-from oag.model.scene import ROBOT, Scene, SceneObject
-from oag.model.scene_rules import FREE_PARAMETERS
+from oag.model.scene import FREE_PARAMETERS, ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,

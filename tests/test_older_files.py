@@ -11,6 +11,7 @@ import pytest
 import oag
 from executor.cli import app
 from executor.data.store import EpisodeStore
+from executor.envs.demonstration_replay import replay_episode
 
 WRITTEN = Path(__file__).parent / "data" / "written_by_0_1_0"
 
@@ -33,9 +34,27 @@ def test_a_store_is_checked_and_exported(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.physics
+def test_corrections_of_a_policy_are_replayed_and_learned_from() -> None:
+    """No command makes them any more; what there is of them stays a demonstration from a start of its own."""
+    pytest.importorskip("torch")
+    from executor.learn.demonstrations import read_demonstrations
+    from executor.learn.settings import read_settings
+
+    store = EpisodeStore(WRITTEN / "corrections")
+    (episode,) = store.episodes()
+    assert episode.start is not None and episode.meta["takeover"]["because"] == "anew"
+    assert replay_episode(episode, "exact").good and replay_episode(episode, "joint_target").good
+    settings = read_settings(str(WRITTEN / "small.toml"))
+    both = read_demonstrations([WRITTEN / "store", store.path], settings)
+    assert both.takeovers == 1 and len(both.names) == 2
+
+
+@pytest.mark.physics
 def test_a_policy_is_evaluated_and_its_training_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torch")
     policy = Path(shutil.copytree(WRITTEN / "policy", tmp_path / "policy"))
+    about = json.loads((policy / "policy.json").read_text(encoding="utf-8"))
+    (policy / "policy.json").write_text(json.dumps({**about, "of_another_version": [1]}), encoding="utf-8")
     assert app.run(["evaluate", str(policy), "--task", "T5", "--episodes", "1", "--seed", "95500", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["ok"]
     words = ["train", str(WRITTEN / "small.toml"), "--data", str(WRITTEN / "store"), "--out", str(policy)]

@@ -11,8 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.campaign.claims import exclusive_lock
-from executor.campaign.engine import result_of
+from executor.campaign.engine import exclusive_lock, result_of
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 
@@ -205,9 +204,6 @@ class _ResultForm(_StrictForm):
     seed: Count
     index: Count | None = None
     query: str = ""
-    mistake: str = ""
-    grasps_tried: Count = 0
-    grasps_held: Count = 0
     failure: _StepFailureForm | _FailureForm | None = None
     subtask_names: list[str] = []
     subtasks: list[_SubtaskForm] = []

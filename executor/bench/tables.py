@@ -5,16 +5,18 @@ The main table has the paper's rows beside those of this program. The report is 
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
 from bddl.terminal import pluralize
-from executor.bench.paper import main_table
+from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
 from executor.records import describe_peaks
@@ -23,6 +25,31 @@ from executor.reports.page import versions
 from executor.scenes.generators.families import FAMILIES
 from executor.scenes.generators.household import VARIATIONS
 from executor.skills.control import DISPLACED_M, TIPPED_DEG
+from executor.system.files import write_json, write_text
+
+
+@dataclass(frozen=True, slots=True)
+class PaperRow:
+    """One row of the paper's main table.
+
+    Attributes:
+        method: The method.
+        cells: Family -> success rate and subtask-level score in percent; families without numbers are absent.
+    """
+
+    method: str
+    cells: Mapping[str, tuple[float, float]]
+
+
+def main_table() -> tuple[PaperRow, ...]:
+    """Return the rows of the paper's main table that have numbers, as printed; its fifth has "fail" or "success"."""
+    text = (resources.files(__package__) / "data" / "main_comparison.json").read_text(encoding="utf-8")
+    rows = json.loads(text)["rows"]
+    return tuple(
+        PaperRow(row["method"], {key: tuple(cell) for key, cell in row.items() if key != "method" and cell})
+        for row in rows
+    )
+
 
 Result = Mapping[str, Any]
 
@@ -54,12 +81,6 @@ class Cell:
         """Kind of failure -> number of units that it ended, the most frequent first."""
         counted = Counter(result["failure"]["kind"] if result.get("failure") else "unknown" for result in self.failed)
         return dict(counted.most_common())
-
-    @property
-    def by_mistake(self) -> dict[str, Rate]:
-        """Kind of mistake -> success rate of the units with it; empty for right plans."""
-        kinds = sorted({result["mistake"] for result in self.results if result.get("mistake")})
-        return {kind: _rate([r for r in self.results if r.get("mistake") == kind]) for kind in kinds}
 
     @property
     def simulated_in_vain_s(self) -> float:
@@ -130,7 +151,6 @@ class Cell:
             "penetration": self._penetration(),
             "peaks": self._peaks(),
             "simulated_in_vain_s": self.simulated_in_vain_s,
-            "mistakes": {kind: rate.to_json() for kind, rate in self.by_mistake.items()},
             **self._evolution(),
         }
 
@@ -156,7 +176,7 @@ class Cell:
         }
 
     def _peaks(self) -> dict[str, float]:
-        """Return the peak loads of the robot over all episodes, by the names of `executor.records.rollout.Peaks`."""
+        """Return the peak loads of the robot over all episodes, by the names of `executor.records.Peaks`."""
         recorded = [result.get("peaks", {}) for result in self.results]
         return {
             name: max(row.get(name, 0.0) for row in recorded)
@@ -315,17 +335,10 @@ def rate_text(rate: Rate) -> str:
 
 def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yield the details of a cell: names and values, for the terminal and for the report."""
-    asked, baseline = cell.series.episodes, cell.series.setting.baseline
+    asked = cell.series.episodes
     yield "success, all units", rate_text(cell.all)
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
-    if baseline is not None:
-        simulated_s = sum(result.get("simulated_s", 0.0) for result in cell.results)
-        tried, held = (sum(result.get(f"grasps_{word}", 0) for result in cell.results) for word in ("tried", "held"))
-        yield "grasps with both fingers", f"{held} of {tried}"
-        yield "simulated in vain", f"{cell.simulated_in_vain_s:.0f} of {simulated_s:.0f} s"
-    for mistake, rate in cell.by_mistake.items():
-        yield f"success with {mistake}", f"{rate.successes} of {rate.trials}"
     factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
     if factors:
         units = sum(bool(result.get("scaled")) for result in cell.results)
@@ -386,6 +399,31 @@ def seeds_text(cell: Cell) -> str:
     seeds = [result["seed"] for result in cell.results]
     span = f"{min(seeds)} to {max(seeds)}" if seeds else f"from {cell.series.seed}"
     return f"{span}, program {cell.series.version}"
+
+
+SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
+
+
+def write_results(folder: BenchFolder) -> list[Cell]:
+    """Write summary and report of everything in a folder, and return its cells."""
+    cells = [Cell(series, folder.results(series)) for series in folder.series()]
+    write_json(folder.path / "summary.json", bench_json(cells))
+    write_text(folder.path / "report.html", bench_page(cells, folder.path))
+    return cells
+
+
+def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
+    """Return the summary as plain data: the table, every cell, and one line a unit."""
+    return {
+        "schema": SUMMARY_SCHEMA,
+        "table": [dict(zip(("method", *FAMILIES), row, strict=True)) for row in main_rows(cells)],
+        "cells": [cell.to_json() for cell in cells],
+        "failed": [
+            {"unit": result["name"], "ended": result["ended"], "failure": result.get("failure")}
+            for cell in cells
+            for result in cell.failed
+        ],
+    }
 
 
 def bench_page(cells: Sequence[Cell], folder: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, StrictBool, StrictInt
 
@@ -15,17 +15,6 @@ from executor.system.files import content_key
 from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-bench-unit/1"
-
-Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
-BASELINES: dict[Baseline, str] = {
-    "unchecked": "one mistake, unchecked",
-    "checked": "one mistake, checked",
-    "repaired": "one mistake, repaired",
-    "constraint-pose": "like GenSim2 (own code)",
-    "sampled-grasp": "like RoboGen (own code)",
-    "one-demonstration": "like MimicGen (own code)",
-}
-"""Baseline -> its label in the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +27,7 @@ class BenchSetting:
         views: Whether pictures of three cameras are rendered for every success.
         keep_sizes: Whether handled things keep their sizes.
         full_size: Whether the robot is of full size.
-        baseline: Baseline in place of the executor.
+        baseline: Name of what acts in place of the executor, such as those of `benchmarks.baselines`.
     """
 
     flows: Flows = "planned"
@@ -46,7 +35,7 @@ class BenchSetting:
     views: StrictBool = False
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
-    baseline: Baseline | None = None
+    baseline: Annotated[str, Field(pattern="^[a-z-]{1,40}$")] | None = None
 
     @property
     def name(self) -> str:
@@ -60,7 +49,7 @@ class BenchSetting:
         """Label of the row in the table."""
         own = "planned flows" if self.flows == "planned" else "paper's flows"
         if self.baseline is not None:
-            own = BASELINES[self.baseline]
+            own = self.baseline
         words = {
             "evo": self.evolve,
             "pictures": self.views,

@@ -1,8 +1,12 @@
-"""Worker process that runs units of a benchmark: `python -m executor.bench.worker`."""
+"""Worker process that runs units of a benchmark: `python -m executor.bench.worker`.
+
+`serve_units` serves any other runner of units, such as a baseline's.
+"""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -42,19 +46,30 @@ def _draw_views(scene_renderer: SceneRenderer, rollout: Rollout) -> dict[str, ob
     }
 
 
+def serve_units(run: Callable[[Unit], dict[str, Any]], version: str) -> None:
+    """Run the requested units until standard input ends.
+
+    Args:
+        run: Returns the result of a unit.
+        version: The version of the program that its results are for; requests for others are refused.
+    """
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        check_version(request["version"], version)
+        result: dict[str, Any] = plain(run(Unit.from_json(request)))
+        return result
+
+    serve(handle)
+
+
 def main() -> None:
-    """Serve requests until standard input ends."""
-    own = outcome_version()
+    """Run units of the executor itself."""
     with shared_renderer() as scene_renderer:
 
-        def handle(request: dict[str, Any]) -> dict[str, Any]:
-            check_version(request["version"], own)
-            unit = Unit.from_json(request)
-            draw = partial(_draw_views, scene_renderer()) if unit.setting.views else None
-            result: dict[str, Any] = plain(run_unit(unit, draw))
-            return result
+        def run(unit: Unit) -> dict[str, Any]:
+            return run_unit(unit, partial(_draw_views, scene_renderer()) if unit.setting.views else None)
 
-        serve(handle)
+        serve_units(run, outcome_version())
 
 
 if __name__ == "__main__":

@@ -10,8 +10,6 @@ from executor.system.files import content_key, json_text
 
 OUTCOME_VERSION = 1
 """Raised by hand where a change alters how an episode goes; frozen outcomes (`make golden`) fail where it was not."""
-BASELINE_VERSION = 1
-"""Raised by hand whenever a change alters what a baseline does with an episode."""
 EVALUATION_VERSION = 1
 """Raised by hand whenever a change alters how a policy is evaluated or what a trained one does."""
 LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")

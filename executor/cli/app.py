@@ -43,7 +43,7 @@ _FILES = {
     "check": "bddl",
     "fmt": "bddl",
     "benchreplay": "bench",
-    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "dataset"),
+    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "dataset"),
     "benchphoto": "bench_photo",
     "runphoto": "run_photo",
     "scenes": "catalog",

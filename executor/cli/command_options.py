@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from executor.cli.data_options import (
-    CorrectOptions,
     DatasetOptions,
     EvaluateOptions,
     GenerateOptions,
@@ -97,7 +96,6 @@ class RecheckOptions(CommonOptions):
 
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
-Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
 
 
 @dataclass(frozen=True)
@@ -230,8 +228,6 @@ class BenchOptions(CommonOptions):
     """How many processes; one that crashes costs its unit only."""
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
-    baseline: Maybe[Baseline] = None
-    """What others do, in the executor's place, on the same units (docs/baselines.md)."""
     evolve: Flag = False
     """Revise the flows that fail."""
     views: Flag = False
@@ -409,7 +405,6 @@ SubCommand = (
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
     | Annotated[TrainOptions, tyro.conf.subcommand("train")]
     | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
-    | Annotated[CorrectOptions, tyro.conf.subcommand("correct")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[BenchPhotoOptions, tyro.conf.subcommand("bench-photo")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]

@@ -32,7 +32,6 @@ Look = Literal["surfaces", "lights", "cameras"]
 Channel = Literal["rgb", "depth", "segmentation"]
 ALL_CHANNELS: tuple[Channel, ...] = ("rgb", "depth", "segmentation")
 Channels = Annotated[tuple[Channel, ...], tyro.conf.arg(metavar="CHANNEL...", help_behavior_hint="(default: all)")]
-Pushed = Literal["base", "item"]
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 
@@ -105,7 +104,7 @@ class ReplayOptions(CommonOptions):
     """
 
     store: tyro.conf.Positional[Annotated[Path, Read()]]
-    """A store of episodes, as `generate` makes them, or a data set that was exported of one."""
+    """A store of episodes, as `generate` makes them, or a LeRobot data set that was exported of one."""
     through: Literal["log", "env"] = "log"
     """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
     actions: Literal["joint_target", "paper"] = "joint_target"
@@ -139,25 +138,6 @@ class ExportOptions(CommonOptions):
     only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all successes)")] = ""
     """Which episodes, such as origin=T5+T6,views=head: origin, ended (succeeded, failed), rate, robot, size (128x128),
     channels (depth, segmentation), and views, which are all that the data set has then (none: no pictures)."""
-    force: ReplaceResults = False
-
-
-@dataclass(frozen=True)
-class ConvertOptions(CommonOptions):
-    """Write a data set that was exported in another format; the numbers are those that the store would give."""
-
-    source: tyro.conf.Positional[
-        Annotated[
-            Path,
-            tyro.conf.arg(
-                metavar="SOURCE", help="Folder that `dataset export` wrote.", help_behavior_hint="(required)"
-            ),
-            Read(),
-        ]
-    ]
-    out: ResultsFolder
-    format: Format = "lerobot"
-    """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
     force: ReplaceResults = False
 
 
@@ -231,7 +211,6 @@ class CardOptions(CommonOptions):
 DatasetSubCommand = (
     Annotated[ExportOptions, tyro.conf.subcommand("export")]
     | Annotated[RenderOptions, tyro.conf.subcommand("render")]
-    | Annotated[ConvertOptions, tyro.conf.subcommand("convert")]
     | Annotated[InfoOptions, tyro.conf.subcommand("info")]
     | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
     | Annotated[MergeOptions, tyro.conf.subcommand("merge")]
@@ -253,7 +232,8 @@ class TrainOptions(CommonOptions):
     settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
     """state, ensemble, rooms, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)"), Read()]
-    """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
+    """Stores of episodes, as `generate` makes them, or LeRobot data sets that were exported of them; successes are
+    learned from."""
     out: Path
     """Folder for the policy."""
     episodes: Maybe[int] = None
@@ -299,10 +279,6 @@ class EvaluateOptions(CommonOptions):
     """How many actions of a chunk are done before a policy looks again; by default what its settings say."""
     steps: Annotated[tuple[int, ...], tyro.conf.arg(metavar="STEP...", help_behavior_hint="")] = ()
     """The weights after so many steps of training, where they were kept, each as a policy; by default the last."""
-    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
-    """What is pushed once in the middle of each episode: the robot's base by 5 cm, the item by 3 cm."""
-    fallback: Flag = False
-    """Where a policy gets no further, have the planner go on with a proved plan; it is counted apart."""
     out: Maybe[Path] = None
     """Folder for results: evaluation.json and evaluation.html, and with --videos the videos."""
     videos: Flag = False
@@ -311,41 +287,3 @@ class EvaluateOptions(CommonOptions):
     """Width and height of the videos."""
     threads: int = 1
     """How many threads a network has."""
-
-
-@dataclass(frozen=True)
-class CorrectOptions(CommonOptions):
-    """Have a policy act, and the planner go on with a proved plan from where it fails: demonstrations into a store.
-
-    The planner takes over where the policy begins a grasp anew or stalls; what it does well by itself is counted as not
-    needed. Train on the store beside others. Goes on where an earlier run with the same folder ended.
-    """
-
-    policy: tyro.conf.Positional[
-        Annotated[
-            Path,
-            tyro.conf.arg(metavar="POLICY", help="Folder that `train` filled.", help_behavior_hint="(required)"),
-            Read(),
-        ]
-    ]
-    out: ResultsFolder
-    task: Maybe[Family] = None
-    """A family of the benchmark; by default what the policy was trained on."""
-    episodes: int = 50
-    """How many episodes."""
-    seed: int = 0
-    """Seed of the first episode; the following ones count up."""
-    execute: Maybe[int] = None
-    """How many actions of a chunk are done before the policy looks again; by default what its settings say."""
-    step: Maybe[int] = None
-    """The weights after so many steps of training, where they were kept; by default the last."""
-    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
-    """What is pushed once while the policy acts."""
-    noise_m: float = 0.0
-    """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
-    stances: int = 4
-    """How many stances to plan, as `generate` does."""
-    workers: int = 2
-    """How many processes; one that crashes costs its episode only."""
-    limit_s: float = 900.0
-    """Wall time that an episode may take before its process is ended."""

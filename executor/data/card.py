@@ -354,12 +354,6 @@ def card(text: str, kind: str | None = None) -> str:
     )
 
 
-def page_in(text: str) -> str:
-    """Return the page of a card; one that was rewritten by hand, as it is."""
-    before, end, rest = text.partition("\n---\n\n")
-    return rest if end and before.startswith("---\n") else text
-
-
 def page(store: EpisodeStore) -> str:
     """Return the text of a data set's card, whatever its format, without time and place of its making.
 

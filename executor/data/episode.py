@@ -1,125 +1,103 @@
-"""One demonstration in memory, in columns: the only source of every dataset format.
+"""One motion as rows: what a rollout becomes, a store gives, every format is written from, and policies learn from.
 
-An episode has N observations and N - 1 transitions. Observation i is sample i of the recording; the action of
-transition i is what was commanded between samples i and i + 1.
+Row i has the observation at sample i, and the command from there until sample i + 1. At the last sample the last
+command stays. Columns, all at the rate of the recording:
+
+    observation.state              (20) joints: base x, y (m), yaw (rad), seven of the arm (rad), two fingers (m); the
+                                   point between the fingertips in the world: x y z (m), quaternion x y z w; gripper
+                                   opening (m)
+    observation.velocity           (12) of the joints, m/s and rad/s
+    observation.environment_state  (216) things and handles, see `executor.data.state_readers`
+    observation.object_poses       (7 M) movable objects, in the order of the episode's `object_ids`: x y z (m) in the
+                                   world, quaternion x y z w; M is the maximum over the set, unused numbers are 0
+    observation.joint_positions    (J) joints of the articulated objects (rad or m), in the order of `joint_names`
+    observation.camera_pose_VIEW   (7) the camera in the world, where there are pictures: x y z (m), quaternion x y z w;
+                                   x right, y down, z ahead
+    observation.point_cloud        (1024, 4) on request: x y z in the robot's base (m), 1 on the hand;
+                                   `executor.data.state_readers`
+    action                         (10) `executor.sim.robot.actions.hand_actions`
+    action.joint_target            (12) joint targets for the next sample, m and rad
+    subtask_index, primitive_index running subtask and primitive; a primitive's number in flows, 0 between primitives
+    next.reward                    1 / number of subtasks in the last row of each; of a demonstration they add up to 1
+    next.done                      true in the last row
+
+Quaternions are x y z w, as in robosuite, robomimic and LeRobot; inside this program they are w x y z.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bddl
 from bddl.terminal import pluralize
-from executor.records import Rollout, Trajectory
+from executor.data import samples
+from executor.geometry import quaternions_last
+from executor.records import Rollout
 from executor.sim.render.cameras import camera_json, cameras_for
-from executor.sim.render.frames import Frames, Picture
-from executor.sim.robot.actions import joint_limits
+from executor.sim.render.frames import Frames
+from executor.system.files import plain
 from llm.offline.reader import paraphrases
-from oag import Scene, Task, flow_to_json
+from oag import flow_to_json
 
-ACTION_NAMES = (
-    "base_forward",
-    "base_left",
-    "base_turn",
-    *(f"arm_joint{index}" for index in range(1, 8)),
-    "gripper",
-)
-# Fastest motion that an action of 1 stands for: m/s, m/s, rad/s for the base, rad/s for each arm joint.
-ACTION_RATES = np.array([1.0, 1.0, 2.0, *[3.0] * 7])
+DEMONSTRATION, CORRECTION, FAILURE = "demonstration", "correction", "failure"
+"""Kinds of episodes: successes, failed and corrected attempts, and final failures."""
+
+CLOUD = "observation.point_cloud"
+SCALARS = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
+"""Scalar columns -> dtype."""
 
 
 class EpisodeTooShort(ValueError):
     """A recording with fewer than two samples has no transition to learn from."""
 
-    def __init__(self, samples: int) -> None:
-        super().__init__(f"an episode needs at least 2 recorded samples, this recording has {samples}")
+    def __init__(self, count: int) -> None:
+        super().__init__(f"an episode needs at least 2 recorded samples, this recording has {count}")
+
+
+class Clip(Protocol):
+    """Pictures of an episode of one view and kind."""
+
+    def pictures(self) -> Iterator[NDArray[Any]]:
+        """Yield (H, W, 3) uint8 RGB, or (H, W) uint16."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
-class SubtaskSpan:
-    """Where a subtask lies in an episode: samples `first` up to, but not including, `end`.
+class ArrayClip:
+    """Pictures in memory."""
 
-    Attributes:
-        name, detail: Its texts.
-        init, goal: BDDL text.
-        flow: Its action flow as executed, as JSON.
-        succeeded: Whether its regressed goal was reached.
-    """
+    array: NDArray[Any]
 
-    name: str
-    detail: str
-    init: str
-    goal: str
-    flow: list[object]
-    first: int
-    end: int
-    succeeded: bool
+    def pictures(self) -> Iterator[NDArray[Any]]:
+        """Yield them."""
+        return iter(self.array)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Episode:
-    """One recorded demonstration.
+    """One recorded motion as rows.
 
     Attributes:
-        task, scene, seed: Task, concrete scene, and seed.
-        succeeded: Whether the task's goal was reached.
-        state_hash: Over the recorded states.
-        trajectory: The recorded motion.
-        rate_hz: Samples a second [Hz].
-        images: View name -> (N, H, W, 3) uint8, all of one size; empty when nothing was rendered.
-        actions: (N - 1, 11) float32 in [-1, 1], named by `ACTION_NAMES`: displacement of the base in its own frame
-            and of the arm's joints, commanded for the interval and divided by `action_scale`; the gripper's
-            commanded opening, -1 shut and 1 as far as the robot's fingers open.
-        actions_absolute: (N - 1, 12) float32: the drive targets themselves, in the robot's joint order (m, rad).
-        action_scale: (10,) displacement that an action of 1 stands for.
-        clipped: How many of the actions' numbers had to be clipped to [-1, 1].
-        object_poses: (N, 7 K) float32: position and quaternion w x y z of each dynamic object, in `object_ids` order.
-        joint_positions: (N, J) float32: the joints of the articulated objects, in `joint_names` order.
-        spans: The subtasks that ran.
-        observations: Name -> (N, ...) further columns of a data set, in addition to these or instead of them.
-        commanded: Name -> (N - 1, D) equivalent actions in other forms.
-        rewards: (N - 1,) of every transition; by default 1 for the last one of a success.
-        about: Further metadata as JSON; empty without any.
-        query: The sentence that was typed; empty where a task file was executed.
-        paraphrases: Other sentences for it.
-        cameras: View name -> its camera (`camera_json`).
+        index: Its number in the data set.
+        columns: Name -> one row per sample; the module's docstring documents each. Those that are not known are left
+            out: a rollout's own episode has neither hand actions nor what is read from a world.
+        clips: View and kind ("" for colours) -> its pictures, one per row. Those of a file are readable until the next
+            episode is requested.
+        about: Its further metadata, as plain data; `docs/datasets.md` documents it.
+        recorded: `time_s`, `subtask`, `step` and `packed_states` as recorded; empty where it follows from `about`.
     """
 
-    task: Task
-    scene: Scene
-    seed: int
-    succeeded: bool
-    state_hash: str
-    trajectory: Trajectory
-    rate_hz: float
-    images: Mapping[str, Picture]
-    actions: NDArray[np.float32]
-    actions_absolute: NDArray[np.float32]
-    action_scale: NDArray[np.float64]
-    clipped: int
-    object_ids: tuple[str, ...]
-    object_poses: NDArray[np.float32]
-    joint_names: tuple[str, ...]
-    joint_positions: NDArray[np.float32]
-    spans: tuple[SubtaskSpan, ...]
-    observations: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
-    rewards: NDArray[np.float32] | None = None
-    about: str = ""
-    query: str = ""
-    paraphrases: tuple[str, ...] = ()
-    cameras: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        ended = "succeeded" if self.succeeded else "failed"
-        return (
-            f"<Episode {ended} of {self.task.name!r}, seed {self.seed}: {pluralize(len(self.actions) + 1, 'sample')}>"
-        )
+    index: int
+    columns: Mapping[str, NDArray[Any]]
+    clips: Mapping[tuple[str, str], Clip]
+    about: Mapping[str, Any]
+    recorded: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None, query: str = "") -> Episode:
@@ -131,130 +109,78 @@ class Episode:
             query: The sentence that was typed, where one was.
 
         Raises:
-            EpisodeTooShort: When fewer than two samples were recorded.
-            ValueError: When pictures and samples differ in number.
+            EpisodeTooShort: Fewer than two samples were recorded.
+            ValueError: Pictures and samples differ in number.
         """
-        return cls.from_samples(
-            task=rollout.task,
-            scene=rollout.scene,
-            seed=rollout.seed,
-            succeeded=rollout.succeeded,
-            state_hash=rollout.state_hash,
-            trajectory=rollout.trajectory,
-            spans=_spans(rollout),
-            frames=frames,
-            query=query,
-            paraphrases=paraphrases(query) if query else (),
-            cameras={} if frames is None else _cameras(rollout, frames),
-        )
-
-    @classmethod
-    def from_samples(
-        cls,
-        *,
-        task: Task,
-        scene: Scene,
-        seed: int,
-        succeeded: bool,
-        state_hash: str,
-        trajectory: Trajectory,
-        spans: tuple[SubtaskSpan, ...],
-        frames: Frames | None = None,
-        observations: Mapping[str, NDArray[Any]] | None = None,
-        commanded: Mapping[str, NDArray[np.float32]] | None = None,
-        rewards: NDArray[np.float32] | None = None,
-        about: str = "",
-        query: str = "",
-        paraphrases: tuple[str, ...] = (),
-        cameras: Mapping[str, Mapping[str, Any]] | None = None,
-    ) -> Episode:
-        """Return the episode of a recorded motion and its metadata; see the attributes.
-
-        Raises:
-            EpisodeTooShort, ValueError: As for `from_rollout`.
-        """
-        count = len(trajectory.time_s)
+        motion = rollout.trajectory
+        count = len(motion.time_s)
         if count < 2:
             raise EpisodeTooShort(count)
         if frames is not None and frames.count != count:
             raise ValueError(f"expected {count} pictures of each view, got {frames.count}")
-        rate_hz = 1.0 / float(np.median(np.diff(trajectory.time_s)))
-        scale = ACTION_RATES / rate_hz
-        opening_m = float(joint_limits(scene.robot.scale)[-1, 1])
-        actions, clipped = _actions(trajectory.robot_qpos, trajectory.robot_target[1:], scale, opening_m)
-        images = {} if frames is None else {view: frames.at_size(view) for view in frames.views}
-        joints = {
-            f"{owner}/{column}": positions[:, column]
-            for owner, positions in trajectory.joint_positions.items()
-            for column in range(positions.shape[1])
+        arrays = samples.motion_columns(motion, ())
+        reward = np.zeros(count, np.float32)
+        reward[-1] = rollout.succeeded
+        joints = {name: positions.shape[1] for name, positions in motion.joint_positions.items()}
+        about = {
+            "kind": DEMONSTRATION if rollout.succeeded else FAILURE,
+            "unit": {"seed": rollout.seed},
+            "query": query,
+            "paraphrases": paraphrases(query) if query else (),
+            "task": rollout.task.to_json(),
+            "scene": rollout.scene.to_json(),
+            "state_hash": rollout.state_hash,
+            "object_ids": list(motion.object_poses),
+            "joint_names": [f"{name}/{k}" for name, width in joints.items() for k in range(width)],
+            "pictures": None if frames is None else {"views": _cameras(rollout, frames)},
+            "subtasks": list(_subtasks(rollout)),
         }
         return cls(
-            task=task,
-            scene=scene,
-            seed=seed,
-            succeeded=succeeded,
-            state_hash=state_hash,
-            trajectory=trajectory,
-            rate_hz=round(rate_hz, 6),
-            images=images,
-            actions=actions,
-            actions_absolute=trajectory.robot_target[1:].astype(np.float32),
-            action_scale=scale,
-            clipped=clipped,
-            object_ids=tuple(trajectory.object_poses),
-            object_poses=_side_by_side(tuple(trajectory.object_poses.values()), count),
-            joint_names=tuple(joints),
-            joint_positions=_side_by_side(tuple(column[:, None] for column in joints.values()), count),
-            spans=spans,
-            observations=observations or {},
-            commanded=commanded or {},
-            rewards=rewards,
-            about=about,
-            query=query,
-            paraphrases=paraphrases,
-            cameras=cameras or {},
+            0,
+            {**motion_columns(arrays), "next.reward": reward},
+            {} if frames is None else {(view, ""): ArrayClip(frames.at_size(view)) for view in frames.views},
+            plain(about),
+            {name: arrays[name] for name in ("time_s", "subtask", "step", "packed_states")},
         )
 
     @property
     def length(self) -> int:
-        """Number of transitions."""
-        return len(self.actions)
+        """Number of rows."""
+        return len(self.columns["observation.state"])
 
     @property
-    def states(self) -> NDArray[np.float32]:
-        """(N, 24 + J + 7 K): robot positions and velocities, joints of the objects, poses of the objects."""
-        trajectory = self.trajectory
-        parts = [trajectory.robot_qpos, trajectory.robot_qvel, self.joint_positions, self.object_poses]
-        return np.concatenate(parts, axis=1, dtype=np.float32)
+    def succeeded(self) -> bool:
+        """Whether the task's goal was reached."""
+        return bool(self.about["kind"] == DEMONSTRATION)
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Name of the columns of `states`, in blocks: name and width."""
-        blocks = ["robot_qpos:12", "robot_qvel:12", *(f"{name}:1" for name in self.joint_names)]
-        return (*blocks, *(f"{name}:7" for name in self.object_ids))
+    def task(self) -> str:
+        """The sentence."""
+        return str(self.about["query"])
+
+    @property
+    def subtasks(self) -> tuple[str, ...]:
+        """A short sentence per subtask; `subtask_index` is its index."""
+        return tuple(entry["name"].replace("_", " ") for entry in self.about["subtasks"])
+
+    def __repr__(self) -> str:
+        ended = "succeeded" if self.succeeded else "failed"
+        name, seed = self.about["task"]["task_activity_name"], self.about["unit"]["seed"]
+        return f"<Episode {ended} of {name!r}, seed {seed}: {pluralize(self.length, 'sample')}>"
 
 
-def _actions(
-    qpos: NDArray[np.float32], targets: NDArray[np.float32], scale: NDArray[np.float64], opening_m: float
-) -> tuple[NDArray[np.float32], int]:
-    """Return the normalised actions of every transition, and how many numbers were clipped.
-
-    Args:
-        qpos: (N, 12) joint positions.
-        targets: (N - 1, 12) what was commanded between them.
-        scale: (10,) displacement that an action of 1 stands for.
-        opening_m: How far one finger of the robot opens.
-    """
-    now = qpos[:-1].astype(np.float64)
-    moves = targets[:, :10].astype(np.float64) - now[:, :10]
-    cosine, sine = np.cos(now[:, 2]), np.sin(now[:, 2])
-    forward = cosine * moves[:, 0] + sine * moves[:, 1]
-    left = -sine * moves[:, 0] + cosine * moves[:, 1]
-    moves[:, 0], moves[:, 1] = forward, left
-    gripper = targets[:, 10:12].mean(axis=1, keepdims=True) / opening_m * 2.0 - 1.0
-    raw = np.concatenate([moves / scale, gripper], axis=1)
-    clipped = int(np.count_nonzero(np.abs(raw) > 1.0 + 1e-6))
-    return np.clip(raw, -1.0, 1.0).astype(np.float32), clipped
+def motion_columns(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.float32]]:
+    """Return the columns that follow from a motion's arrays (`executor.data.samples`) alone."""
+    qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
+    opening_m = qpos[:, 10:12].sum(axis=1, keepdims=True)
+    state = np.concatenate([qpos, quaternions_last(arrays["eef_pose"]), opening_m], axis=1, dtype=np.float32)
+    return {
+        "observation.state": state,
+        "observation.velocity": arrays["robot_qvel"].astype(np.float32),
+        "observation.object_poses": quaternions_last(arrays["object_poses"]).reshape(len(qpos), -1),
+        "observation.joint_positions": arrays["joint_positions"],
+        "action.joint_target": np.concatenate([targets[1:], targets[-1:]]).astype(np.float32),
+    }
 
 
 def _cameras(rollout: Rollout, frames: Frames) -> dict[str, dict[str, Any]]:
@@ -263,14 +189,8 @@ def _cameras(rollout: Rollout, frames: Frames) -> dict[str, dict[str, Any]]:
     return {camera.name: camera_json(camera, frames.size) for camera in cameras}
 
 
-def _side_by_side(columns: tuple[NDArray[np.float32], ...], count: int) -> NDArray[np.float32]:
-    if not columns:
-        return np.zeros((count, 0), dtype=np.float32)
-    return np.concatenate(columns, axis=1, dtype=np.float32)
-
-
-def _spans(rollout: Rollout) -> tuple[SubtaskSpan, ...]:
-    spans = []
+def _subtasks(rollout: Rollout) -> Iterator[dict[str, Any]]:
+    """Yield the subtasks that have samples, with their flows as executed; of the last one the flow may not be done."""
     finished = {record.index: record for record in rollout.subtasks}
     for index, subtask in enumerate(rollout.task.subtasks):
         rows = np.flatnonzero(rollout.trajectory.subtask == index)
@@ -278,16 +198,62 @@ def _spans(rollout: Rollout) -> tuple[SubtaskSpan, ...]:
             continue
         record = finished.get(index)
         flow = record.flow if record is not None else subtask.flow or ()
-        spans.append(
-            SubtaskSpan(
-                name=subtask.name,
-                detail=subtask.detail,
-                init=bddl.format(subtask.init),
-                goal=bddl.format(subtask.goal),
-                flow=list(flow_to_json(flow)),
-                first=int(rows[0]),
-                end=int(rows[-1]) + 1,
-                succeeded=record is not None and record.succeeded,
-            )
-        )
-    return tuple(spans)
+        yield {
+            "name": subtask.name,
+            "detail": subtask.detail,
+            "init": bddl.format(subtask.init),
+            "goal": bddl.format(subtask.goal),
+            "span": [int(rows[0]), int(rows[-1]) + 1],
+            "steps": [{"action": action} for action in flow_to_json(flow)],
+            "succeeded": record is not None and record.succeeded,
+        }
+
+
+def camera_column(view: str) -> str:
+    """Return the name of the column of a camera's poses."""
+    return f"observation.camera_pose_{view}"
+
+
+def derived_columns(about: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
+    """Return the columns that follow from an episode's metadata: running steps, reward, and the end.
+
+    Args:
+        about: Its `length`, `kind` and `subtasks` with their spans.
+        count: Number of rows.
+
+    Raises:
+        ValueError: The metadata states another length.
+    """
+    if about["length"] != count:
+        raise ValueError(f"an episode is said to have {about['length']} rows, and has {count}")
+    subtasks = about["subtasks"]
+    found = {name: np.zeros(count, dtype) for name, dtype in SCALARS.items()}
+    for number, entry in enumerate(subtasks):
+        if entry["span"] is None:
+            continue
+        first, end = entry["span"]
+        found["subtask_index"][first:end] = number
+        if about["kind"] == DEMONSTRATION:
+            found["next.reward"][end - 1] = 1.0 / len(subtasks)
+        for step in entry["steps"]:
+            if step["span"] is not None:
+                action = step["action"]
+                running = int(next(iter(action)) if isinstance(action, dict) else action)
+                found["primitive_index"][slice(*step["span"])] = running
+    found["next.done"][-1] = True
+    return found
+
+
+def step_numbers(subtasks: Sequence[Mapping[str, Any]], count: int) -> NDArray[np.int32]:
+    """Return (N,) the running step's index in its flow, -1 between steps."""
+    found = np.full(count, -1, np.int32)
+    for entry in subtasks:
+        for number, step in enumerate(entry["steps"]):
+            if step["span"] is not None:
+                found[slice(*step["span"])] = number
+    return found
+
+
+def metadata_line(about: Mapping[str, Any]) -> str:
+    """Return an episode's metadata as a line of JSON, without the line end."""
+    return json.dumps(about, ensure_ascii=False, allow_nan=False)

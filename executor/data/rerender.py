@@ -81,8 +81,8 @@ def plan_rerender(
     for episode in source.episodes():
         unit, version = wanted.of(DemoUnit.from_json(episode.meta["unit"])), str(episode.meta["version"])
         there = out.read(unit, version)
-        if there is not None and there.meta["ended"] != episode.meta["ended"]:
-            shutil.rmtree(there.path)  # Its rendering process had died.
+        if there is not None and (there.cut_off or there.meta["ended"] != episode.meta["ended"]):
+            shutil.rmtree(there.path)  # Its rendering process had died, or it was copied in part.
             there = None
         if there is None:
             left.append((episode, unit))

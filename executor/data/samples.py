@@ -12,7 +12,9 @@ import io
 import json
 import lzma
 import math
+import zlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -28,6 +30,7 @@ MOST_SUBTASKS = 10_000
 _LONGEST_HEADER = 1 << 16
 _AT_ONCE_BYTES = 1 << 20
 _READ_BYTES = 1 << 16
+_FOOTER_BYTES = 12
 _DECODER_BYTES = 64_000_000  # Memory limit of the decoder; files of this program need 1 MB.
 # Context and position do not predict a byte. A higher preset takes five times the time for 2 %.
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 1, "lc": 0, "pb": 0}]
@@ -140,6 +143,14 @@ class _Unpacked:
             parts.append(self._reader.decompress(more, max_length=left))
             left -= len(parts[-1])
         return b"".join(parts)
+
+
+def is_whole(path: Path) -> bool:
+    """Decide by its last bytes whether a file of samples was cut off; xz ends with a checksum and its mark."""
+    with path.open("rb") as stream:
+        stream.seek(max(stream.seek(0, io.SEEK_END) - _FOOTER_BYTES, 0))
+        footer = stream.read()
+    return len(footer) == _FOOTER_BYTES and footer[:4] == zlib.crc32(footer[4:10]).to_bytes(4, "little")
 
 
 def shapes(begin: bytes) -> dict[str, tuple[int, ...]]:

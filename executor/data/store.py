@@ -22,14 +22,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
 from bddl.files import open_input
-from executor.campaign.claims import exclusive_lock
-from executor.campaign.engine import UNFINISHED, result_of
+from executor.campaign.engine import UNFINISHED, exclusive_lock, result_of
 from executor.data import samples
 from executor.data.units import SCHEMA, DemoUnit
 from executor.rollouts.checkpoint import Checkpoint
@@ -73,8 +72,13 @@ class StoredEpisode:
 
     @property
     def broken_off(self) -> bool:
-        """Whether its process crashed or hung, so that its outcome is unknown."""
-        return self.meta["ended"] in UNFINISHED
+        """Whether its process crashed or hung, so that its outcome is unknown, or a file of it was cut off since."""
+        return self.meta["ended"] in UNFINISHED or self.cut_off
+
+    @cached_property
+    def cut_off(self) -> bool:
+        """Whether a file of samples ends early, as after a copy that was interrupted."""
+        return not all(map(samples.is_whole, self.path.glob(f"*{Path(SAMPLES).suffix}")))
 
     @property
     def has_samples(self) -> bool:
@@ -96,13 +100,8 @@ class StoredEpisode:
         Raises:
             NotADataset: The file is missing, or no file of samples.
         """
-        try:
-            with open_input(self._own(file)) as stream:
-                return samples.unpacked(stream)
-        except OSError as problem:
-            raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
-        except samples.BadSamples as problem:
-            raise NotADataset(f"{self.path / file}: {problem}") from None
+        with self._opened(file) as stream:
+            return samples.unpacked(stream)
 
     def shapes(self, file: str) -> dict[str, tuple[int, ...]]:
         """Return the shapes of the arrays of a file of samples, reading only its begin.
@@ -110,18 +109,20 @@ class StoredEpisode:
         Raises:
             NotADataset: The file is missing, or no file of samples.
         """
+        with self._opened(file) as stream:
+            return samples.shapes(stream.read(_BEGIN_BYTES))
+
+    @contextmanager
+    def _opened(self, file: str) -> Iterator[BinaryIO]:
+        if Path(file).name != file or file == "..":
+            raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
         try:
-            with open_input(self._own(file)) as stream:
-                return samples.shapes(stream.read(_BEGIN_BYTES))
+            with open_input(self.path / file) as stream:
+                yield stream
         except OSError as problem:
             raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
             raise NotADataset(f"{self.path / file}: {problem}") from None
-
-    def _own(self, file: str) -> Path:
-        if Path(file).name != file or file == "..":
-            raise NotADataset(f"{self.path / META} names {file!r}, which is no file of its folder")
-        return self.path / file
 
     @property
     def motion_key(self) -> str:
@@ -285,9 +286,9 @@ class EpisodeStore:
         write_text(aside / META, text + "\n")
 
     def ending(self, unit: DemoUnit, version: str) -> str | None:
-        """Return how a unit ended, or None when it is not made yet."""
+        """Return how a unit ended, or None when it is not made yet, or has to be made again since it was cut off."""
         done = self.read(unit, version)
-        return None if done is None else str(done.meta["ended"])
+        return None if done is None or done.cut_off else str(done.meta["ended"])
 
     def request(self, unit: DemoUnit, version: str) -> dict[str, Any]:
         """Return the request of a unit to its worker process."""

@@ -57,7 +57,7 @@ from executor.system.workers import HandoverRefused
 from llm.errors import RefusalCode
 from llm.offline.reader import paraphrases
 from oag import ObjectActionGraph, Scene, SceneObject, Task, compose
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 from oag.sizes import Sizing, resized_targets
 
@@ -133,10 +133,6 @@ class NotPlannable(Scene2DemoError, ValueError):
     exit_code = 1
 
 
-class NotNeeded(RuntimeError):
-    """A unit has nothing to show, such as a correction where the policy succeeded by itself."""
-
-
 @dataclass(frozen=True, slots=True)
 class Prepared:
     """Task and scene of a unit.
@@ -158,17 +154,15 @@ class Made:
 
     Attributes:
         of: The prepared unit.
-        graph: The composed task that was run: after a takeover, the rest of it.
+        graph: The composed task that was run.
         rollout: The rollout.
         story: The revisions, where flows evolve.
-        takeover: Record of the policy that acted before, and of the planner's start; None from an episode's start.
     """
 
     of: Prepared
     graph: ObjectActionGraph
     rollout: Rollout
     story: Evolution | None = None
-    takeover: Mapping[str, Any] | None = None
 
 
 def prepare_unit(unit: DemoUnit) -> Prepared:
@@ -333,7 +327,6 @@ def meta_of(made: Made) -> dict[str, Any]:
         "joint_ids": list(done.trajectory.joint_positions),
         "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
         "versions": versions(),
-        **({} if made.takeover is None else {"takeover": made.takeover}),
     }
 
 

@@ -15,8 +15,6 @@ from executor.data.store import SAMPLES, EpisodeStore
 from executor.data.units import DemoUnit
 from executor.data.views import RenderedViews, render_unit_views
 from executor.data.work import (
-    Made,
-    NotNeeded,
     drawn_values,
     make_unit,
     meta_of,
@@ -34,7 +32,6 @@ from llm import QueryError
 _KINDS: dict[type[Exception], str] = {
     PlanRefused: "plan-refused",
     NotDrawn: "not-drawn",
-    NotNeeded: "not-needed",
     QueryError: "not-planned",
 }
 
@@ -47,7 +44,6 @@ def run_unit(
     unit: DemoUnit,
     version: str,
     draw: Draw | None = None,
-    maker: Callable[[DemoUnit], Made] = make_unit,
 ) -> dict[str, Any]:
     """Make a unit, write its folder, and return a short result; a failed rollout is a result, too.
 
@@ -56,7 +52,6 @@ def run_unit(
         unit: The unit.
         version: Hash of the program; it has to be that of this process.
         draw: Renders the pictures of the motion.
-        maker: Makes the unit.
 
     Raises:
         HandoverRefused: This process runs another version of the program, or finds another scene under the unit's name;
@@ -67,7 +62,7 @@ def run_unit(
     began, began_cpu_s = time.perf_counter(), _cpu_s()
     with store.writing(unit, version) as folder:
         try:
-            made = maker(unit)
+            made = make_unit(unit)
         except tuple(_KINDS) as problem:
             failure = {"kind": _KINDS[type(problem)], "message": str(problem)}
             meta: dict[str, Any] = {"ended": "failed", "failure": failure}

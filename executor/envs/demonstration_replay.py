@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.data import samples
+from executor.data.episode import DEMONSTRATION, Episode
 from executor.data.formats.export import open_set
-from executor.data.formats.table import DEMONSTRATION, EpisodeTable
 from executor.data.store import INDEX, EpisodeStore, NotADataset, StoredEpisode, start_of
 from executor.data.units import DemoUnit
 from executor.data.work import noise_of, physics_of
@@ -121,7 +121,7 @@ def replay_episode(episode: StoredEpisode, mode: ReplayMode) -> ReplayOutcome:
     )
 
 
-def replay_table(episode: EpisodeTable, rate_hz: float, action_mode: Literal["joint_target", "paper"]) -> ReplayOutcome:
+def replay_table(episode: Episode, rate_hz: float, action_mode: Literal["joint_target", "paper"]) -> ReplayOutcome:
     """Replay the actions of a data set in the environment, at the data set's rate.
 
     Args:

@@ -6,7 +6,6 @@ the state of the first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
@@ -30,7 +29,6 @@ from executor.envs.episodes import (
 from executor.envs.hand_control import ARM_SPEEDS_RAD_S, Elbow, HandFollower
 from executor.geometry import Array
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.takeover import checkpoint_of
 from executor.scenes.generators.families import Family
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED, check_seed
@@ -43,7 +41,7 @@ from executor.sim.world import World
 from executor.skills.control import FINGER_SPEED_M_S
 from executor.skills.trajectories import SPEED_LIMITS
 from oag import Scene, Task
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 
 
 class Views:
@@ -118,7 +116,6 @@ class Simulation:
         world: The physics.
         target: (12,) present joint targets of the drives.
         period_s: Duration of an action [s].
-        before_step: Called before every physics step, such as a pusher.
     """
 
     def __init__(
@@ -132,7 +129,6 @@ class Simulation:
         self._joints = list(self.world.robot.active_joints)
         self._low, self._high = joint_limits(scene.robot.scale).T
         self._speeds = speeds
-        self.before_step: Callable[[World], None] = lambda world: None
         self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
 
     def advance(self, wanted: Array) -> None:
@@ -164,7 +160,6 @@ class Simulation:
         for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * change)[:, moving].tolist():
             for tell_joint, target in zip(tell, targets, strict=True):
                 tell_joint(target)
-            self.before_step(world)
             world.step()
         self.target = start + change
 
@@ -311,35 +306,16 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
                 f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
             )
         self._episode, self.task_description = episode, episode.query
-        return self._begin(episode, episode.start)
-
-    def checkpoint(self) -> Checkpoint:
-        """Return the present state, from which a planner can continue."""
-        return checkpoint_of(self.world, float(self.target[-1]))
-
-    def resume(self, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
-        """Continue the present episode from a state that someone else reached.
-
-        Returns:
-            The observation, and the info.
-        """
-        return self._begin(self.episode, start)
-
-    def disturb(self, before_step: Callable[[World], None]) -> None:
-        """Call a function before every physics step of the present episode, such as one that pushes things."""
-        self._running().before_step = before_step
-
-    def wait(self) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        """Hold all drives for the time of an action; return the same as `step`."""
-        return self._advance(self._running().target)
-
-    def _begin(self, episode: DrawnEpisode, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
         self._leave()
         follows = self._modes[1] == "paper"
         speeds = FOLLOWING_SPEEDS if follows else SPEEDS
-        self._simulation = Simulation(episode.scene, start, self._rate_hz, episode.physics, speeds)
-        self._follower = self._following() if follows else None
+        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
         world = self._simulation.world
+        self._follower = (
+            HandFollower(self._scale, self._simulation.target, self._simulation.period_s, Elbow(world))
+            if follows
+            else None
+        )
         self._reader = StateReader(world, episode.task)
         self._watch = ProgressWatch(episode.graph, world)
         if self._modes[0] == "point_cloud":
@@ -364,10 +340,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         wanted = self._physical_action(action)
         if self._follower is not None:
             wanted = self._follower.joint_target(simulation.target, wanted)
-        return self._advance(wanted)
-
-    def _advance(self, wanted: Array) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
-        self._running().advance(wanted)
+        simulation.advance(wanted)
         progress = self._watch.look()
         reward, self._value = progress.value - self._value, progress.value
         return self._observe(), reward, progress.success, False, self._info(progress)
@@ -401,7 +374,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         raise AssertionError("the last draw returns or raises")
 
     def _physical_action(self, action: NDArray[np.float32]) -> Array:
-        """Return an action in m, rad and shares."""
         low, high = self._limits
         given = np.asarray(action, dtype=float)
         if given.shape != low.shape:
@@ -442,10 +414,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._simulation is None:
             raise gymnasium.error.ResetNeeded("call reset before anything else")
         return self._simulation
-
-    def _following(self) -> HandFollower:
-        simulation = self._running()
-        return HandFollower(self._scale, simulation.target, simulation.period_s, Elbow(simulation.world))
 
     def _leave(self) -> None:
         if self._simulation is not None:

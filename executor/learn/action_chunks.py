@@ -26,7 +26,7 @@ from executor.sim.robot.actions import HAND_NUMBERS, joint_limits
 from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.sim.robot.kinematics import pose_error
 from executor.system.extras import require
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 
 TARGET_NUMBERS, POSE_NUMBERS = 11, 6
 

@@ -17,18 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from executor.data.episode import CLOUD, CORRECTION, DEMONSTRATION, FAILURE, Episode
 from executor.data.formats.export import open_set
 from executor.data.formats.selection import WITHOUT_PICTURES, NothingToExport
-from executor.data.formats.table import (
-    CLOUD,
-    CORRECTION,
-    DEMONSTRATION,
-    FAILURE,
-    EpisodeStream,
-    EpisodeTable,
-    Extra,
-    Repeats,
-)
+from executor.data.formats.table import EpisodeStream, Extra, Repeats
 from executor.data.state_readers import POINTS
 from executor.data.store import NotADataset
 from executor.data.units import UNVARIED, DemoUnit, Origin, Variation
@@ -46,7 +38,7 @@ from executor.learn.observations import (
 )
 from executor.learn.settings import PolicySettings, Sees
 from executor.system.files import content_key
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.model.symbols import ARTICULATIONS, Primitive
 
 
@@ -66,7 +58,7 @@ class EpisodeInfo:
     takeover: bool
 
 
-def demonstrations(path: Path, stream: EpisodeStream) -> Iterator[tuple[EpisodeInfo, EpisodeTable]]:
+def demonstrations(path: Path, stream: EpisodeStream) -> Iterator[tuple[EpisodeInfo, Episode]]:
     """Yield the demonstrations of a data set with their metadata.
 
     Raises:
@@ -126,7 +118,7 @@ more; the places of things make 0.3 rad."""
 MOST_GRASP_MODES = 8  # A mode of a few in a hundred demonstrations cannot be learned.
 
 
-def grasp_modes_per_step(episodes: Sequence[EpisodeTable], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+def grasp_modes_per_step(episodes: Sequence[Episode], going_on: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Return (M,) grasp-mode indices; modes are clustered per subtask."""
     subtasks = [subtask_of(steps) for steps in going_on]
     found = [np.zeros_like(rows) for rows in subtasks]
@@ -166,7 +158,7 @@ def _apart_rad(one: NDArray, other: NDArray) -> float:
     return float(np.abs(one[len(one) - count :] - other[len(other) - count :]).sum(axis=1).max(initial=0.0))
 
 
-def _postures_at_grasps(episode: EpisodeTable, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _postures_at_grasps(episode: Episode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return (G, 7) the arm at the begin of each of an episode's grasps within some rows.
 
     Without grasps, as for an item that is only placed, it is the arm at its release. An episode that continues with the
@@ -351,7 +343,7 @@ class _Deduplicator:
     _holders: dict[str, Path] = field(default_factory=dict)
     _firsts: dict[str, str] = field(default_factory=dict)
 
-    def new(self, path: Path, stream: EpisodeStream) -> Iterator[tuple[EpisodeInfo, EpisodeTable]]:
+    def new(self, path: Path, stream: EpisodeStream) -> Iterator[tuple[EpisodeInfo, Episode]]:
         """Yield the demonstrations of a data set with new states and actions.
 
         Raises:
@@ -372,7 +364,7 @@ class _Deduplicator:
             yield info, episode
 
 
-def _recorded(episode: EpisodeTable) -> str:
+def _recorded(episode: Episode) -> str:
     """Return a key of an episode's states and actions, in any format."""
     columns = ("observation.state", "observation.velocity", "observation.environment_state", "action.joint_target")
     return content_key(*(np.ascontiguousarray(episode.columns[name]).data.cast("B") for name in columns))
@@ -437,11 +429,11 @@ def learned_from(path: Path) -> LearnedFrom:
     )
 
 
-_ObservedEpisode = tuple[EpisodeTable, Numbers, NDArray[np.float16] | None]
+_ObservedEpisode = tuple[Episode, Numbers, NDArray[np.float16] | None]
 """An episode without its clouds, and the observed numbers and cloud points of each of its moments."""
 
 
-def _observe_episode(episode: EpisodeTable, settings: PolicySettings) -> list[_ObservedEpisode]:
+def _observe_episode(episode: Episode, settings: PolicySettings) -> list[_ObservedEpisode]:
     """Return an episode as a policy observes it, and its mirror image where training uses that."""
     found: list[_ObservedEpisode] = []
     for observed in _images(episode) if settings.training.mirror else (episode,):
@@ -454,13 +446,13 @@ def _observe_episode(episode: EpisodeTable, settings: PolicySettings) -> list[_O
     return found
 
 
-def _images(episode: EpisodeTable) -> tuple[EpisodeTable, ...]:
+def _images(episode: Episode) -> tuple[Episode, ...]:
     """Return an episode and, where the robot could do that, its mirror image."""
     columns = mirror_columns(episode.columns)
     return (episode,) if columns is None else (episode, replace(episode, columns=columns))
 
 
-def _with_offset_drives(episode: EpisodeTable, off_m: float, image: int) -> EpisodeTable:
+def _with_offset_drives(episode: Episode, off_m: float, image: int) -> Episode:
     """Offset an episode's drives, drawn by its seed and the number of its image."""
     kinds = np.array([primitive_of(step) for step in _steps_in_progress(episode).tolist()])
     carries = kinds == Primitive.NAVIGATE_TO_SUPPORT
@@ -480,7 +472,7 @@ def _takeovers(found: Iterable[EpisodeInfo]) -> int:
     return sum(one.takeover for one in found)
 
 
-def observed_numbers(episode: EpisodeTable, sees: Sees) -> Numbers:
+def observed_numbers(episode: Episode, sees: Sees) -> Numbers:
     """Return (N, F) the numbers that a policy observes at each moment of an episode."""
     agent = episode.columns["observation.state"]
     if not sees.places:
@@ -488,7 +480,7 @@ def observed_numbers(episode: EpisodeTable, sees: Sees) -> Numbers:
     return state_numbers(agent, episode.columns["observation.environment_state"], sees)
 
 
-def observed_clouds(episode: EpisodeTable, points: int) -> NDArray[np.float16]:
+def observed_clouds(episode: Episode, points: int) -> NDArray[np.float16]:
     """Return (N, points, 4) the cloud at each moment of an episode, with points chosen by its seed.
 
     Half precision is a millimetre at two metres, less than the noise that training adds.
@@ -503,7 +495,7 @@ def draw_point_indices(points: int, seed: int) -> NDArray[np.int64]:
     return np.sort(from_all)
 
 
-def _steps_in_progress(episode: EpisodeTable) -> NDArray[np.int64]:
+def _steps_in_progress(episode: Episode) -> NDArray[np.int64]:
     """Return (N,) step numbers; between steps that of the next one, and after the last that of the last."""
     primitives = episode.columns["primitive_index"]
     running = np.flatnonzero(primitives)
@@ -521,7 +513,7 @@ def scale_of(kinds: Sequence[EpisodeKind]) -> float:
     return FULL_SCALE if any(kind.full_size for kind in kinds) else PAPER_SCALE
 
 
-def _hands(episodes: Sequence[EpisodeTable], lasts: NDArray[np.int64], length: int, scale: float) -> Numbers:
+def _hands(episodes: Sequence[Episode], lasts: NDArray[np.int64], length: int, scale: float) -> Numbers:
     """Return (M, length, POSE_NUMBERS) hand poses of the joint targets, relative to each moment's hand.
 
     They are computed once: per batch it would take twice as long.

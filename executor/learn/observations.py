@@ -34,12 +34,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from executor.data.formats.table import CLOUD
+from executor.data.episode import CLOUD
 from executor.data.state_readers import HANDLE, HANDLES, THING, THINGS
 from executor.learn.settings import Sees
 from executor.sim.robot.actions import joint_limits
 from oag import Task
-from oag.model.scene_rules import FULL_SCALE
+from oag.model.scene import FULL_SCALE
 from oag.model.symbols import OPPOSITE, Primitive
 
 Count = TypeVar("Count", int, NDArray[np.int64])
@@ -319,7 +319,7 @@ _MIRROR_POINT = np.append(_MIRROR_PLACE, 1).astype(np.float32)
 
 
 def mirror_columns(columns: Columns) -> dict[str, NDArray] | None:
-    """Mirror an episode's columns (`executor.data.formats.table`); None where a joint would exceed its limits.
+    """Mirror an episode's columns (`executor.data.episode`); None where a joint would exceed its limits.
 
     Args:
         columns: Columns of the episode; those that policies do not observe stay.
@@ -365,7 +365,7 @@ def offset_drives(
     off_m: float,
     rng: np.random.Generator,
 ) -> dict[str, NDArray]:
-    """Augment drive phases of an episode's columns (`executor.data.formats.table`) with offset base poses.
+    """Augment drive phases of an episode's columns (`executor.data.episode`) with offset base poses.
 
     Args:
         columns: Columns of the episode; joint targets stay, hand actions would change.

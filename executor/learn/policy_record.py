@@ -6,7 +6,8 @@
     resume.safetensors      state of training: weights, averages, the optimiser's state
     training.jsonl          loss by step
 
-Reading executes nothing.
+Reading executes nothing. Keys of `policy.json` that this version does not know are ignored, and are no part of the key
+by which a finished training is recognised.
 """
 
 from __future__ import annotations
@@ -372,20 +373,6 @@ def load_network(folder: Path, record: PolicyRecord, step: int | None = None) ->
     except RuntimeError:
         raise NotAPolicy(f"{path} holds the weights of another network than {folder / ABOUT} says") from None
     return network.eval()
-
-
-def policy_key(folder: Path, step: int | None = None) -> str:
-    """Return the key of a policy and its weights.
-
-    Raises:
-        NotAPolicy: There is none, or these weights are missing.
-    """
-    record = read_record(folder)
-    path = folder / WEIGHTS if step is None else step_path(folder, step)
-    try:
-        return content_key(record.key, path.read_bytes())
-    except OSError as problem:
-        raise NotAPolicy(f"{path} cannot be read: {problem.strerror}") from None
 
 
 def step_path(folder: Path, step: int) -> Path:

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from bddl.errors import Scene2DemoError
 from executor.data.episode import Episode
-from executor.data.robomimic import write_robomimic
+from executor.data.formats.robomimic import write_robomimic
 from executor.records import Rollout, captions_of
 from executor.reports.page import report_page
 from executor.rollouts.evolution_record import FOLDER, Evolution, draw_attempts

@@ -56,7 +56,7 @@ from executor.scenes.room import CLOSED, NoRoom
 from oag import Kind, Scene, SceneError, SceneObject, kind_of
 from oag.model.codec import load
 from oag.model.forms import Extent, OpenForm, numbers, unfit
-from oag.model.scene_rules import FLOOR, LARGEST_M, id_problem
+from oag.model.scene import FLOOR, LARGEST_M, id_problem
 
 _POSE_DIGITS = 1e-3  # Tolerance for rounding in a file.
 

@@ -14,7 +14,7 @@ from executor.assets.library import FAMILIES, LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from oag import Kind, SceneObject, kind_of
 from oag.model.forms import ObjectForm
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import has_rim
 from oag.sizes import PAPER_GRIPPER
 

@@ -15,7 +15,7 @@ from executor.assets.footprint import Footprint, open_fraction, region_frame, so
 from executor.assets.library import asset_for
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from oag import Kind, SceneObject
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.primitives.table import OPEN_FRACTION
 
 NEAR_M = 0.02

@@ -46,7 +46,7 @@ from executor.sim.engine import GROUND, ROBOT, TIMESTEP_S
 from executor.sim.world import World
 from oag import Kind, Scene, SceneError, SceneObject
 from oag.model.diagnostics import listed
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.primitives.table import OPEN_FRACTION
 
 MOST_OVERLAP_M = 0.01

@@ -232,25 +232,6 @@ class World:
         """
         self._body(object_id).set_kinematic(still)
 
-    def push(self, object_id: str, force_n: ArrayLike, point_m: ArrayLike) -> None:
-        """Apply a force to a dynamic object, or to the robot's base, during the next step.
-
-        Args:
-            object_id: An object's id, or "robot".
-            force_n: (3,) the force in the world.
-            point_m: (3,) where it acts, in the world.
-        """
-        body = self.robot.find_link_by_name(BASE_LINK) if object_id == ROBOT else self._body(object_id)
-        body.add_force_at_point(np.asarray(force_n, np.float32), np.asarray(point_m, np.float32))
-
-    def velocity_m_s(self, object_id: str) -> Array:
-        """Return how fast a dynamic object moves in the world, (3,)."""
-        return np.asarray(self._body(object_id).linear_velocity, dtype=float)
-
-    def mass_kg(self, object_id: str) -> float:
-        """Return a dynamic object's mass."""
-        return float(self._body(object_id).mass)
-
     def near(self, owners: Container[str], within_m: float) -> Iterator[tuple[BodyRef, BodyRef, float]]:
         """Return an iterator over pairs of bodies nearer than a distance, with the gap, in the engine's order.
 

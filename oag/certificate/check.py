@@ -4,20 +4,17 @@ It knows the language (`bddl`), the table of primitives with its facts, and whic
 nothing of `verify` or of the writer of certificates.
 
 Links are followed one by one. A refutation is checked in two parts: one run reaches the place and fails there, and no
-run gets past it. Measured probabilities are recomputed from their counts. Their bound is searched in the tail of the
-binomial distribution, which defines it; the writer takes it from quantiles of the beta distribution.
+run gets past it.
 
-Source: docs/semantics.md, Certificates and Measured evidence.
+Source: docs/semantics.md, Certificates.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from oag.certificate.check_plan import (
@@ -38,103 +35,6 @@ from oag.certificate.check_plan import (
 from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Fact, Primitive, Value, fact_text, generalisations
 from oag.primitives.table import Clause, Context, Effect, Needed, effect, library_sha, requirements, with_consequences
 
-KIND = "success-probability"
-METHOD = "Clopper-Pearson, one-sided"
-CHAIN = "chain"
-# Meaning of a probability, by the conditioning of the trials.
-MEANINGS = {
-    CHAIN: "runs of the whole plan from its start; each subtask was tried where the one before succeeded",
-    "saved_state": "each subtask tried apart from one saved state, not from every state that meets its init",
-    "pool": "each subtask tried apart from a pool of states, as they happened to be drawn",
-}
-_KEYS = frozenset(
-    ("kind", "conditioning", "speaks_of", "counts", "estimate", "lower_bound", "confidence", "choices", "method")
-)
-_TOLERANCE = 1e-9
-# The terms summed for a bound grow with the root of the trials; this many take some seconds.
-MOST_TERMS = 30_000
-# Bisections of the interval of a bound, down to the resolution of a float.
-_HALVINGS = 60
-
-
-def check_evidence(slots: Any) -> None:
-    """Check the list of measured probabilities.
-
-    Raises:
-        Rejected: An entry has another form or conditioning than documented, or claims more than its counts show.
-    """
-    require(type(slots) is list, "its evidence is no list")
-    left = MOST_TERMS
-    for slot in slots:
-        require(type(slot) is dict and slot.keys() == _KEYS, f"no evidence has this form: {slot!r:.80}")
-        require(slot["kind"] == KIND and slot["method"] == METHOD, "evidence of another kind cannot be checked")
-        meaning = MEANINGS.get(slot["conditioning"]) if type(slot["conditioning"]) is str else None
-        require(meaning is not None, f"no trials are conditioned on {slot['conditioning']!r}")
-        require(slot["speaks_of"] == meaning, f"the evidence speaks of {meaning}")
-        _check_counts(slot["counts"], chain=slot["conditioning"] == CHAIN)
-        left -= sum(1 + math.isqrt(trials) for _, trials in slot["counts"])
-        require(left >= 0, "the counts are too many, or too large, for their bound to be computed")
-        _check_numbers(slot)
-
-
-def _check_numbers(slot: dict[str, Any]) -> None:
-    counts, choices, confidence = slot["counts"], slot["choices"], slot["confidence"]
-    require(type(choices) is int and choices >= 1, "a flow is chosen among one or more")
-    require(type(confidence) is float and 0.0 < confidence < 1.0, "a confidence is between 0 and 1")
-    if slot["conditioning"] == CHAIN:
-        counts = [(counts[-1][0], counts[0][1])]
-    error = (1.0 - confidence) / (len(counts) * choices)
-    estimate = math.prod(successes / trials for successes, trials in counts)
-    for key in ("estimate", "lower_bound"):
-        require(type(slot[key]) in (float, int) and 0.0 <= slot[key] <= 1.0, f"the {key} is no probability")
-    if not math.isclose(slot["estimate"], estimate, abs_tol=_TOLERANCE):
-        raise Rejected(f"the counts give the estimate {estimate:g}, not {slot['estimate']:g}")
-    lower = math.prod(_lower_bound(successes, trials, error) for successes, trials in counts)
-    if slot["lower_bound"] > lower + _TOLERANCE:
-        raise Rejected(f"the counts show no more than {lower:g}, not {slot['lower_bound']:g}")
-
-
-def _check_counts(counts: Any, *, chain: bool) -> None:
-    """Check that counts are possible, and that each count of a chain starts from the successes before it."""
-    require(type(counts) is list and bool(counts), "there are no counts")
-    for count in counts:
-        require(type(count) is list and [type(number) for number in count] == [int, int], f"{count!r} is no count")
-        successes, trials = count
-        require(trials >= 1 and 0 <= successes <= trials, f"{successes} successes in {trials} trials cannot be")
-    if chain:
-        require(all(after[1] == before[0] for before, after in pairwise(counts)), "the counts are no chain")
-
-
-def _lower_bound(successes: int, trials: int, error: float) -> float:
-    """Return the largest probability at which this many successes, or more, are as unlikely as the error allows."""
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS if successes else 0):
-        middle = (low + high) / 2.0
-        if _tail_probability(successes, trials, middle) <= error:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-def _tail_probability(successes: int, trials: int, probability: float) -> float:
-    """Return the probability of at least this many successes, summed over the shorter side, largest term first."""
-    upward = probability * trials <= successes
-    count = successes if upward else successes - 1
-    odds = probability / (1.0 - probability)
-    term, total = _binomial_term(count, trials, probability), 0.0
-    while term > total * 1e-17 and 0 <= count <= trials:
-        total += term
-        term *= (trials - count) / (count + 1) * odds if upward else count / ((trials - count + 1) * odds)
-        count += 1 if upward else -1
-    return total if upward else 1.0 - total
-
-
-def _binomial_term(count: int, trials: int, probability: float) -> float:
-    log_combinations = math.lgamma(trials + 1) - math.lgamma(count + 1) - math.lgamma(trials - count + 1)
-    return math.exp(log_combinations + count * math.log(probability) + (trials - count) * math.log1p(-probability))
-
-
 # Kind of the place where a plan without a flow ends.
 _NO_FLOW = "no-flow"
 # Most facts and places visited for all cases together.
@@ -144,13 +44,8 @@ _MOST_LOOKED = 2_000_000
 def find_failing_place(data: Mapping[str, Any], given: Sequence[Any], stop: Place | None) -> Place | None:
     """Return the first place that one complete run does not meet; None when it meets all.
 
-    Args:
-        data: The certificate.
-        given: The run: values of unknown facts; all others are false.
-        stop: The place that it should reach; a `no-flow` place only has to be reached.
-
-    Raises:
-        Rejected: The run is invalid, or it leaves a place open.
+    In the run, what `given` does not say of unknown facts is false. A `no-flow` place at which to `stop` only has to be
+    reached. Raises Rejected when the run is invalid, or leaves a place open.
     """
     run = PlanRun(data, given, complete=True)
     for place, wanted in run.places():
@@ -167,9 +62,6 @@ def check_refutation(data: Mapping[str, Any], stop: Place) -> None:
     """Check that one run reaches a place and fails there, and that every run fails there or before.
 
     Assumptions on the way must be forced: without it, the place where an assumption is made would be false.
-
-    Raises:
-        Rejected: One of these does not hold.
     """
     failing = find_failing_place(data, data["counterexample"], stop)
     require(failing == stop, f"from the counterexample's start, {failing} fails, and not {stop}")
@@ -266,18 +158,8 @@ def check_search(
 ) -> None:
     """Check that no flow of a subtask reaches its goal.
 
-    A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree.
-
-    Args:
-        search: `facts`, the robot's three included; `states`, each a list of values in the order of the facts; `start`,
-            the state where the subtask starts.
-        context: The subtask's objects.
-        goal: Its goal.
-        read: Reader of what is known where it starts.
-        objects: Category of each object.
-
-    Raises:
-        Rejected: The start is not among the states, a primitive leaves them, or the goal may hold in one.
+    A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree. The
+    robot's three facts are among them, and `start` is the state where the subtask starts.
     """
     facts = [tuple(fact) for fact in search["facts"]]
     states = {tuple(state) for state in search["states"]}
@@ -296,7 +178,6 @@ def check_search(
 
 
 def _legal(context: Context, objects: Mapping[str, str]) -> tuple[Primitive, ...]:
-    """Return the primitives that a well-formed flow may use in a context."""
     fixture = context.target in context.articulated
     illegal = set[Primitive]() if fixture else set(ARTICULATIONS)
     if not (fixture or context.target_is_item):
@@ -363,11 +244,7 @@ def recheck(certificate: Any) -> RecheckResult:
 
 
 def certificate_in(given: Any) -> Any:
-    """Return the JSON of the certificate in anything that `recheck` accepts.
-
-    Raises:
-        Rejected: There is none.
-    """
+    """Return the JSON of the certificate in anything that `recheck` accepts; raises Rejected when there is none."""
     if not (given is None or isinstance(given, Mapping) or hasattr(given, "to_json")):
         raise Rejected(
             f"malformed certificate: expected a certificate, a report, or the JSON of one, got {given!r:.60}"
@@ -380,7 +257,7 @@ def certificate_in(given: Any) -> Any:
 
 
 def _check_envelope(data: Mapping[str, Any]) -> None:
-    """Check the hashes, the texts and the measured probabilities: all that does not decide the verdict."""
+    """Check the hashes and the texts: all that does not decide the verdict."""
     # Reasons are written only where they are needed: they would take a tenth of the time.
     if data["schema"] != SCHEMA:
         raise Rejected(f"it is written as {data['schema']!r}, and this checker reads {SCHEMA!r}")
@@ -395,7 +272,7 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
             raise Rejected(f"the text of an assumption should be {text!r}")
         if entry["kind"] not in ("reset", "assumed"):
             raise Rejected(f"no assumption is of the kind {entry['kind']!r}")
-    check_evidence(data["evidence"])
+    require(data["evidence"] == [], "it lists evidence, and no evidence is known that could be checked")
     check_contents(data)
 
 
@@ -444,11 +321,7 @@ class LinkedPlan:
             self.statements |= {(stated, time): ((fact, time), facts) for stated in facts}
 
     def check(self) -> str:
-        """Return what was confirmed.
-
-        Raises:
-            Rejected: A need is not shown, or an assumption or a link is not needed.
-        """
+        """Return what was confirmed; raises Rejected for a need not shown, and for a needless assumption or link."""
         links, cases, unneeded = self.links, self.cases, self.unneeded
         for place, wanted in self.run.places():
             if type(wanted) is not tuple or (cases and place in cases):
@@ -512,13 +385,11 @@ class LinkedPlan:
         return with_values(read, {fact: run.before[fact, time] for fact in statements if run.last(fact)[0] == time})
 
     def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
-        """Return whether a formula holds for a reader, by a distinction of cases if there is one."""
         if tree is None:
             return truth_of(wanted, read, self.objects)
         return truth_by_cases(wanted, tree, read, self.objects)
 
     def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool:
-        """Decide whether a formula is shown for a reader without an assumption."""
         try:
             return self._truth(wanted, tree, read) is True
         except Rejected:

@@ -188,15 +188,8 @@ def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool |
 def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mapping[str, str]) -> bool | None:
     """Return the one value that clauses or a formula have in every case of a distinction.
 
-    Args:
-        wanted: What is needed.
-        tree: The cases in preorder: an unknown fact stands before its case true and its case false, null ends a case.
-        read: What is known.
-        objects: Category of each object.
-
-    Raises:
-        Rejected: A fact that is known is distinguished, or one that is not true or false; a case is missing; or the
-            cases disagree.
+    The cases are a tree in preorder: an unknown fact stands before its case true and its case false, null ends a case.
+    Raises Rejected when a known fact, or none with two values, is distinguished, a case is missing, or cases disagree.
     """
     reads = 0
 
@@ -248,8 +241,7 @@ _QUANTIFIERS: dict[str, Any] = {
 def needed_of(condition: Any) -> Needed:
     """Return the clauses of a list of [atom, value], or the formula of a text.
 
-    Raises:
-        Rejected: It contains a pattern, or a variable of the robot as an atom.
+    Raises Rejected for a pattern, or a variable of the robot as an atom.
     """
     if isinstance(condition, str):
         formula = read_formula(condition)
@@ -351,9 +343,6 @@ class PlanRun:
             given: Triples (time, fact, value) to assume of unknown facts.
             complete: Follow one run. Whatever is unknown and not given is false, from where it became unknown. Known
                 facts may be given too.
-
-        Raises:
-            Rejected: The start is invalid, the reset supplies what it cannot, or an entry of `given` has another form.
         """
         # Stable by time: a later entry may follow from an earlier one of the same time, not the other way round.
         self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME)[::-1] if given else []
@@ -389,10 +378,7 @@ class PlanRun:
     def places(self) -> Iterator[tuple[Place, Needed]]:
         """Yield the needs of each place in order, while the steps in between write what the table says.
 
-        A subtask without a flow yields its goal at the place ("no-flow", subtask, -1).
-
-        Raises:
-            Rejected: The caller continued after such a subtask, or the state of the hand is unknown.
+        A subtask without a flow yields its goal at the place ("no-flow", subtask, -1), after which nothing can follow.
         """
         require(HAND in self.latest, "what the hand does is unknown: neither the scene nor the reset says so")
         articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
@@ -429,11 +415,9 @@ class PlanRun:
         yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
 
     def take(self, time: int, fact: Fact, value: bool) -> None:
-        """Assume a value of a fact.
+        """Assume a value of a fact; raises Impossible when that breaks an invariant.
 
-        Raises:
-            Impossible: It breaks an invariant.
-            Rejected: It is known; or a complete run gives it another value than it had before.
+        Raises Rejected when it is known, or when a complete run gives it another value than it had before.
         """
         since, held = self.last(fact)
         if self._complete and held is value:
@@ -456,11 +440,7 @@ Given = tuple[int, Fact, bool]
 
 
 def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
-    """Return what is known of the start: by the kinds of objects, by the scene, and by the listed reset.
-
-    Raises:
-        Rejected: The start is invalid, or the reset supplies what it cannot.
-    """
+    """Return what is known of the start: by the kinds of objects, by the scene, and by the listed reset."""
     scene, subtasks = data["scene"], data["plan"]["subtasks"]
     start: dict[Fact, Value] = {}
     for names, value in scene["start"]:
@@ -488,11 +468,7 @@ def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
 
 
 def check_contents(data: Mapping[str, Any]) -> None:
-    """Check that a plan can be read to its end, beyond a failure, and that its objects exist and have one kind.
-
-    Raises:
-        Rejected: A subtask's objects are not the scene's, or the kinds of the scene's objects are ambiguous.
-    """
+    """Check that a plan can be read to its end, beyond a failure, and that its objects exist and have one kind."""
     plan, scene = data["plan"], data["scene"]
     objects, items, articulated = scene["objects"], set(scene["items"]), set(scene["articulated"])
     require(ANY not in "".join(objects.keys()), "the objects have no names")
@@ -540,13 +516,7 @@ def action_of(item: Any) -> tuple[Primitive, Parameter]:
 def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], articulated: Collection[str]) -> None:
     """Check that every action of a subtask's flow fits the kinds of its objects and has a valid parameter.
 
-    Args:
-        index: Of the subtask, for the reason.
-        subtask: As the certificate has it.
-        items, articulated: Objects that can be taken, and that have a joint.
-
-    Raises:
-        Rejected: One does not.
+    `items` can be taken, and `articulated` objects have a joint; the `index` is for the reason.
     """
     fixture, item = subtask["target"] in articulated, subtask["target"] in items
     illegal: dict[Primitive, str] = {} if fixture else dict.fromkeys(ARTICULATIONS, "what has no joint")

@@ -82,9 +82,6 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
         task: The task that it has to be about, or its file. A flow that it omits may be any flow in the certificate.
         scene: The scene that it has to be about, or its file; by default the one that the task carries, if any.
 
-    Raises:
-        TaskError, SceneError: The task or the scene cannot be read.
-
     Example:
         >>> import oag
         >>> scene = oag.Scene.from_json({"objects": {"box_0": {"category": "drawer", "bbox_extent": [1, 1, 1]}}})
@@ -113,7 +110,6 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
 
 
 def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:
-    """Return the first difference between a certificate's plan and a task, "" if there is none."""
     if task is None:
         return ""
     own: Any = plan_json(task)

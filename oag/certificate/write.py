@@ -11,17 +11,15 @@ Source: docs/semantics.md, Certificates; `oag/certificate/certificate.schema.jso
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import bddl
 from bddl.grounding import count_ground_parts
 from oag.certificate.recheck import digest, plan_json, scene_json
 from oag.exact import given_run, unknown_since
 from oag.flows import NoFlow
-from oag.model.codec import shown
-from oag.model.diagnostics import EvidenceError
 from oag.model.scene import Scene
 from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, satisfying_value
 from oag.primitives.state import State, facts_of, scene_facts, step, truth_of
@@ -51,8 +49,6 @@ class RefutedPlan:
     """A plan that fails, as its certificate has it.
 
     Attributes:
-        subtasks: Its subtasks.
-        goal: The task goal.
         start: What the scene states and, of what the reset supplies, the plan uses.
         objects: Category of each object.
         failure: The place that fails; where it is one without a flow, a search shows that it fails.
@@ -80,9 +76,7 @@ class Refutation(NamedTuple):
 def refutation(plan: RefutedPlan, candidates: Iterable[Given]) -> Refutation:
     """Return the proof that no run of a plan gets past its failure.
 
-    Args:
-        plan: The plan.
-        candidates: Assumptions made on the way, in order; some may be choices, which prove nothing.
+    `candidates` are assumptions made on the way, in order; some may be choices, which prove nothing.
     """
     run, left = _Run(plan), list(candidates)
     forced: list[Given] = []
@@ -202,31 +196,20 @@ def _look(plan: RefutedPlan, case: tuple[Given, ...]) -> tuple[Split | tuple[()]
 SCHEMA = "scene2demo-certificate/3"
 
 
-@runtime_checkable
-class EvidenceLike(Protocol):
-    """A measured probability, such as `oag.Evidence`, which is loaded only where something is measured."""
-
-    def to_json(self) -> dict[str, object]:
-        """Return the slot that a certificate has for it."""
-
-
 @dataclass(frozen=True, slots=True)
 class Certificate:
     """The evidence for one verdict.
 
     Attributes:
         verdict: "PROVED", "CONDITIONAL" or "REFUTED".
-        task_hash: SHA-256 of the plan.
         scene_sha: SHA-256 of the objects and the start knowledge.
         body: Everything else, as JSON values; `to_json` has all of it.
-        evidence: Measured probabilities, each with its conditioning; they are no part of the verdict.
     """
 
     verdict: str
     task_hash: str
     scene_sha: str
     body: dict[str, object]
-    evidence: tuple[Mapping[str, object], ...] = ()
 
     def __repr__(self) -> str:
         return f"<Certificate {self.verdict} of task {self.task_hash[:12]}, scene {self.scene_sha[:12]}>"
@@ -243,17 +226,6 @@ class Certificate:
         listed = self.body["links"]
         return tuple(listed) if isinstance(listed, list) else ()
 
-    def with_evidence(self, *slots: EvidenceLike | Mapping[str, object]) -> Certificate:
-        """Return the certificate with measured probabilities added to those that it has.
-
-        Args:
-            slots: What `chain_evidence` or `pooled_evidence` returned, or the JSON of it.
-
-        Raises:
-            EvidenceError: Something is neither.
-        """
-        return replace(self, evidence=(*self.evidence, *map(_slot, slots)))
-
     def to_json(self) -> dict[str, object]:
         """Return the certificate as JSON values."""
         return {
@@ -263,15 +235,9 @@ class Certificate:
             "task_hash": self.task_hash,
             "scene_sha": self.scene_sha,
             **self.body,
-            "evidence": [dict(slot) for slot in self.evidence],
+            # Kept for readers of the schema: no evidence is measured that could stand here.
+            "evidence": [],
         }
-
-
-def _slot(given: object) -> Mapping[str, object]:
-    slot = given if isinstance(given, Mapping) else given.to_json() if isinstance(given, EvidenceLike) else {}
-    if slot is not given and "conditioning" not in slot:
-        raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
-    return slot
 
 
 def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow | None = None) -> Certificate:

@@ -27,7 +27,6 @@ class Action:
     """One primitive with its parameter.
 
     Attributes:
-        primitive: Which of the 21.
         parameter: Metres, degrees or joint limits, by `parameter_kind`. None for a primitive that takes none, and for
             one whose number the executor's geometric planner fills in later.
     """
@@ -63,11 +62,9 @@ def flow_to_json(flow: Iterable[Action]) -> list[JsonAction]:
 
 
 def flow_from_json(items: object) -> ActionFlow:
-    """Return the flow that a JSON list describes.
+    """Return the flow that a JSON list describes; parameters out of range are kept, since `verify` reports them.
 
-    Raises:
-        FlowError: The value is no list, an item has another form, or an ID is unknown. Parameters out of range
-            are kept: `verify` reports them.
+    Raises FlowError when the value is no list, an item has another form, or an ID is unknown.
     """
     if not isinstance(items, list):
         raise FlowError(f"expected a list such as [17, 1, 2, 3], got {shown(items)}", code="flow/parameter")
@@ -102,7 +99,6 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
 
 
 def _near_primitives(identifier: object) -> dict[int, str]:
-    """Return the primitives that a wrong identifier may have meant, by their number."""
     if not isinstance(identifier, str):
         return {}
     names = {primitive.name: primitive for primitive in Primitive}

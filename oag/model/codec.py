@@ -1,6 +1,7 @@
-"""JSON files: strict decoding, documents with the place of every mistake, and messages for wrong values.
+"""JSON: strict decoding of files, documents with the place of every mistake, and the writing of records.
 
-`Document.read` checks a document by a form, which is a dataclass or a pydantic model (`oag.model.forms`).
+`Document.read` checks a document by a form, which is a dataclass or a pydantic model (`oag.model.forms`). `Record` and
+`as_json` write: pydantic would take longer to load than this package, and a serializer for nearly every field.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from enum import Enum
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -53,7 +55,6 @@ def _no_constant(name: str) -> object:
 
 
 def _first_constant(text: str) -> str:
-    """Return the place of the first constant that is no number in a JSON text."""
     found = next(one for one in _CONSTANT.finditer(text) if not one[0].startswith('"'))
     before = text[: found.start()]
     return f"line {before.count(chr(10)) + 1}, column {found.start() - before.rfind(chr(10))}"
@@ -68,9 +69,7 @@ class Document:
     """The content of a JSON file, or a mapping in its place.
 
     Attributes:
-        data: Any JSON value.
         source: The file's name, for messages.
-        error: What is raised for its mistakes.
     """
 
     data: object
@@ -85,11 +84,7 @@ class Document:
         return value
 
     def read(self, form: type[_Form], *path: str | int) -> _Form:
-        """Return the value at a path, read by a form.
-
-        Raises:
-            InputError: As `error`: the first deviation from the form.
-        """
+        """Return the value at a path, read by a form; raises the first deviation from it as the document's `error`."""
         # Loads pydantic, which takes as long as this package.
         examine = import_module("oag.model.forms").examine
         found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path))
@@ -105,9 +100,7 @@ class Document:
 def load(source: Source, error: type[InputError]) -> Document:
     """Return a JSON document from a file's path, or of a mapping that is one already.
 
-    Raises:
-        InputError: As `error`: the file cannot be read, is no regular file or too large, or is no JSON (with line and
-            column).
+    Raises `error` when the file cannot be read, is no regular file or too large, or is no JSON (with line and column).
     """
     if isinstance(source, Mapping):
         return Document(dict(source), "(mapping)", error)
@@ -220,3 +213,32 @@ class ReadBy:
             return self.reader(value)
         except OagError as problem:
             raise ValueError(str(problem)) from problem
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Base of records that are written as an object with their fields as keys, in their order."""
+
+    def to_json(self) -> dict[str, object]:
+        """Return the record as JSON values."""
+        return fields_json(self)
+
+
+def fields_json(record: Any) -> dict[str, object]:
+    """Return the fields of a dataclass as JSON values."""
+    return {field.name: as_json(getattr(record, field.name)) for field in fields(record)}
+
+
+def as_json(value: Any) -> Any:
+    """Return a value as JSON has it: formulas as texts, enumerations by name, no number for one that is not finite."""
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if isinstance(value, bddl.Formula):
+        return bddl.format(value)
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple | list):
+        return [as_json(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {key: as_json(entry) for key, entry in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

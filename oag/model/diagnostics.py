@@ -102,7 +102,7 @@ class FixError(OagError):
 
 
 class EvidenceError(OagError, ValueError):
-    """Counts do not allow a probability: more successes than trials, or a chain whose counts do not match."""
+    """Counts do not allow a probability, such as more successes than trials."""
 
 
 class HistoryFull(OagError):
@@ -244,7 +244,6 @@ class CodeInfo:
     """Meaning of a diagnostic code.
 
     Attributes:
-        meaning: One sentence.
         eai: Label in the Embodied Agent Interface's taxonomy of errors, None where it has none.
     """
 

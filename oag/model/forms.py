@@ -1,4 +1,4 @@
-"""Forms of files as pydantic models: readers with messages in this project's words, and the form of scene files.
+"""Forms of files as pydantic models: readers with messages in this project's words, and the reading of scene files.
 
 The published JSON schema of scene files is generated from `SceneForm`. Of an object only the category is required
 there. `executor.load_scene` also needs a place and takes the rest from the library of assets; `Scene.from_json`, which
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Self, TypeVar, cast, get_args
 
@@ -20,7 +21,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from bddl.ast import NAME_RULE, is_name
 from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
 from oag.model.diagnostics import InputError
-from oag.model.scene_rules import (
+from oag.model.scene import (
     FULL_SCALE,
     LARGEST_M,
     LARGEST_TURN_DEG,
@@ -29,7 +30,13 @@ from oag.model.scene_rules import (
     PAPER_SCALE,
     SCALES,
     SMALLEST_M,
+    RobotPose,
+    Scene,
+    SceneObject,
+    about_z,
     id_problem,
+    read_closed,
+    read_facts,
 )
 
 _UNFIT = "unfit"  # The type of mistakes with a hint, or inside the value that was read.
@@ -163,7 +170,6 @@ def _keys_at(form: object, path: tuple[str | int, ...]) -> list[str]:
 
 
 def _models(annotation: object) -> Iterator[type[BaseModel]]:
-    """Yield the models in an annotation, such as the one of `dict[str, ObjectForm] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
@@ -200,7 +206,6 @@ def _sayable(category: object) -> object:
 
 
 def _robot_scale(value: object) -> object:
-    """Return the size of a robot; there are two."""
     if isinstance(value, int | float) and not isinstance(value, bool) and value in (PAPER_SCALE, FULL_SCALE):
         return value
     raise unfit(f"expected {PAPER_SCALE:g} (the paper's) or {FULL_SCALE:g} (full size), got {shown(value)}")
@@ -330,12 +335,63 @@ def examine_scene(document: Document) -> tuple[SceneForm | None, tuple[InputErro
 
 
 def read_scene(document: Document) -> SceneForm:
-    """Return a scene file's content.
-
-    Raises:
-        SceneError: The first thing that is malformed, with its place and what was expected.
-    """
+    """Return a scene file's content; raises a SceneError with the place of the first thing that is malformed."""
     form, problems = examine_scene(document)
     if form is None:
         raise problems[0]
     return form
+
+
+def scene_in(document: Document, kind: type[Scene]) -> Scene:
+    """Return the scene of a file; raises a SceneError with the place of the first thing that is malformed."""
+    form = read_scene(document)
+    objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
+    return kind(
+        name="scene" if form.name is None else form.name,
+        robot=RobotPose() if form.robot is None else robot_of(form.robot),
+        objects=objects,
+        facts=read_facts(form.facts or (), objects, document.source),
+        closed=read_closed(form.closed or (), document.source),
+        variation=dict(form.variation or {}),
+    )
+
+
+def robot_of(form: RobotForm) -> RobotPose:
+    """Return the robot's start from its entry in a scene file."""
+    x, y, *z = form.position or (0.0, 0.0)
+    yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
+    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
+
+
+def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
+    """Return an object from its entry in a scene file; one without a place is at the origin.
+
+    Raises SceneError when its size is missing, its place is given by a support, or a value does not fit.
+    """
+    place = ("objects", key)
+    for relation, other in (("on", form.on), ("in", form.in_)):
+        if other is not None:
+            hint = "executor.load_scene finds the place; or give a position"
+            raise document.fail(place, f"its place is said by {relation!r}, which takes its model's geometry", hint)
+    if form.bbox_extent is None:
+        problem, hint = missing("bbox_extent", document.at(*place))
+        raise document.fail(place, problem, hint or "executor.load_scene takes it from the library of assets")
+    scale = form.scale or (1.0, 1.0, 1.0)
+    for side, factor in zip(form.bbox_extent, scale, strict=True):
+        if not SMALLEST_M <= side * factor <= LARGEST_M:
+            problem = f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m"
+            raise document.fail((*place, "scale"), problem)
+    thing = SceneObject(
+        id=key,
+        category=form.category,
+        model=form.model or form.category,
+        position=(0.0, 0.0, 0.0),
+        orientation=form.orientation or about_z(math.radians(form.heading_deg or 0.0)),
+        bbox_extent=form.bbox_extent,
+        scale=scale,
+        parameters=dict(form.parameters or {}),
+    )
+    if form.position is None:
+        return thing
+    x, y, *z = form.position
+    return replace(thing, position=(x, y, z[0] if z else thing.height_m / 2))

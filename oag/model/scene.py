@@ -1,27 +1,53 @@
-"""A scene: its objects with their boxes, what is known to hold at the start, and what is known completely."""
+"""A scene: its objects with their boxes, what is known to hold at the start, and what is known completely.
+
+Scene files have the form of `oag.model.forms`; ids, facts and closed predicates are checked here.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import bddl
 from bddl.terminal import pluralize
-from oag.model.codec import Document, Source, expected, load, missing, shown
+from oag.model.codec import Source, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
-from oag.model.scene_rules import LARGEST_M, PAPER_SCALE, SMALLEST_M, about_z, read_closed, read_facts, triple
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
-
-if TYPE_CHECKING:
-    from oag.model.forms import ObjectForm, RobotForm, SceneForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 ROBOT = "robot"
+FLOOR = "floor"
+"""Id and category of the floor, where a scene lists it."""
+
+# Names that facts may use in addition to the scene's objects.
+_OWN_NAMES = ("gripper", "robot", "ground", FLOOR)
+# Names that formulas can have: no blank, no parenthesis, no `*`, which stands for any object.
+_OBJECT_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+# Limits: a building fits in, and the arithmetic of poses loses no digits.
+LARGEST_M = 1000.0
+SMALLEST_M = 1e-4
+LARGEST_TURN_RAD = 1000.0
+LARGEST_TURN_DEG = 36_000.0
+# The paper's robot has 0.7 of a Panda's full size.
+PAPER_SCALE, FULL_SCALE = 0.7, 1.0
+# Factors of sizes.
+SCALES = (1e-6, 1e6)
+# Rooms and substances are named, not listed: arguments that stand for them are free.
+FREE_PARAMETERS = frozenset({"room", "substance"})
+# Ids and categories appear in every message, and ids name files.
+LONGEST_NAME = 200
+
+
+def triple(values: Iterable[float]) -> tuple[float, float, float]:
+    """Return three numbers as a tuple of three."""
+    x, y, z = values
+    return (x, y, z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +74,6 @@ class SceneObject:
         category: What it is, such as `water_glass`; decides `kind` and `role`.
         model: Name of the asset that stands for it.
         position: Centre of its bounding box [m].
-        orientation: Unit quaternion w x y z.
         bbox_extent: Size of its bounding box [m] along its own axes, before `scale`.
         scale: Factor along each of its own axes.
         parameters: Geometry of the asset, not read by this package.
@@ -114,12 +139,7 @@ class Scene:
     variation: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much.
-
-        Raises:
-            SceneError: A fact is no literal about these objects or contradicts another one, `closed` lists no
-                predicates, or an object is no `SceneObject`.
-        """
+        """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much."""
         refused = partial(SceneError, source="(Scene)")
         given: object = self.objects
         if not isinstance(given, Mapping):
@@ -136,7 +156,7 @@ class Scene:
         return f"<Scene {self.name!r}: {pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}>"
 
     def _check_held(self) -> None:
-        """Raise the error for a fact that puts something into the gripper that it cannot hold."""
+        """Refuse a fact that puts something into the gripper that it cannot hold."""
         for number, fact in enumerate(self.facts):
             for literal in bddl.literals(fact) or ():
                 predicate, first, *rest = literal.atom.label
@@ -152,17 +172,9 @@ class Scene:
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
-        document = load(source, SceneError)
-        form: SceneForm = import_module("oag.model.forms").read_scene(document)
-        objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
-        return cls(
-            name="scene" if form.name is None else form.name,
-            robot=RobotPose() if form.robot is None else robot_of(form.robot),
-            objects=objects,
-            facts=read_facts(form.facts or (), objects, document.source),
-            closed=read_closed(form.closed or (), document.source),
-            variation=dict(form.variation or {}),
-        )
+        # Loads pydantic, which takes as long as this package.
+        found: Self = import_module("oag.model.forms").scene_in(load(source, SceneError), cls)
+        return found
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal scene."""
@@ -181,11 +193,7 @@ class Scene:
         return {key: thing.category for key, thing in self.objects.items()}
 
     def with_scales(self, factors: Mapping[str, float]) -> Self:
-        """Return the scene with some objects scaled (the paper's size adjustment), their bottoms in place.
-
-        Raises:
-            SceneError: A factor names no object, or is not positive.
-        """
+        """Return the scene with some objects scaled (the paper's size adjustment), their bottoms in place."""
         objects = dict(self.objects)
         for key, factor in factors.items():
             if not factor > 0.0:
@@ -207,53 +215,6 @@ class Scene:
             raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
 
 
-def robot_of(form: RobotForm) -> RobotPose:
-    """Return the robot's start from its entry in a scene file."""
-    x, y, *z = form.position or (0.0, 0.0)
-    yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
-    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
-
-
-def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
-    """Return an object from its entry in a scene file; one without a place is at the origin.
-
-    Args:
-        document: The file, for messages.
-        key: Its id.
-        form: The entry's content.
-
-    Raises:
-        SceneError: Its size is missing, its place is given by a support, or a value does not fit.
-    """
-    place = ("objects", key)
-    for relation, other in (("on", form.on), ("in", form.in_)):
-        if other is not None:
-            hint = "executor.load_scene finds the place; or give a position"
-            raise document.fail(place, f"its place is said by {relation!r}, which takes its model's geometry", hint)
-    if form.bbox_extent is None:
-        problem, hint = missing("bbox_extent", document.at(*place))
-        raise document.fail(place, problem, hint or "executor.load_scene takes it from the library of assets")
-    scale = form.scale or (1.0, 1.0, 1.0)
-    for side, factor in zip(form.bbox_extent, scale, strict=True):
-        if not SMALLEST_M <= side * factor <= LARGEST_M:
-            problem = f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m"
-            raise document.fail((*place, "scale"), problem)
-    thing = SceneObject(
-        id=key,
-        category=form.category,
-        model=form.model or form.category,
-        position=(0.0, 0.0, 0.0),
-        orientation=form.orientation or about_z(math.radians(form.heading_deg or 0.0)),
-        bbox_extent=form.bbox_extent,
-        scale=scale,
-        parameters=dict(form.parameters or {}),
-    )
-    if form.position is None:
-        return thing
-    x, y, *z = form.position
-    return replace(thing, position=(x, y, z[0] if z else thing.height_m / 2))
-
-
 def _write_robot(robot: RobotPose) -> dict[str, object]:
     written: dict[str, object] = {"position": list(robot.position), "yaw": robot.yaw_rad}
     if robot.scale != PAPER_SCALE:
@@ -262,14 +223,85 @@ def _write_robot(robot: RobotPose) -> dict[str, object]:
 
 
 def _write_object(thing: SceneObject) -> dict[str, object]:
-    written: dict[str, object] = {
-        "category": thing.category,
-        "model": thing.model,
-        "position": list(thing.position),
-        "orientation": list(thing.orientation),
-        "bbox_extent": list(thing.bbox_extent),
-        "scale": list(thing.scale),
-    }
-    if thing.parameters:
-        written["parameters"] = dict(thing.parameters)
-    return written
+    written = {key: value for key, value in fields_json(thing).items() if key not in ("id", "parameters")}
+    return written | ({"parameters": dict(thing.parameters)} if thing.parameters else {})
+
+
+def id_problem(key: str, category: object) -> str:
+    """Return why an object of a category cannot have an id: no formula can name it, or it is reserved; else ""."""
+    if key in _OWN_NAMES and not key == category == FLOOR:
+        own = f"{', '.join(_OWN_NAMES[:-1])} and {_OWN_NAMES[-1]}"
+        return f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise"
+    if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
+        return (
+            f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
+            f"{LONGEST_NAME} at most, not starting with '.' or '-', such as glass_0"
+        )
+    return ""
+
+
+def about_z(turn_rad: float) -> tuple[float, float, float, float]:
+    """Return the quaternion w x y z of a turn about the vertical."""
+    return (math.cos(turn_rad / 2), 0.0, 0.0, math.sin(turn_rad / 2)) if turn_rad else (1.0, 0.0, 0.0, 0.0)
+
+
+def read_closed(given: object, source: str) -> frozenset[str]:
+    """Return the predicates that a scene declares to know completely; raises SceneError for anything else."""
+    names = _listed(given, "closed", source)
+    for index, name in enumerate(names):
+        if not isinstance(name, str) or name not in bddl.PREDICATES:
+            reason = f"unknown predicate {name!r}" if isinstance(name, str) else expected("a string", name)
+            hint = did_you_mean(name, bddl.PREDICATES) if isinstance(name, str) else ""
+            raise SceneError(reason, source=source, place=f"closed[{index}]", hint=hint)
+    return frozenset(map(str, names))
+
+
+def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl.Formula, ...]:
+    """Return the literals that hold at the start, from formulas or their texts.
+
+    Each must be ground, of this scene, and not contradicted; raises SceneError otherwise. The source is for messages.
+    """
+    known = (*objects, *_OWN_NAMES)
+    values: dict[bddl.Atom, bool] = {}
+    facts = []
+    for index, text in enumerate(_listed(given, "facts", source)):
+        refused = partial(SceneError, source=source, place=f"facts[{index}]")
+        if isinstance(text, bddl.Formula):
+            formula = text
+        elif isinstance(text, str):
+            try:
+                formula = bddl.parse_formula(text)
+            except bddl.BDDLError as problem:
+                raise refused(problem.first_messages) from problem
+        else:
+            raise refused(expected("a string", text))
+        literals = bddl.literals(formula)
+        if literals is None:
+            raise refused("a fact must be a literal, such as (ontop glass_0 table_0) or (not (open fridge_0))")
+        for literal in literals:
+            reason, hint = _unfit_fact(literal.atom, known)
+            if not reason and values.setdefault(literal.atom, literal.value) is not literal.value:
+                reason = f"contradicts an earlier fact about {bddl.format(literal.atom)}"
+            if reason:
+                raise refused(reason, hint=hint)
+        facts.append(formula)
+    return tuple(facts)
+
+
+def _listed(given: object, place: str, source: str) -> Collection[object]:
+    if not isinstance(given, list | tuple | set | frozenset):
+        raise SceneError(expected("a list", given), source=source, place=place)
+    return given
+
+
+def _unfit_fact(atom: bddl.Atom, known: tuple[str, ...]) -> tuple[str, str]:
+    """Return the problem of a fact and a hint: an unknown predicate or object, or a wrong arity."""
+    spec = bddl.PREDICATES.get(atom.predicate)
+    if spec is None:
+        return f"unknown predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+    if len(atom.args) != spec.arity:
+        return f"{atom.predicate} takes {spec.arity} arguments, got {len(atom.args)}", ""
+    for name, parameter in zip(atom.args, spec.parameters, strict=True):
+        if parameter not in FREE_PARAMETERS and name not in known:
+            return f"unknown object {name!r}", did_you_mean(name, known)
+    return "", ""

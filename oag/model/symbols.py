@@ -105,14 +105,9 @@ def _category_words(category: str) -> list[str]:
 def kind_of(category: str, smaller_side_m: float) -> Kind:
     """Decide the kind of an object from its category, and from its size where the category is not known.
 
-    Args:
-        category: Such as `water_glass`, `bottom_cabinet` or `fridge.n.01`; the last known word decides, since compound
-            names end in the noun.
-        smaller_side_m: The smaller horizontal side of its bounding box [m].
-
-    Returns:
-        The kind. An unknown category longer than `FURNITURE_SIDE_M` counts as an articulated fixture, since that allows
-        the most; a smaller one as an item.
+    The last known word of a category, such as `water_glass` or `fridge.n.01`, decides, since compound names end in the
+    noun. An unknown one whose smaller horizontal side exceeds `FURNITURE_SIDE_M` counts as an articulated fixture,
+    since that allows the most; a smaller one as an item.
 
     Source: the paper's object size adjustment (types A and B), extended by common relatives.
     """

@@ -54,11 +54,7 @@ Start = tuple[tuple[Fact, Value], ...]
 
 
 def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
-    """Return what the robot's reset supplies before the first subtask.
-
-    Args:
-        first_target: Target of the first subtask; None when there is none.
-        scene_hand: The hand's value by the scene's own facts, which the reset then keeps; None for none.
+    """Return what the robot's reset supplies before the first subtask; a hand that the scene states is kept.
 
     Source: the paper starts the first flows without NAVIGATE_TO_TARGET ("we initialize the robot at a fixed offset
     distance"): the reset plays the part of a transfer e_0.
@@ -192,12 +188,7 @@ class State:
 
 
 def start_state(scene: Scene, first_target: str | None) -> State:
-    """Return what is known at S_0: by the reset, by the kinds of objects, and by the scene, which contradicts neither.
-
-    Args:
-        scene: The scene.
-        first_target: Target of the first subtask; None when there is none.
-    """
+    """Return what is known at S_0: by the reset, by kinds of objects, and by the scene, which contradicts neither."""
     stated = scene_facts(scene)
     reset = reset_facts(first_target, dict(stated).get(HAND))
     never: dict[Fact, Value] = {}
@@ -277,14 +268,8 @@ def step(
 ) -> tuple[Effect, _Known]:
     """Return what a primitive writes in a state, and the state after it.
 
-    Nothing is assumed: where its needs are unknown, the result describes every state in which it could run.
-
-    Args:
-        state: What is known before it.
-        rows: The table of primitives for its subtask's objects.
-        primitive: What runs; whether it can is for the caller to decide.
-        parameter: Its number, None for none and for what the executor fills in.
-        time: When it writes.
+    Nothing is assumed: where its needs are unknown, the result describes every state in which it could run. Whether it
+    can is for the caller to decide.
     """
     written = rows.row(primitive, state.hand, parameter)[1]
     return written, state.after(written, time)

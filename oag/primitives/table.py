@@ -153,44 +153,25 @@ def open_at_top(category: str) -> bool:
 
 
 def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[Clause, ...]:
-    """Return the clauses that must all hold before a primitive runs.
-
-    Args:
-        primitive: What is to run.
-        context: The subtask's objects.
-        hand: Value of the hand before it, None when unknown; only UNGRASP depends on it.
-    """
+    """Return the clauses that must all hold before a primitive runs; only UNGRASP depends on the hand."""
     return _TABLE[primitive](context, hand)[0]
 
 
 def carries(primitive: Primitive, parameter: Parameter = None) -> bool:
-    """Decide whether a primitive carries what the hand holds; all do that move the hand or the base.
-
-    Args:
-        primitive: What runs.
-        parameter: Its number; None for one that takes none, or whose number the executor fills in.
-    """
+    """Decide whether a primitive carries what the hand holds; all do that move the hand or the base."""
     return primitive not in _IN_PLACE and parameter != 0.0
 
 
 def effect(primitive: Primitive, context: Context, hand: Value, parameter: Parameter = None) -> Effect:
-    """Return what the intended outcome of a primitive writes.
+    """Return what the intended outcome of a primitive writes, as pairs (fact or pattern, value), no fact twice.
 
-    Args:
-        primitive: What runs.
-        context: The subtask's objects.
-        hand: Value of the hand before it; None when unknown, which makes every resting place unknown where the
-            primitive would have moved what is held.
-        parameter: Metres, degrees or joint limits; None for none, and for what the executor fills in.
-
-    Returns:
-        Pairs (fact or pattern, value), no fact twice; a pattern does not touch a fact that is listed itself.
+    A pattern does not touch a fact that is listed itself. For an unknown hand every resting place becomes unknown where
+    the primitive would have moved what is held. A parameter of None is filled in by the executor, or takes no number.
     """
     return _row(primitive, context, hand, parameter)[1]
 
 
 def _row(primitive: Primitive, context: Context, hand: Value, parameter: Parameter) -> Row:
-    """Return the row of the table for a primitive with its number."""
     if parameter is None:
         return _TABLE[primitive](context, hand)
     if primitive in ARTICULATIONS and isinstance(parameter, tuple):
@@ -214,9 +195,7 @@ def _articulated(primitive: Primitive, target: str, low: float, high: float) -> 
 def _is_open(limit: float, upper: float) -> bool | None:
     """Decide whether a joint at a limit is open: None when that depends on its range, which is unknown here.
 
-    Args:
-        limit: Position of the joint: a fraction of its range, or radians or metres.
-        upper: The upper limit given with it; both are fractions when it is at most 1.
+    Limits are fractions when the upper one is at most 1, else radians or metres.
     """
     if upper <= 1.0 or limit <= 0.0:
         return limit > OPEN_FRACTION
@@ -381,12 +360,7 @@ def library_sha() -> str:
 
 
 def impossible(objects: Mapping[str, str], articulated: Container[str]) -> Iterator[Fact]:
-    """Yield the facts and patterns that no state makes true: `open` without a joint, `inside` what has no inside.
-
-    Args:
-        objects: Category of each object.
-        articulated: Ids of those that have a joint.
-    """
+    """Yield the facts and patterns that no state makes true: `open` without a joint, `inside` what has no inside."""
     for name, category in objects.items():
         if name not in articulated:
             yield "open", name

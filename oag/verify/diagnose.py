@@ -14,7 +14,6 @@ from typing import NamedTuple
 import bddl
 from bddl.ast import Quantified
 from oag.flows import NoFlow, no_flow_finding, searched_notes
-from oag.goals import default_goal, is_meant_to_change
 from oag.model.diagnostics import SCALES, TASK_GOAL, WRONG_ORDER, Diagnostic
 from oag.model.scene import Scene
 from oag.model.symbols import (
@@ -48,7 +47,7 @@ from oag.progression import (
     producer_place,
 )
 from oag.sizes import planned_resizings
-from oag.task import Task, label, step_place, subtask_place
+from oag.task import Task, default_goal, is_meant_to_change, label, step_place, subtask_place
 
 
 def needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
@@ -127,7 +126,6 @@ def _links_text(trace: Trace, links: tuple[CausalLink, ...]) -> str:
 
 
 def _since(trace: Trace, link: CausalLink) -> str:
-    """Return the place from which a fact has had its value."""
     if link.value is None:
         return producer_place(trace, link.producer)
     return producer_place(trace, trace.since(link.condition.fact, link.value, link.producer).time)
@@ -300,10 +298,7 @@ class Explainer:
     def _otherwise(self, condition: Condition | None, obligation: Obligation, *, possible: bool) -> str:
         """Return a line with the alternatives on which a step would run too.
 
-        Args:
-            condition: What is needed.
-            obligation: Where.
-            possible: Name the alternatives that may hold there, and say of the others that they cannot.
+        If they are `possible`, those that may hold there are named, and of the others it is said that they cannot.
         """
         others = self.alternatives(condition, obligation)
         out = [other for other, may_be in others.items() if possible and not may_be]
@@ -465,12 +460,10 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     """Yield warnings for changes outside a subtask's scope, and a note for cargo of a grasped item.
 
     A subtask may change facts about its target and support. Undoing another subtask's goal, without being meant to, is
-    clobbering. Changing other facts of the scene is outside the scope.
+    clobbering. Changing other facts of the scene is outside the scope. In a plan that cannot succeed (`runs` is False),
+    the failure already names the step that undid it.
 
     Source: docs/codes.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
-
-    Args:
-        runs: Whether the plan may succeed; in a plan that cannot, the failure already names the step that undid it.
     """
     if runs:
         yield from _changes(task, scene, trace)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import bddl
 from bddl.terminal import pluralize
-from oag.goals import default_goal
-from oag.model.actions import Action, ActionFlow, flow_to_json
+from oag.model.actions import Action, ActionFlow
+from oag.model.codec import Record, fields_json
 from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
-from oag.task import SimpleTask, Task
+from oag.task import SimpleTask, Task, default_goal
 
 _Item = TypeVar("_Item")
 
@@ -30,17 +30,9 @@ class Edit(ABC):
 
     def to_json(self) -> dict[str, object]:
         """Return the edit as JSON values, without what it leaves as it is; indices count from 0."""
-        values = ((entry.name, getattr(self, entry.name)) for entry in fields(self))
-        return {"op": self.op} | {name: _plain(value) for name, value in values if value is not None}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, bddl.Formula):
-        return bddl.format(value)
-    if isinstance(value, SimpleTask):
-        return value.to_json()
-    # Of strings only a support may be empty, which stands for none.
-    return flow_to_json(value) if isinstance(value, tuple) else None if value == "" else value
+        # Of strings only a support may be empty, which stands for none.
+        written = {name: value for name, value in fields_json(self).items() if value is not None}
+        return {"op": self.op} | {name: None if value == "" else value for name, value in written.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +96,6 @@ class InsertSubtask(Edit):
     inserted: SimpleTask
 
     def apply(self, task: Task) -> Task:
-        """Return the longer task."""
         if not 0 <= self.subtask <= len(task.subtasks):
             raise FixError(f"there is no place {self.subtask} among {pluralize(len(task.subtasks), 'subtask')}")
         subtasks = list(task.subtasks)
@@ -120,7 +111,6 @@ class DeleteSubtask(Edit):
     subtask: int
 
     def apply(self, task: Task) -> Task:
-        """Return the shorter task."""
         item_at(task.subtasks, self.subtask, "subtask")
         return _with_subtasks(task, (*task.subtasks[: self.subtask], *task.subtasks[self.subtask + 1 :]))
 
@@ -134,7 +124,6 @@ class MoveSubtask(Edit):
     to: int
 
     def apply(self, task: Task) -> Task:
-        """Return the task in the other order."""
         for index in (self.subtask, self.to):
             item_at(task.subtasks, index, "subtask")
         return _with_subtasks(task, move_item(task.subtasks, self.subtask, self.to))
@@ -149,7 +138,6 @@ class SwapSubtasks(Edit):
     other: int
 
     def apply(self, task: Task) -> Task:
-        """Return the task in the other order."""
         subtasks = list(task.subtasks)
         first, second = (item_at(task.subtasks, index, "subtask") for index in (self.subtask, self.other))
         subtasks[self.subtask], subtasks[self.other] = second, first
@@ -177,7 +165,6 @@ class SetScale(Edit):
     factor: float | None
 
     def apply(self, task: Task) -> Task:
-        """Return the task with the scale."""
         scales = {key: value for key, value in task.scales.items() if key != self.name}
         if self.factor is not None:
             scales[self.name] = self.factor
@@ -200,7 +187,6 @@ class AddFact(Edit):
         return task if task.scene is None else replace(task, scene=self.apply_to_scene(task.scene))
 
     def apply_to_scene(self, scene: Scene) -> Scene:
-        """Return the scene with the fact."""
         return replace(scene, facts=(*scene.facts, self.fact))
 
 
@@ -210,11 +196,7 @@ def condition_edit(index: int, field: str, formula: bddl.Formula) -> ChangeSubta
 
 
 def item_at(items: Sequence[_Item], index: int, what: str) -> _Item:
-    """Return an item of a sequence.
-
-    Raises:
-        FixError: There is none of that index.
-    """
+    """Return an item of a sequence; raises FixError when there is none of that index."""
     if not 0 <= index < len(items):
         raise FixError(f"there is no {what} {index}: the task has {len(items)}")
     return items[index]
@@ -247,7 +229,7 @@ def _with_subtasks(task: Task, subtasks: Sequence[SimpleTask]) -> Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class Fix(Record):
     """One verified repair of a plan.
 
     Attributes:
@@ -278,14 +260,9 @@ class Fix:
     assumption: bool = False
 
     def apply(self, task: Task) -> Task:
-        """Return the repaired task.
+        """Return the repaired task; raises FixError for another task than the one whose report offered the fix.
 
-        Args:
-            task: The one whose report offered the fix. If it carries its scene, a fact that the fix states is in the
-                scene of the result.
-
-        Raises:
-            FixError: It is another task, without the places that the fix changes.
+        If the task carries its scene, a fact that the fix states is in the scene of the result.
         """
         for edit in self.edits:
             task = edit.apply(task)
@@ -314,8 +291,3 @@ class Fix:
             return "nothing fails any more, some things stay unknown"
         noun = "1 other mistake remains" if self.remaining == 1 else f"{self.remaining} other mistakes remain"
         return f"this one is gone, {noun}"
-
-    def to_json(self) -> dict[str, object]:
-        """Return the fix as JSON values."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return values | {"edits": [edit.to_json() for edit in self.edits]}

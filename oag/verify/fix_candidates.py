@@ -66,9 +66,6 @@ class Candidate:
 
     Attributes:
         cost: How much it changes, from `Cost`.
-        kind: What it does.
-        summary: The same in words.
-        edits: The changes.
         subtask: Index of the subtask that it changes, or before which it inserts.
         step: Index of the step that it changes.
         rank: Among candidates of one cost, the smaller is tried first.
@@ -91,16 +88,8 @@ class Candidate:
 
     def as_fix(self, cause: int) -> Fix:
         """Return the candidate as a fix of an error, not yet verified."""
-        return Fix(
-            self.kind,
-            self.summary,
-            self.subtask,
-            self.step,
-            self.edits,
-            cause,
-            proves=False,
-            assumption=self.assumption,
-        )
+        at = (self.subtask, self.step)
+        return Fix(self.kind, self.summary, *at, self.edits, cause, proves=False, assumption=self.assumption)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +98,6 @@ class Mistake:
 
     Attributes:
         number: Its index in `report.errors`.
-        finding: The diagnostic.
-        task: The plan.
-        scene: Its scene.
         trace: The plan as it was followed; None when it is not well formed.
         obligation: What fails; None when the plan is not well formed, or a flow does not exist.
         condition: The literal that fails, where it is one.
@@ -273,11 +259,8 @@ def _everywhere(
 ) -> Iterator[Edit]:
     """Yield the edits that rewrite all conditions of a task.
 
-    Args:
-        task: The task.
-        write: Returns the replacement of a formula.
-        role: Returns the replacement of a role's name, given whether the condition that names it changes; None to keep
-            it.
+    `write` returns the replacement of a formula; `role` that of a role's name, given whether the condition that names
+    it changes, and None to keep it.
     """
     for index, subtask in enumerate(task.subtasks):
         init, goal = (other if (other := write(old)) != old else None for old in (subtask.init, subtask.goal))
@@ -357,7 +340,6 @@ def _meant(mistake: Mistake, index: int, step: int) -> Iterator[Action]:
 
 
 def _in_range(action: Action) -> Iterator[Action]:
-    """Yield an action with a parameter that its primitive takes."""
     value = action.parameter
     others = []
     if isinstance(value, float) and value < 0.0 and action.primitive in OPPOSITE:

@@ -18,11 +18,11 @@ from oag.flows import (
     PICK,
     PLACE,
     TAKE_OUT,
+    PlanSearch,
     PrimitiveFlow,
     TooManyStates,
     flows,
     force_flow,
-    legal_primitives,
     run_flow,
 )
 from oag.model.actions import Action, ActionFlow
@@ -41,9 +41,8 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
-from oag.primitives.state import View, Window, assume_true, contradictions, start_state
-from oag.primitives.table import NAVIGATION, RESTING, Placement, needed
-from oag.progression import compile_plan, facts_read
+from oag.primitives.state import View, assume_true, contradictions
+from oag.primitives.table import NAVIGATION, RESTING, Placement
 from oag.rewriting import (
     Variant,
     negated_variants,
@@ -212,7 +211,6 @@ def _subtasks_with_wrong_conditions(mistake: Mistake) -> tuple[int, ...]:
 
 
 def _objects_of(formula: bddl.Formula, scene: Scene) -> set[str]:
-    """Return the objects that a formula names, and those that its quantifiers range over."""
     names = {name for atom in bddl.atoms(formula) for name in atom.args}
     ranges = {b.category for node in formula.walk() if isinstance(node, Quantified) for b in node.binders}
     return names | {key for key, thing in scene.objects.items() if thing.category in ranges}
@@ -288,7 +286,6 @@ def _open_and_close(mistake: Mistake, part: SimpleTask, places: list[int], lates
 
 
 def _wanted(mistake: Mistake) -> Iterator[Condition]:
-    """Yield the literals that would remove the mistake."""
     if mistake.condition is not None:
         yield mistake.condition
         return
@@ -444,16 +441,11 @@ class Rehearsal:
     """
 
     def __init__(self, mistake: Mistake) -> None:
-        task, scene = mistake.task, mistake.scene
-        objects = scene.categories
-        self.subtasks = compile_plan(task.subtasks, scene)
-        self.legal = tuple(
-            legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
-        )
-        self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
+        plan = PlanSearch(mistake.task, mistake.scene)
+        self.subtasks, self.legal, self.window = plan.subtasks, plan.legal, plan.start.window
         # The state before every subtask, as if everything had held so far.
         self.before: list[View] = []
-        state = self.window.view(start_state(scene, task.subtasks[0].target))
+        state = plan.start
         for subtask in self.subtasks:
             self.before.append(assume_true(state, subtask.init))
             state = assume_true(force_flow(self.before[-1], subtask), subtask.goal)
@@ -461,10 +453,7 @@ class Rehearsal:
     def passes(self, index: int, flow: ActionFlow, *, elsewhere: bool) -> bool:
         """Decide whether a subtask with this flow may reach its goal and let the next one start.
 
-        Args:
-            index: The subtask.
-            flow: Its changed flow.
-            elsewhere: The mistake shows in a later subtask, so that the flow must lead to another state.
+        A flow for a mistake `elsewhere`, which shows in a later subtask, must lead to another state.
         """
         subtask = self.subtasks[index]
         state = run_flow(self.before[index], subtask, flow)

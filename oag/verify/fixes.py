@@ -9,11 +9,12 @@ Source: docs/semantics.md, Fixes.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 
 import bddl
+from oag.flows import complete
 from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, held_by, overlap
@@ -32,7 +33,7 @@ from oag.verify.fix_plans import (
     role_candidates,
     step_candidates,
 )
-from oag.verify.report import Report, Verdict
+from oag.verify.verify import Report, Verdict, verify
 
 # Most verifications for one mistake; in long plans, as many as follow this number of steps in all.
 MOST_CHECKS = 300
@@ -48,8 +49,6 @@ _MUCH_MORE = 3
 # Of an unreadable condition, only the text can be repaired.
 _UNREADABLE = ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-category")
 
-# How a changed plan is verified.
-Judge = Callable[[Task, Scene], Report]
 _Key = tuple[object, ...]
 
 # Mistakes of form come first.
@@ -91,7 +90,6 @@ class FixSearch:
     """The search for repairs of one mistake."""
 
     report: Report
-    judge: Judge
     checks: int = 0
     # What kept an inserted subtask from working at the latest place that was tried for it.
     too_late: dict[str, Diagnostic] = field(default_factory=dict)
@@ -127,7 +125,7 @@ class FixSearch:
         before = self.report
         draft = candidate.as_fix(mistake.number)
         task, scene = draft.apply(before.task), draft.apply_to_scene(before.scene)
-        after = self.judge(task, scene)
+        after = _verified(task, scene)
         part = candidate.inserted
         if after.verdict is Verdict.REFUTED and part is not None and after.errors[0].subtask == candidate.subtask:
             self.too_late.setdefault(part.name, after.errors[0])
@@ -159,7 +157,7 @@ class FixSearch:
         """Decide whether a default goal still holds after subtasks were added or removed."""
         if task.goal_given or not after or candidate.kind.startswith("change-"):
             return True
-        return bool(self.judge(replace(task, goal=self.report.task.goal), scene))
+        return bool(_verified(replace(task, goal=self.report.task.goal), scene))
 
     def _remark(self, inserted: SimpleTask | None) -> str:
         """Return why an insertion would not work later in the plan."""
@@ -169,6 +167,11 @@ class FixSearch:
         last = finding.subtask >= len(self.report.task.subtasks)
         where = "at the end" if last else f"before {numbered(finding.subtask)}"
         return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
+
+
+def _verified(task: Task, scene: Scene) -> Report:
+    """Return the report of a changed plan; the missing flow of a subtask is searched."""
+    return verify(complete(task, scene).task, scene)
 
 
 def most_checks(task: Task) -> int:
@@ -230,14 +233,10 @@ def _dropped(report: Report) -> int:
 def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:
     """Decide whether everything that a changed plan leaves open was open in the plan before it.
 
-    Args:
-        before: Report of the plan.
-        after: Report of the changed plan, CONDITIONAL.
-        inserted: Whether the change only inserts a subtask, which may need more facts of the start than the rest.
-
     A formula of the plan that was false, or open as a whole, may be met in several ways once a mistake is removed. It
     then rests on some of its literals. These do not count, as long as no step of either plan writes such a literal. A
-    change that removes the step that writes it, and then assumes it, repairs nothing.
+    change that removes the step that writes it, and then assumes it, repairs nothing. One that only inserts a subtask
+    may need more facts of the start than the rest.
     """
     if before.trace is None or after.trace is None:
         return False
@@ -273,20 +272,19 @@ _MOST_TOGETHER = 10
 _MOST_STEPS_TOGETHER = 100_000
 
 
-def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
-    """Return the verified repairs of a refuted plan.
+def find_fixes(report: Report) -> tuple[Fix, ...]:
+    """Return the verified repairs of a refuted plan: those that make it PROVED first, the smallest change first.
 
-    Returns:
-        Those that make the plan PROVED first, the smallest change first; at most `MOST_FIXES` for each error, each of
-        another kind. Where no single change proves a plan with several mistakes, the first fix removes them all.
+    There are at most `MOST_FIXES` for each error, each of another kind. Where no single change proves a plan with
+    several mistakes, the first fix removes them all.
     """
     found = mistakes(report)[:_MOST_CAUSES]
-    offered = [offer for mistake in found for offer in FixSearch(report, judge).offers(mistake)]
+    offered = [offer for mistake in found for offer in FixSearch(report).offers(mistake)]
     offered.sort(key=lambda offer: offer.order)
     fixes = list(_distinct(report, (offer.fix for offer in offered)))
     if any(fix.proves for fix in fixes):
         return tuple(fixes)
-    parts = _together(report, judge, fixes)
+    parts = _together(report, fixes)
     if not parts:
         return tuple(fixes)
     whole = Fix(
@@ -299,7 +297,7 @@ def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
         proves=True,
         assumption=any(fix.assumption for fix in parts),
     )
-    return (whole, *_distinct(report, _alone(report, judge, parts, fixes)))
+    return (whole, *_distinct(report, _alone(report, parts, fixes)))
 
 
 def _distinct(report: Report, fixes: Iterable[Fix]) -> Iterator[Fix]:
@@ -312,7 +310,7 @@ def _distinct(report: Report, fixes: Iterable[Fix]) -> Iterator[Fix]:
             yield fix
 
 
-def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
+def _together(report: Report, fixes: list[Fix]) -> list[Fix]:
     """Return fixes that remove several mistakes one after the other; empty when they do not prove the plan."""
     chosen: list[Fix] = []
     task, scene, left = report.task, report.scene, _MOST_STEPS_TOGETHER
@@ -321,12 +319,12 @@ def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
             return []
         chosen.append(fixes[0])
         task, scene = fixes[0].apply(task), fixes[0].apply_to_scene(scene)
-        current = judge(task, scene)
+        current = _verified(task, scene)
         if current:
             return chosen
         if current.verdict is not Verdict.REFUTED:
             return []
-        search = FixSearch(current, judge)
+        search = FixSearch(current)
         fixes = [offer.fix for offer in search.offers(mistakes(current)[0])]
         left -= search.checks * sum(len(subtask.flow or ()) for subtask in task.subtasks)
         if left < 0:
@@ -334,12 +332,12 @@ def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
     return []
 
 
-def _alone(report: Report, judge: Judge, parts: list[Fix], fixes: list[Fix]) -> Iterator[Fix]:
+def _alone(report: Report, parts: list[Fix], fixes: list[Fix]) -> Iterator[Fix]:
     """Yield for every mistake the part that removes it together with the others, else the fixes for it alone."""
     for mistake in mistakes(report):
         for part in parts:
             edits = Candidate(0, part.kind, part.summary, part.edits, part.subtask, part.step)
-            offer = FixSearch(report, judge).checked(mistake, edits) if _fits(report, part) else None
+            offer = FixSearch(report).checked(mistake, edits) if _fits(report, part) else None
             if offer is not None:
                 yield offer.fix
                 break

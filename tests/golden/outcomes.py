@@ -169,11 +169,13 @@ def requests() -> Items:
 # ---------------------------------------------------------------- the command line
 
 
-def command(*words: object, folder: Path | None = None, most_s: float = LONGEST_S) -> subprocess.CompletedProcess[str]:
+def command(
+    *words: object, folder: Path | None = None, most_s: float = LONGEST_S, program: str = "executor"
+) -> subprocess.CompletedProcess[str]:
     """Return what a command line printed and its exit code, in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
     return subprocess.run(
-        [sys.executable, "-m", "executor", *map(str, words)],
+        [sys.executable, "-m", program, *map(str, words)],
         capture_output=True, text=True, cwd=folder or ROOT, env=environment, timeout=most_s, check=False,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
@@ -255,6 +257,11 @@ def benched(folder: Path, families: Sequence[str], episodes: int, *more: str) ->
     """Return the outcome of every unit of a benchmark."""
     done = command("bench", *families, "--episodes", episodes, "--seed", 94100, "--out", folder, "--json", *more)
     assert done.returncode in (0, 1), done.stderr
+    return units_of(folder)
+
+
+def units_of(folder: Path) -> Items:
+    """Return the outcome of every unit in a benchmark's folder."""
     found: Items = {}
     for path in sorted((folder / "units").glob("*.json")):
         unit = json.loads(path.read_text(encoding="utf-8"))
@@ -364,11 +371,13 @@ BASELINES = ("unchecked", "checked", "repaired", "constraint-pose", "sampled-gra
 
 def baselines(folder: Path) -> Items:
     """Return what each baseline makes of a kitchen."""
-    return {
-        f"{baseline}/{name}": item
-        for baseline in BASELINES
-        for name, item in benched(folder / baseline, ("T1",), 1, "--baseline", baseline).items()
-    }
+    found: Items = {}
+    for baseline in BASELINES:
+        words = (baseline, "T1", "--episodes", 1, "--seed", 94100, "--out", folder / baseline)
+        done = command(*words, program="benchmarks.baselines")
+        assert done.returncode == 0, done.stderr
+        found |= {f"{baseline}/{name}": item for name, item in units_of(folder / baseline).items()}
+    return found
 
 
 # ---------------------------------------------------------------- all of it

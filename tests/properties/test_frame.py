@@ -14,7 +14,7 @@ import oag
 from oag.model.symbols import EEF, HAND, NEAR, Condition, Fact, Primitive, Value, gripping, held_by, holding
 from oag.primitives.state import State, step
 from oag.primitives.table import Context, Effect, Placement, Rows, effect, requirements
-from oag.verify.report import crossing
+from oag.verify.verify import crossing
 from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split
 from tests.properties.plans import (
     FACTS,

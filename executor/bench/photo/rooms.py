@@ -25,7 +25,7 @@ from executor.scenes.pair import ScenePair
 from executor.system.extras import require
 from executor.system.files import read_json, write_json
 from oag import Kind, Scene, SceneObject
-from oag.model.scene_rules import about_z
+from oag.model.scene import about_z
 
 MOST_ROOMS = 10_000
 HOUSEHOLD = "household"

@@ -31,7 +31,7 @@ from executor.photo.pipeline import PhotoResult
 from executor.sim.render.cameras import joints_at_start, link_frames
 from executor.system.extras import require
 from oag import Kind, SceneObject
-from oag.model.scene_rules import about_z
+from oag.model.scene import about_z
 from oag.primitives.table import OPEN_FRACTION
 
 _LEAST_COMMON = 0.5

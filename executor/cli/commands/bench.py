@@ -1,9 +1,9 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
 unit again, as a video and a report.
 
-`bench` exits with 0 when every requested unit is done and at least one succeeded, 1 when none did (but for
-baselines, which may all fail), 130 after Ctrl-C. Failures are what a benchmark measures. `replay` exits with 0 when
-the states were the same as when it was measured, whether it succeeded or not; 1 when they were not.
+`bench` exits with 0 when every requested unit is done and at least one succeeded, 1 when none did, 130 after Ctrl-C.
+Failures are what a benchmark measures. `replay` exits with 0 when the states were the same as when it was measured,
+whether it succeeded or not; 1 when they were not.
 """
 
 from __future__ import annotations
@@ -19,16 +19,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from bddl.terminal import pluralize
-from executor.bench.baselines.methods import baseline_version
-from executor.bench.baselines.one_demonstration import SOURCE_SEEDS, source_seeds_text
 from executor.bench.folder import BenchFolder
-from executor.bench.tables import FOOTNOTE, Cell, bench_page, detail_rows, main_rows
+from executor.bench.tables import FOOTNOTE, Cell, bench_json, detail_rows, main_rows, write_results
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.bench.work import replay
 from executor.campaign.engine import Campaign, Shard, claimed, pending
 from executor.campaign.versions import outcome_version
 from executor.cli.command_options import BenchOptions, BenchReplayOptions
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
 from executor.cli.execution import check_seed, check_unit_limit, check_workers, command_line, read_shard, results_writer
 from executor.cli.output import ERR, OUT, print_json, say, tell
 from executor.cli.rollout_display import print_summary, summary_json
@@ -36,11 +34,9 @@ from executor.reports.run_folder import RunFolder
 from executor.rollouts.run_record import RunRecord, evolution_json
 from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 from executor.sim.render.frames import check_size
-from executor.system.files import write_json, write_text
+from executor.system.files import write_json
 
 WORKER = "executor.bench.worker"
-BASELINE_WORKER = "executor.bench.baselines.worker"
-SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 
 
 def execute(options: BenchOptions | BenchReplayOptions) -> int:
@@ -52,31 +48,26 @@ def _measure(options: BenchOptions) -> int:
     """Run what is not done yet, print the table, and write summary and report."""
     shard = _checked(options)
     folder = BenchFolder(options.out)
-    version = outcome_version() if options.baseline is None else baseline_version()
-    setting = BenchSetting(
-        options.flows, options.evolve, options.views, options.keep_sizes, options.full_size, options.baseline
-    )
+    version = outcome_version()
+    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes, options.full_size)
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in FAMILIES
         if family in options.families
     ]
-    if options.baseline == "one-demonstration":
-        _check_rooms(options.seed, asked)
     folder.add_series(asked)
     jobs = list(pending(folder, [(unit, version) for one in asked for unit in one.units()], shard, again=options.again))
-    worker = WORKER if options.baseline is None else BASELINE_WORKER
     interrupted = False
     with claimed(folder, jobs):
         try:
             with _progress(folder, asked, len(jobs), quiet=options.json) as on_progress:
-                Campaign(folder, worker, options.workers, options.limit_s).run(jobs, on_progress)
+                Campaign(folder, WORKER, options.workers, options.limit_s).run(jobs, on_progress)
         except KeyboardInterrupt:
             interrupted = True
         finally:
             cells = write_results(folder)
     endings = Counter(result["ended"] for one in asked for result in folder.results(one))
-    hopeless = options.baseline is None and endings.total() > 0 and not endings["succeeded"]
+    hopeless = endings.total() > 0 and not endings["succeeded"]
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     if options.json:
         print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
@@ -86,28 +77,6 @@ def _measure(options: BenchOptions) -> int:
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
     return code
-
-
-def write_results(folder: BenchFolder) -> list[Cell]:
-    """Write summary and report of everything in a folder, and return its cells."""
-    cells = [Cell(series, folder.results(series)) for series in folder.series()]
-    write_json(folder.path / "summary.json", bench_json(cells))
-    write_text(folder.path / "report.html", bench_page(cells, folder.path))
-    return cells
-
-
-def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
-    """Return the summary as plain data: the table, every cell, and one line a unit."""
-    return {
-        "schema": SUMMARY_SCHEMA,
-        "table": [dict(zip(("method", *FAMILIES), row, strict=True)) for row in main_rows(cells)],
-        "cells": [cell.to_json() for cell in cells],
-        "failed": [
-            {"unit": result["name"], "ended": result["ended"], "failure": result.get("failure")}
-            for cell in cells
-            for result in cell.failed
-        ],
-    }
 
 
 def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
@@ -151,19 +120,7 @@ def _checked(options: BenchOptions) -> Shard:
     shard = read_shard(options.shard)
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
-    if options.baseline is not None and (options.flows == "paper" or options.evolve or options.views):
-        raise BadOption("--baseline", options.baseline, "no --flows paper, --evolve or --views beside it")
     return shard
-
-
-def _check_rooms(seed: int, asked: Sequence[Series]) -> None:
-    """Refuse to measure a demonstration in the room that it was made in.
-
-    Raises:
-        BadOption: A unit is of one of their seeds.
-    """
-    own = any(unit.seed in SOURCE_SEEDS for series in asked for unit in series.units())
-    check(not own, "--seed", seed, f"no episode of the seeds {source_seeds_text()}, which the demonstrations are of")
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""`scene2demo dataset export|convert|info|check|merge|card`: work with a filled store."""
+"""`scene2demo dataset export|info|check|merge|card`: work with a filled store."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from bddl.terminal import pluralize
 from executor.cli.data_options import (
     CardOptions,
     CheckStoreOptions,
-    ConvertOptions,
     ExportOptions,
     InfoOptions,
     MergeOptions,
@@ -16,7 +15,7 @@ from executor.cli.data_options import (
 from executor.cli.errors import DONE, FAILED, BadOption, check
 from executor.cli.output import counting, print_json, print_text, say, tell
 from executor.data.card import Contents, card, contents_of, page, shares
-from executor.data.formats.export import open_set, write_set
+from executor.data.formats.export import write_set
 from executor.data.formats.selection import Selection
 from executor.data.formats.store_reader import stream_of
 from executor.data.formats.table import EpisodeStream, repeats_text
@@ -25,7 +24,7 @@ from executor.data.upkeep import find_flaws, merge
 from executor.system.files import write_text
 from oag import clopper_pearson
 
-Options = ExportOptions | ConvertOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
+Options = ExportOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
 
 
 def execute(options: Options) -> int:
@@ -37,12 +36,9 @@ def execute(options: Options) -> int:
     """
     match options:
         case ExportOptions():
-            _check_apart(options.out, options.store, "STORE")
+            _check_apart(options.out, options.store)
             only = Selection.parse(options.only)
             return _write(stream_of(EpisodeStore.open(options.store), options.include, only), options)
-        case ConvertOptions():
-            _check_apart(options.out, options.source, "SOURCE")
-            return _write(open_set(options.source), options)
         case InfoOptions():
             return _info(options)
         case CheckStoreOptions():
@@ -53,16 +49,16 @@ def execute(options: Options) -> int:
             return _card(options)
 
 
-def _check_apart(out: Path, source: Path, name: str) -> None:
+def _check_apart(out: Path, source: Path) -> None:
     """Refuse an output where --force would delete the input, or that would become part of it."""
     where, read = out.resolve(), source.resolve()
     apart = not (where.is_relative_to(read) or read.is_relative_to(where))
-    check(apart, "--out", out, f"another folder than {name}, neither around it nor within it ({source})")
+    check(apart, "--out", out, f"another folder than STORE, neither around it nor within it ({source})")
 
 
-def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> int:
+def _write(stream: EpisodeStream, options: ExportOptions) -> int:
     with counting("writing episodes", quiet=options.json) as progress:
-        found = write_set(stream, options.format, options.out, replace=options.force, on_progress=progress)
+        found = write_set(stream, options.format, options.out, overwrite=options.force, on_progress=progress)
     numbers = {"train": found.train, "validation": found.validation, "corrections": found.corrections}
     pictures = {"views": list(found.views), "channels": list(found.channels)}
     if options.json:

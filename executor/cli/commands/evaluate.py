@@ -21,12 +21,12 @@ from executor.data.units import Origin, scene_key
 from executor.data.views import check_drawable
 from executor.learn.acting import LeRobotPolicy, Policy, TrainedPolicy, is_stock
 from executor.learn.demonstrations import EpisodeKind, learned_from
-from executor.learn.evaluation.outcomes import EpisodeOutcome
-from executor.learn.evaluation.scores import (
+from executor.learn.evaluation import EpisodeOutcome, EpisodeStates, draw_video, evaluate
+from executor.learn.policy_record import LOSSES, PolicyRecord
+from executor.learn.scores import (
     Curve,
     EvaluationReport,
     PolicyScore,
-    by_axis,
     by_training,
     evaluation_page,
     loss_curve,
@@ -34,8 +34,6 @@ from executor.learn.evaluation.scores import (
     rate_words,
     success_curve,
 )
-from executor.learn.evaluation.trials import EpisodeStates, TrialConditions, draw_video, evaluate
-from executor.learn.policy_record import LOSSES, PolicyRecord
 from executor.reports.run_folder import FolderUnusable
 from executor.scenes.file import scene_for
 from executor.sim.render.frames import check_size
@@ -76,18 +74,15 @@ def execute(options: EvaluateOptions) -> int:
                     tell(f"  {actor.name} seed {outcome.seed}: succeeded")
                 return
             if not options.json:
-                after = {True: ", done with the planner's help", False: ", and the planner did not do it either"}
-                words = after[bool(outcome.success_with_help)] if outcome.helped else ""
-                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}{words}")
+                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}")
             if scene_renderer is not None and options.out is not None:
                 folder = options.out / f"{actors.index(actor):02d}-{outcome.seed:06d}-{outcome.failure}"
                 rate_hz = actor.record.rate_hz
                 drawn.append(str(draw_video(scene_renderer(), footage, folder, options.size, rate_hz)))
 
-        conditions = TrialConditions(options.push, options.fallback, options.videos)
-        found = evaluate(actors, kind, seeds, show_outcome, conditions)
-    judged = _judged(kind, conditions, actors, found)
-    results = {"version": version, **_results_json(kind, conditions, actors, judged, found), "videos": drawn}
+        found = evaluate(actors, kind, seeds, show_outcome, keep_states=options.videos)
+    judged = _judged(kind, actors, found)
+    results = {"version": version, **_results_json(kind, actors, judged, found), "videos": drawn}
     code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
     # Print before writing: results of hours are shown even if the disk is full by now.
     if options.json:
@@ -119,7 +114,6 @@ def _make(out: Path) -> None:
 def _actors(options: EvaluateOptions) -> list[Policy]:
     check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
     check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")
-    check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
     check(len(set(options.steps)) == len(options.steps), "--steps", " ".join(map(str, options.steps)), "each step once")
     check(options.threads > 0, "--threads", options.threads, "a number above 0")
     check_seed(options.seed, options.episodes)
@@ -199,7 +193,6 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
 
 def _judged(
     kind: EpisodeKind,
-    conditions: TrialConditions,
     actors: Sequence[Policy],
     found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> EvaluationReport:
@@ -208,18 +201,14 @@ def _judged(
         actor.name: (f"{actor.record.key_without_seed} {actor.step} {actor.execute}", actor.record.seed)
         for actor in actors
     }
-    words = [kind.origin.query or kind.origin.label, f"{len(next(iter(found.values())))} episodes each"]
-    words += [f"the {' and the '.join(conditions.pushes)} pushed once in each"] if conditions.pushes else []
-    words += ["where a policy got no further, the planner went on"] if conditions.fallback else []
     folders: dict[str, dict[int, PolicyScore]] = {}
     for actor in actors:
         folders.setdefault(actor.folder, {})[actor.step] = scores[actor.name]
     return EvaluationReport(
-        what="; ".join(words),
+        what=f"{kind.origin.query or kind.origin.label}; {len(next(iter(found.values())))} episodes each",
         scores=scores,
         trainings=by_training(trained, found),
         tests=paired_tests(found),
-        axes={name: by_axis(outcomes) for name, outcomes in found.items()},
         losses=tuple(curve for folder in folders if (curve := _loss(folder)) is not None),
         successes=tuple(
             success_curve(folder, {step: score.once for step, score in by_step.items()})
@@ -239,7 +228,6 @@ def _loss(folder: str) -> Curve | None:
 
 def _results_json(
     kind: EpisodeKind,
-    conditions: TrialConditions,
     actors: Sequence[Policy],
     judged: EvaluationReport,
     found: Mapping[str, Sequence[EpisodeOutcome]],
@@ -252,15 +240,12 @@ def _results_json(
             "demonstrations": actor.record.demonstrations,
             "corrections": actor.record.takeovers,
             **judged.scores[actor.name].to_json(),
-            "by_axis": [score.to_json() for score in judged.axes[actor.name]],
             "episodes": [outcome.to_json() for outcome in found[actor.name]],
         }
         for actor in actors
     }
     return {
         "kind": kind.to_json(),
-        "pushes": list(conditions.pushes),
-        "fallback": conditions.fallback,
         "policies": described,
         "trainings": [row.to_json() for row in judged.trainings],
         "pairs": [test.to_json() for test in judged.tests],
@@ -272,8 +257,6 @@ def _print(judged: EvaluationReport) -> None:
         say(f"{name}", style="bold")
         say(f"  {'once':11} {rate_words(score.once)}")
         say(f"  {'at the end':11} {rate_words(score.at_end)}")
-        if score.with_help is not None:
-            say(f"  {'with help':11} {rate_words(score.with_help)}, the planner went on in {score.helped}")
         for failure, count in score.failures.items():
             say(f"  {'failed':11} {count} x {failure}")
         if score.monitors:

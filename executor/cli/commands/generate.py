@@ -238,8 +238,8 @@ def finished(
         interrupted: Whether it ended early.
         as_json: Whether it is printed as JSON.
     """
-    needed = tally.endings.total() - tally.kinds["not-needed"]
-    code = INTERRUPTED if interrupted else FAILED if needed and not tally.endings["succeeded"] else DONE
+    failed = tally.endings.total() > 0 and not tally.endings["succeeded"]
+    code = INTERRUPTED if interrupted else FAILED if failed else DONE
     each = max(tally.kept, 1)
     numbers = {
         "made": tally.made,

@@ -1,31 +1,35 @@
-"""Write a stream of episodes as a data set in some format, and open one again as a stream.
+"""Write a stream of episodes as a data set in some format, and open a store or a LeRobot data set as a stream.
 
-Equal episodes give equal bytes, whoever made them and in whatever order. A format that is read back is a stream again.
-A conversion is therefore a reader into a writer, and gives what the store would have given.
+Equal episodes give equal bytes, whoever made them and in whatever order.
 """
 
 from __future__ import annotations
 
+import json
 import secrets
 import shutil
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
-from bddl.files import read_bounded_text
-from executor.data.card import CARD, card, page_in
+from executor.data.card import CARD, card
+from executor.data.episode import Episode, step_numbers
+from executor.data.formats import robomimic
 from executor.data.formats.lerobot import ABOUT, read_lerobot, write_lerobot
-from executor.data.formats.robomimic_set import FILE, read_demonstrations, write_demonstrations
 from executor.data.formats.selection import EVERYTHING, Selection
 from executor.data.formats.statistics import ColumnSpool, subsample_rows
 from executor.data.formats.store_reader import stream_of
-from executor.data.formats.table import DatasetSpec, EpisodeStream, EpisodeTable, Extra
-from executor.data.formats.zarr_v2 import read_zarr, write_zarr
+from executor.data.formats.table import DatasetSpec, EpisodeStream, Extra
+from executor.data.formats.zarr_v2 import write_zarr
 from executor.data.store import INDEX, EpisodeStore, NotADataset
 from executor.sim.render.frames import VideoFailed
-from executor.system.files import write_json, write_text
+from executor.system.files import plain, write_json, write_text
 
 Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -33,11 +37,9 @@ STATISTICS = "statistics.json"
 """Statistics of the columns, for formats that have no place for them."""
 
 CountCallback = Callable[[int, int], None]
-# Marker file of an export of this program -> its reader.
-_READERS = {ABOUT: read_lerobot, FILE: read_demonstrations, ".zattrs": read_zarr}
 _UNREADABLE = (
     *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError),
-    *(RuntimeError, OverflowError, MemoryError),  # Further exceptions of the readers of HDF5 and parquet.
+    *(RuntimeError, OverflowError, MemoryError),  # Further exceptions of the reader of parquet.
 )
 
 
@@ -53,7 +55,7 @@ def write_set(
     kind: Format,
     out: Path,
     *,
-    replace: bool = False,
+    overwrite: bool = False,
     on_progress: CountCallback = lambda done, total: None,
 ) -> DatasetSpec:
     """Write a data set, complete or not at all, and return its common properties.
@@ -62,7 +64,7 @@ def write_set(
         stream: The episodes.
         kind: The format.
         out: Its folder, which is created.
-        replace: Whether an existing folder is replaced.
+        overwrite: Whether an existing folder is replaced.
         on_progress: Called with the numbers of written and of all episodes.
 
     Raises:
@@ -72,7 +74,7 @@ def write_set(
         MissingExtra: A library that the format needs is not installed.
         OSError: The folder cannot be written.
     """
-    if not replace and out.exists() and not (out.is_dir() and not any(out.iterdir())):
+    if not overwrite and out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise ExportExists(out)
     found = stream.found
     aside = out.with_name(f".{out.name}.{secrets.token_hex(4)}.part")
@@ -85,12 +87,16 @@ def write_set(
             write_lerobot(episodes, found, made, spool, "v3.0" if kind == "lerobot" else "v2.1")
         else:
             numbers = ColumnSpool(spool)
-            (write_zarr if kind == "zarr" else write_demonstrations)(_with_spool(episodes, numbers), found, made)
+            episodes = _with_spool(episodes, numbers)
+            if kind == "zarr":
+                write_zarr(episodes, found, made)
+            else:
+                _write_robomimic(episodes, found, made)
             write_json(made / STATISTICS, numbers.statistics())
         write_text(made / CARD, card(stream.page, kind))
         if out.is_dir() and not out.is_symlink():
             shutil.rmtree(out)
-        elif replace:
+        elif overwrite:
             out.unlink(missing_ok=True)
         made.rename(out)
     finally:
@@ -98,8 +104,26 @@ def write_set(
     return found
 
 
+def _write_robomimic(episodes: Iterator[Episode], found: DatasetSpec, folder: Path) -> None:
+    """Write one file with all episodes, with the masks `train`, `valid` and `corrections`."""
+    parts = found.splits
+    masks = {"train": parts["train"], "valid": parts["validation"]}
+    if found.corrections:
+        masks["corrections"] = parts["corrections"]
+    recorded = (replace(episode, recorded=_recorded(episode, found.rate_hz)) for episode in episodes)
+    robomimic.write_robomimic(folder / robomimic.FILE, recorded, masks, json.dumps(plain(found.to_json())))
+
+
+def _recorded(episode: Episode, rate_hz: float) -> dict[str, NDArray[Any]]:
+    return {
+        "time_s": episode.about["starts_s"] + np.arange(episode.length) / rate_hz,
+        "subtask": episode.columns["subtask_index"].astype(np.int32),
+        "step": step_numbers(episode.about["subtasks"], episode.length),
+    }
+
+
 def open_set(path: Path, include: Collection[Extra] = (), only: Selection = EVERYTHING) -> EpisodeStream:
-    """Open a data set of any kind: a store, or an export of one.
+    """Open a store, or a LeRobot data set that was exported of one.
 
     Args:
         path: Its folder.
@@ -113,19 +137,19 @@ def open_set(path: Path, include: Collection[Extra] = (), only: Selection = EVER
     """
     if (path / INDEX).exists():
         return stream_of(EpisodeStore.open(path), include, only)
-    read = next((reader for name, reader in _READERS.items() if (path / name).is_file()), None)
-    if read is None:
-        names = ", ".join((INDEX, *_READERS))
-        raise NotADataset(f"{path} is no store of episodes, nor exported of one: it has none of {names}")
+    if not (path / ABOUT).is_file():
+        raise NotADataset(
+            f"{path} is no store of episodes, nor a LeRobot data set that was exported of one: it has neither {INDEX} "
+            f"nor {ABOUT}"
+        )
     try:
-        found, episodes = read(path)
-        page = page_in(read_bounded_text(path / CARD)) if (path / CARD).is_file() else ""
+        found, episodes = read_lerobot(path)
     except _UNREADABLE as problem:
         raise _broken(path, problem) from None
-    return EpisodeStream(found, partial(_read, path, episodes), page)
+    return EpisodeStream(found, partial(_read, path, episodes))
 
 
-def _read(path: Path, episodes: Callable[[], Iterator[EpisodeTable]]) -> Iterator[EpisodeTable]:
+def _read(path: Path, episodes: Callable[[], Iterator[Episode]]) -> Iterator[Episode]:
     """Yield episodes of a folder; all errors of reading become NotADataset."""
     stream = episodes()
     while True:
@@ -149,13 +173,13 @@ def _broken(path: Path, problem: Exception) -> NotADataset:
     return NotADataset(f"{path} cannot be read as what was exported: {words}; export it anew, or copy all of it")
 
 
-def _with_progress(episodes: Iterator[EpisodeTable], total: int, on_progress: CountCallback) -> Iterator[EpisodeTable]:
+def _with_progress(episodes: Iterator[Episode], total: int, on_progress: CountCallback) -> Iterator[Episode]:
     for episode in episodes:
         on_progress(episode.index, total)
         yield episode
 
 
-def _with_spool(episodes: Iterator[EpisodeTable], spool: ColumnSpool) -> Iterator[EpisodeTable]:
+def _with_spool(episodes: Iterator[Episode], spool: ColumnSpool) -> Iterator[Episode]:
     for episode in episodes:
         for name, rows in episode.columns.items():
             spool.add(name, subsample_rows(rows))

@@ -16,9 +16,8 @@ import io
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -28,19 +27,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bddl.files import open_input
+from executor.data.episode import CLOUD, SCALARS, Clip, Episode, derived_columns, metadata_line
 from executor.data.formats.statistics import ColumnSpool, IntensityHistogram, Statistics, statistics, subsample_rows
-from executor.data.formats.table import (
-    CLOUD,
-    CLOUD_SHAPE,
-    MOST_EPISODE_BYTES,
-    SCALARS,
-    DatasetSpec,
-    EpisodeTable,
-    derived_columns,
-    metadata_line,
-    read_metadata_lines,
-)
-from executor.data.formats.videos import Clip, ReadClip, VideoClip, VideoWriter, depth_histogram, encode_clip
+from executor.data.formats.table import CLOUD_SHAPE, MOST_EPISODE_BYTES, DatasetSpec, read_metadata_lines
+from executor.data.formats.videos import VideoClip, VideoWriter, depth_histogram
 from executor.data.views import DEPTH
 from executor.system.extras import require
 from executor.system.files import plain, read_json, write_json
@@ -135,7 +125,7 @@ _PNG_LEVEL = 3  # Half the time of the usual level, for 5 % more bytes.
 
 
 def write_lerobot(
-    episodes: Iterable[EpisodeTable], found: DatasetSpec, folder: Path, aside: Path, version: Version = "v3.0"
+    episodes: Iterable[Episode], found: DatasetSpec, folder: Path, aside: Path, version: Version = "v3.0"
 ) -> None:
     """Write a LeRobotDataset into an empty folder.
 
@@ -166,7 +156,7 @@ class _Writer:
         self._schema = self._pa.schema(
             [(name, self._kind(feature)) for name, feature in self._columns().items()], metadata=self._marks()
         )
-        self._spool, self._aside = ColumnSpool(aside), aside
+        self._spool = ColumnSpool(aside)
         self._histograms: dict[str, IntensityHistogram] = {}
         self._tasks: dict[str, int] = {}
         self._episodes_of: Counter[str] = Counter()
@@ -178,7 +168,7 @@ class _Writer:
         self._rows = self._count = 0
         (folder / "meta").mkdir()
 
-    def write(self, episodes: Iterable[EpisodeTable]) -> None:
+    def write(self, episodes: Iterable[Episode]) -> None:
         with (self._folder / LINES).open("w", encoding="utf-8") as about:
             self._write_episodes(self._one_by_one(episodes, about))
         self._open_files.close()
@@ -218,7 +208,7 @@ class _Writer:
             return found
         return {what: numbers if what == "count" else numbers[None] for what, numbers in found.items()}
 
-    def _one_by_one(self, episodes: Iterable[EpisodeTable], about: Any) -> Iterator[dict[str, Any]]:
+    def _one_by_one(self, episodes: Iterable[Episode], about: Any) -> Iterator[dict[str, Any]]:
         """Write each episode's rows and videos, and yield its line in the list of episodes."""
         for episode in episodes:
             sentence = self._sentence(episode)
@@ -252,14 +242,14 @@ class _Writer:
             self._count += 1
             yield line | {"stats": stats}
 
-    def _sentence(self, episode: EpisodeTable) -> str:
+    def _sentence(self, episode: Episode) -> str:
         """Return an episode's task text: for the episodes of one query, the query and its paraphrases in turn."""
         sentences = (episode.task, *(episode.about["paraphrases"] or ()))
         place = self._episodes_of[episode.task]
         self._episodes_of[episode.task] += 1
         return sentences[place % len(sentences)]
 
-    def _rows_of(self, episode: EpisodeTable, sentence: str) -> dict[str, Any]:
+    def _rows_of(self, episode: Episode, sentence: str) -> dict[str, Any]:
         count = episode.length
         frames = np.arange(count, dtype=np.int64)
         task = self._tasks.setdefault(sentence, len(self._tasks))
@@ -311,11 +301,11 @@ class _Writer:
     def _data_path(self) -> Path:
         return self._place(DATA_PATHS["v3.0"], **_numbers(self._data_file))
 
-    def _write_video(self, view: str, episode: EpisodeTable) -> tuple[dict[str, Any], IntensityHistogram]:
+    def _write_video(self, view: str, episode: Episode) -> tuple[dict[str, Any], IntensityHistogram]:
         """Write an episode's colour pictures; return their location and intensity histogram."""
         key, pattern, rate_hz = picture_key(view, ""), VIDEO_PATHS[self._version], self._found.rate_hz
-        made = self._aside / f"{view}.mp4"
-        clip = encode_clip(episode.clips[view, ""], made, rate_hz, episode.length)
+        clip = episode.clips[view, ""]
+        assert isinstance(clip, VideoClip)
         place: dict[str, Any] = {}
         if self._version == "v2.1":
             number = {"episode_chunk": episode.index // EPISODES_PER_CHUNK, "episode_index": episode.index}
@@ -325,9 +315,7 @@ class _Writer:
             file, writer = self._video(view)
             begins_s, ends_s = writer.add(clip)
             place = {**_numbers(file), "from_timestamp": begins_s, "to_timestamp": ends_s}
-        histogram = clip.histogram()
-        made.unlink(missing_ok=True)
-        return {f"videos/{key}/{name}": value for name, value in place.items()}, histogram
+        return {f"videos/{key}/{name}": value for name, value in place.items()}, clip.histogram()
 
     def _video(self, view: str) -> tuple[int, VideoWriter]:
         """Return the current video file of a view, and its number."""
@@ -452,14 +440,17 @@ def _flat(line: Mapping[str, Any]) -> dict[str, Any]:
 _PACKED = frozenset({"SNAPPY", "UNCOMPRESSED"})
 """Compressions of this program's tables. Others expand a byte to a thousand, these to twenty."""
 
-_ROWS_AT_ONCE = 16  # Rows with pictures, and lines of the list of episodes, in memory at once.
+_LINES_AT_ONCE = 16  # Lines of the list of episodes in memory at once.
 _BUFFER_BYTES = 1 << 20
 _END_BYTES = 8  # Length of a table's metadata, and the magic number.
 _MOST_ABOUT_BYTES = 16_000_000
 
+_RowGroup = tuple[Any, int]
+"""An opened parquet file, and the number of an episode's row group in it."""
 
-def read_lerobot(folder: Path) -> tuple[DatasetSpec, Callable[[], Iterator[EpisodeTable]]]:
-    """Read a data set of version 3.0 or 2.1: its common properties, and an iteration over its episodes.
+
+def read_lerobot(folder: Path) -> tuple[DatasetSpec, Callable[[], Iterator[Episode]]]:
+    """Read a data set of version 3.0 or 2.1 without its pictures: common properties, and an iteration over episodes.
 
     Args:
         folder: The data set.
@@ -471,126 +462,74 @@ def read_lerobot(folder: Path) -> tuple[DatasetSpec, Callable[[], Iterator[Episo
     """
     found = DatasetSpec.from_json(read_json(folder / ABOUT))
     version = read_json(folder / "meta" / "info.json")["codebase_version"]
-    if version not in VIDEO_PATHS:
-        raise ValueError(f"its version is {version!r}: expected {' or '.join(VIDEO_PATHS)}")
-    return found, partial(_read_episodes, folder, found, _locations_v30 if version == "v3.0" else _locations_v21)
+    if version not in DATA_PATHS:
+        raise ValueError(f"its version is {version!r}: expected {' or '.join(DATA_PATHS)}")
+    return found, partial(_read_episodes, folder, found, version)
 
 
-@dataclass(frozen=True, slots=True)
-class _EpisodeLocation:
-    """Location of an episode.
-
-    Attributes:
-        file: The parquet file, opened.
-        group: Number of its row group.
-        videos: View -> its video, and the number of its first picture there.
-    """
-
-    file: Any
-    group: int
-    videos: Mapping[str, tuple[Path, int]]
-
-    def check(self, widths: Mapping[str, int], found: DatasetSpec) -> int:
-        """Return the episode's number of rows, if as much as its metadata states can be read.
-
-        Args:
-            widths: Column -> numbers per row.
-            found: Common properties of the set.
-
-        Raises:
-            ValueError: It would take too much memory, or has a compression that this program does not use.
-        """
-        about, size = self.file.metadata.row_group(self.group), 0
-        for column in map(about.column, range(about.num_columns)):
-            if column.compression not in _PACKED:
-                raise ValueError(f"{column.path_in_schema} is packed by {column.compression}")
-            if (name := column.path_in_schema.partition(".list.")[0]) in widths:
-                size += column.total_uncompressed_size
-                if column.num_values != widths[name] * about.num_rows:
-                    raise ValueError(f"{name} has {column.num_values} numbers in {about.num_rows} rows")
-        if size > 2 * MOST_EPISODE_BYTES:
-            raise ValueError(f"the numbers of an episode take {size // 1_000_000} MB")
-        return found.check_length(about.num_rows)
-
-    def read(self, names: Collection[str]) -> Any:
-        """Return the table of some columns."""
-        return self.file.read_row_group(self.group, columns=list(names), use_threads=False)
-
-    def pictures(self, key: str, size: tuple[int, int]) -> Iterator[NDArray[np.uint16]]:
-        """Yield a column's pictures of a width and height, in batches.
-
-        Raises:
-            ValueError: One is of another size.
-        """
-        for batch in self.file.iter_batches(_ROWS_AT_ONCE, [self.group], columns=[key], use_threads=False):
-            for encoded in batch.column(0).field("bytes"):
-                with Image.open(io.BytesIO(encoded.as_py()), formats=("PNG",)) as picture:
-                    if picture.size != size:
-                        raise ValueError(f"a picture has {picture.size[0]} x {picture.size[1]} pixels")
-                    yield np.array(picture, np.uint16)
-
-
-def _read_episodes(
-    folder: Path, found: DatasetSpec, places: Callable[[Path, DatasetSpec], Iterator[_EpisodeLocation]]
-) -> Iterator[EpisodeTable]:
+def _read_episodes(folder: Path, found: DatasetSpec, version: Version) -> Iterator[Episode]:
     widths = {**{name: len(numbers) for name, numbers in found.vectors.items()}, **dict.fromkeys(SCALARS, 1)}
     widths |= {CLOUD: math.prod(CLOUD_SHAPE)} if found.point_cloud else {}
-    for index, (about, place) in enumerate(
-        zip(read_metadata_lines(folder / LINES), places(folder, found), strict=True)
-    ):
-        count = place.check(widths, found)
-        table = place.read(widths)
+    groups = _row_groups_v30(folder) if version == "v3.0" else _row_groups_v21(folder, found.count)
+    for index, (about, group) in enumerate(zip(read_metadata_lines(folder / LINES), groups, strict=True)):
+        count = _check(group, widths, found)
+        table = group[0].read_row_group(group[1], columns=list(widths), use_threads=False)
         columns = {name: _column(table, name, (count, len(numbers))) for name, numbers in found.vectors.items()}
         if found.point_cloud:
             columns[CLOUD] = _column(table, CLOUD, (count, *CLOUD_SHAPE))
         columns |= {name: _column(table, name, (count,)) for name in SCALARS}
         # In the file it indexes the sentences of the whole data set.
         columns["subtask_index"] = derived_columns(about, count)["subtask_index"]
-        clips: dict[tuple[str, str], Clip] = {}
-        for view, kind in found.clips:
-            if kind:
-                key = picture_key(view, kind)
-                clips[view, kind] = ReadClip(f"{folder}, {key}", partial(place.pictures, key, found.views[view]))
-            else:
-                video, first = place.videos[view]
-                clips[view, kind] = VideoClip(video, found.rate_hz, first, count)
-        yield EpisodeTable(index, columns, clips, about)
+        yield Episode(index, columns, {}, about)
 
 
-def _locations_v30(folder: Path, found: DatasetSpec) -> Iterator[_EpisodeLocation]:
-    """Yield the locations of the episodes of version 3.0: row groups of shared files, sections of shared videos."""
-    keys = {view: f"videos/{picture_key(view, '')}" for view in found.views}
-    parts = ("chunk_index", "file_index", "from_timestamp")
-    wanted = ["data/chunk_index", "data/file_index", *(f"{key}/{name}" for key in keys.values() for name in parts)]
+def _check(group: _RowGroup, widths: Mapping[str, int], found: DatasetSpec) -> int:
+    """Return an episode's number of rows, if as much as its metadata states can be read.
+
+    Args:
+        group: Where it lies.
+        widths: Column -> numbers per row.
+        found: Common properties of the set.
+
+    Raises:
+        ValueError: It would take too much memory, or has a compression that this program does not use.
+    """
+    about, size = group[0].metadata.row_group(group[1]), 0
+    for column in map(about.column, range(about.num_columns)):
+        if column.compression not in _PACKED:
+            raise ValueError(f"{column.path_in_schema} is packed by {column.compression}")
+        if (name := column.path_in_schema.partition(".list.")[0]) in widths:
+            size += column.total_uncompressed_size
+            if column.num_values != widths[name] * about.num_rows:
+                raise ValueError(f"{name} has {column.num_values} numbers in {about.num_rows} rows")
+    if size > 2 * MOST_EPISODE_BYTES:
+        raise ValueError(f"the numbers of an episode take {size // 1_000_000} MB")
+    return found.check_length(about.num_rows)
+
+
+def _row_groups_v30(folder: Path) -> Iterator[_RowGroup]:
+    """Yield the row groups of the episodes of version 3.0, in shared files."""
     rows: Any = None
     at: dict[str, int] | None = None
     group = 0
-    batches = _parquet_file(folder / EPISODES).iter_batches(_ROWS_AT_ONCE, columns=wanted, use_threads=False)
+    wanted = ["data/chunk_index", "data/file_index"]
+    batches = _parquet_file(folder / EPISODES).iter_batches(_LINES_AT_ONCE, columns=wanted, use_threads=False)
     for line in (line for batch in batches for line in batch.to_pylist()):
-        where = {"chunk_index": int(line["data/chunk_index"]), "file_index": int(line["data/file_index"])}
+        where = {name.removeprefix("data/"): int(line[name]) for name in wanted}
         if where != at:
             rows, at, group = _parquet_file(folder / DATA_PATHS["v3.0"].format(**where)), where, 0
-        videos = {}
-        for view, key in keys.items():
-            numbers = {name: int(line[f"{key}/{name}"]) for name in parts[:2]}
-            path = VIDEO_PATHS["v3.0"].format(video_key=picture_key(view, ""), **numbers)
-            videos[view] = folder / path, round(line[f"{key}/from_timestamp"] * found.rate_hz)
-        yield _EpisodeLocation(rows, group, videos)
+        yield rows, group
         group += 1
 
 
-def _locations_v21(folder: Path, found: DatasetSpec) -> Iterator[_EpisodeLocation]:
-    """Yield the locations of the episodes of version 2.1: a table and a video each."""
-    for index in range(found.count):
+def _row_groups_v21(folder: Path, count: int) -> Iterator[_RowGroup]:
+    """Yield the row groups of the episodes of version 2.1, a file each."""
+    for index in range(count):
         numbers = {"episode_chunk": index // EPISODES_PER_CHUNK, "episode_index": index}
-        videos = {
-            view: (folder / VIDEO_PATHS["v2.1"].format(video_key=picture_key(view, ""), **numbers), 0)
-            for view in found.views
-        }
         rows = _parquet_file(folder / DATA_PATHS["v2.1"].format(**numbers))
         if rows.num_row_groups != 1:
             raise ValueError(f"the table of episode {index} has {rows.num_row_groups} groups of rows")
-        yield _EpisodeLocation(rows, 0, videos)
+        yield rows, 0
 
 
 def _parquet_file(path: Path) -> Any:

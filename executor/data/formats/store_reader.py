@@ -14,23 +14,20 @@ from numpy.typing import NDArray
 from bddl.terminal import pluralize
 from executor.assets.library import asset_for
 from executor.data.card import page
-from executor.data.formats.selection import EVERYTHING, SUCCEEDED, Selection, Traits
-from executor.data.formats.table import (
-    CHANNELS,
+from executor.data.episode import (
     CLOUD,
-    CLOUD_SHAPE,
     CORRECTION,
     DEMONSTRATION,
     FAILURE,
-    DatasetSpec,
-    EpisodeStream,
-    EpisodeTable,
-    Extra,
-    Repeats,
+    Clip,
+    Episode,
     camera_column,
     derived_columns,
+    motion_columns,
 )
-from executor.data.formats.videos import Clip, VideoClip
+from executor.data.formats.selection import EVERYTHING, SUCCEEDED, Selection, Traits
+from executor.data.formats.table import CHANNELS, CLOUD_SHAPE, DatasetSpec, EpisodeStream, Extra, Repeats
+from executor.data.formats.videos import VideoClip
 from executor.data.state_readers import ENVIRONMENT, CloudReader, StateReader, named_objects
 from executor.data.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
 from executor.data.units import DemoUnit
@@ -157,7 +154,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Select
     survey = _survey(store, chosen, include, only, repeats)
     places = {one.motion: index for index, one in enumerate(chosen)}
 
-    def episodes() -> Iterator[EpisodeTable]:
+    def episodes() -> Iterator[Episode]:
         for motion, index in places.items():
             yield _tabulate(store.episode(motion.unit), motion, index, survey, places)
 
@@ -225,7 +222,7 @@ def joint_names(episode: StoredEpisode) -> tuple[str, ...]:
 
 def _tabulate(
     episode: StoredEpisode, motion: _Motion, index: int, found: DatasetSpec, places: Mapping[_Motion, int]
-) -> EpisodeTable:
+) -> Episode:
     """Tabulate a motion.
 
     Args:
@@ -252,8 +249,6 @@ def _tabulate(
     # There is no command after the last row, not even by rounding.
     actions[-1, [0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
     around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)
-    poses = quaternions_last(arrays["object_poses"]).reshape(count, -1)
-    opening = qpos[:, 10:12].sum(axis=1, keepdims=True)
     about = _about(episode, motion, places, validation=index in found.splits["validation"])
     metadata = {
         "episode_index": index,
@@ -266,24 +261,20 @@ def _tabulate(
         **rows,
     }
     columns = {
-        "observation.state": np.concatenate(
-            [qpos, quaternions_last(arrays["eef_pose"]), opening], axis=1, dtype=np.float32
-        ),
-        "observation.velocity": arrays["robot_qvel"].astype(np.float32),
-        "observation.object_poses": _pad_columns(poses, 7 * found.objects),
-        "observation.joint_positions": _pad_columns(arrays["joint_positions"], found.joints),
+        **motion_columns(arrays),
         **around,
         **{camera_column(view): quaternions_last(arrays[f"{POSES}{view}"]) for view in found.views},
         "action": actions,
-        "action.joint_target": after.astype(np.float32),
     }
+    for name, width in (("object_poses", 7 * found.objects), ("joint_positions", found.joints)):
+        columns[f"observation.{name}"] = _pad_columns(columns[f"observation.{name}"], width)
     columns = {name: columns[name] for name in (*found.vectors, *((CLOUD,) if found.point_cloud else ()))}
     about = plain(metadata)
     folder = episode.path / motion.footage
     clips: dict[tuple[str, str], Clip] = {
-        (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, 0, count) for view, kind in found.clips
+        (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, count) for view, kind in found.clips
     }
-    return EpisodeTable(index, {**columns, **derived_columns(about, count)}, clips, about)
+    return Episode(index, {**columns, **derived_columns(about, count)}, clips, about)
 
 
 def _pad_columns(rows: NDArray[Any], width: int) -> NDArray[np.float32]:

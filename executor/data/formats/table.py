@@ -1,28 +1,4 @@
-"""Episode tables: the rows that every format is written from and read back as.
-
-Row i has the observation at sample i, and the command from there until sample i + 1. At the last sample the last
-command stays. Columns, all at the rate of the recording:
-
-    observation.state              (20) joints: base x, y (m), yaw (rad), seven of the arm (rad), two fingers (m); the
-                                   point between the fingertips in the world: x y z (m), quaternion x y z w; gripper
-                                   opening (m)
-    observation.velocity           (12) of the joints, m/s and rad/s
-    observation.environment_state  (216) things and handles, see `executor.data.state_readers`
-    observation.object_poses       (7 M) movable objects, in the order of the episode's `object_ids`: x y z (m) in the
-                                   world, quaternion x y z w; M is the maximum over the set, unused numbers are 0
-    observation.joint_positions    (J) joints of the articulated objects (rad or m), in the order of `joint_names`
-    observation.camera_pose_VIEW   (7) the camera in the world, where there are pictures: x y z (m), quaternion x y z w;
-                                   x right, y down, z ahead
-    observation.point_cloud        (1024, 4) on request: x y z in the robot's base (m), 1 on the hand;
-                                   `executor.data.state_readers`
-    action                         (10) `executor.sim.robot.actions.hand_actions`
-    action.joint_target            (12) joint targets for the next sample, m and rad
-    subtask_index, primitive_index running subtask and primitive; a primitive's number in flows, 0 between primitives
-    next.reward                    1 / number of subtasks in the last row of each; of a demonstration they add up to 1
-    next.done                      true in the last row
-
-Quaternions are x y z w, as in robosuite, robomimic and LeRobot; inside this program they are w x y z.
-"""
+"""Data sets: the common properties of their episodes, and a stream of them."""
 
 from __future__ import annotations
 
@@ -33,12 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bddl.files import open_input
 from bddl.terminal import pluralize
-from executor.data.formats.videos import Clip
+from executor.data.episode import Episode, camera_column
 from executor.data.state_readers import HANDLES, POINTS, THINGS
 from executor.data.views import DEPTH, SEGMENTATION
 from executor.sim.robot.description import JOINT_NAMES
@@ -53,9 +26,6 @@ Repeats = tuple[tuple[str, str], ...]
 _MOST_NAMED = 3
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures besides colours, (H, W) uint16; the kind of colours is ""."""
-
-DEMONSTRATION, CORRECTION, FAILURE = "demonstration", "correction", "failure"
-"""Kinds of episodes: successes, failed and corrected attempts, and final failures."""
 
 HAND_ACTION_NAMES = (
     *("hand_x", "hand_y", "hand_z", "hand_turn_x", "hand_turn_y", "hand_turn_z"),
@@ -73,16 +43,11 @@ ENVIRONMENT_NAMES = (
     *(f"handle{k}_{name}" for k in range(HANDLES) for name in _HANDLE_NAMES),
 )
 STATE_NAMES = (*JOINT_NAMES, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening")
-CLOUD = "observation.point_cloud"
 CLOUD_SHAPE = (POINTS, 4)
 MOST_EPISODE_BYTES = 128_000_000
 """Limit for the numbers of an episode that is read back: over an hour at 10 rows per second, without clouds."""
-MOST_SIDE_PX = 1024
-"""Maximum side of pictures, as in `executor.data.units.Recording`."""
 _LONGEST_LINE_BYTES = 8_000_000
-_MOST_THINGS, _MOST_VIEWS = 1000, 32  # Limits of an episode.
-SCALARS = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
-"""Scalar columns -> dtype."""
+_MOST_THINGS = 1000  # Limit of an episode.
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,54 +155,18 @@ class DatasetSpec:
         for name, number in {"objects": value["objects"], "joints": value["joints"]}.items():
             if not 0 <= int(number) <= _MOST_THINGS:
                 raise ValueError(f"its episodes have {number} {name}: expected at most {_MOST_THINGS}")
-        sides = [int(side) for size in value["views"].values() for side in size]
-        if len(value["views"]) > _MOST_VIEWS or not all(0 < side <= MOST_SIDE_PX for side in sides):
-            raise ValueError(f"it has pictures of more than {_MOST_VIEWS} views, or of more than {MOST_SIDE_PX} pixels")
         return cls(
             train=int(episodes["train"]),
             validation=int(episodes["validation"]),
             corrections=int(episodes["corrections"]),
             rate_hz=float(value["rate_hz"]),
-            views={_file_name(view): (int(width), int(height)) for view, (width, height) in value["views"].items()},
+            views={view: (int(width), int(height)) for view, (width, height) in value["views"].items()},
             channels=tuple(kind for kind in CHANNELS if kind in value["channels"]),
             objects=int(value["objects"]),
             joints=int(value["joints"]),
             point_cloud=bool(value["point_cloud"]),
             robot=value["robot"],
         )
-
-
-@dataclass(frozen=True, slots=True)
-class EpisodeTable:
-    """One episode as rows.
-
-    Attributes:
-        index: Its number in the data set.
-        columns: Name -> one row per sample; the module's docstring documents each.
-        clips: View and kind -> its pictures, one per row. Those of a file are readable until the next episode is
-            requested.
-        about: Its further metadata, as plain data; `docs/datasets.md` documents it.
-    """
-
-    index: int
-    columns: Mapping[str, NDArray[Any]]
-    clips: Mapping[tuple[str, str], Clip]
-    about: Mapping[str, Any]
-
-    @property
-    def length(self) -> int:
-        """Number of rows."""
-        return len(self.columns["action"])
-
-    @property
-    def task(self) -> str:
-        """The sentence."""
-        return str(self.about["query"])
-
-    @property
-    def subtasks(self) -> tuple[str, ...]:
-        """A short sentence per subtask; `subtask_index` is its index."""
-        return tuple(entry["name"].replace("_", " ") for entry in self.about["subtasks"])
 
 
 @dataclass(frozen=True)
@@ -247,12 +176,12 @@ class EpisodeStream:
     Attributes:
         found: Common properties of its episodes.
         episodes: Starts an iteration over them; one at a time is in memory.
-        page: Text of its card, without the header for readers of formats.
+        page: Text of its card, without the header for readers of formats; empty for an export that is read.
     """
 
     found: DatasetSpec
-    episodes: Callable[[], Iterator[EpisodeTable]]
-    page: str
+    episodes: Callable[[], Iterator[Episode]]
+    page: str = ""
 
 
 def repeats_text(repeats: Repeats) -> str:
@@ -260,46 +189,6 @@ def repeats_text(repeats: Repeats) -> str:
     named = "; ".join(f"{again} repeats {first}" for again, first in repeats[:_MOST_NAMED])
     more = len(repeats) - _MOST_NAMED
     return f"{pluralize(len(repeats), 'demonstration')} left out: {named}{f'; and {more} more' if more > 0 else ''}"
-
-
-def camera_column(view: str) -> str:
-    """Return the name of the column of a camera's poses."""
-    return f"observation.camera_pose_{view}"
-
-
-def derived_columns(about: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
-    """Return the columns that follow from an episode's metadata: running steps, reward, and the end.
-
-    Args:
-        about: Its `length`, `kind` and `subtasks` with their spans.
-        count: Number of rows.
-
-    Raises:
-        ValueError: The metadata states another length.
-    """
-    if about["length"] != count:
-        raise ValueError(f"an episode is said to have {about['length']} rows, and has {count}")
-    subtasks = about["subtasks"]
-    found = {name: np.zeros(count, dtype) for name, dtype in SCALARS.items()}
-    for number, entry in enumerate(subtasks):
-        if entry["span"] is None:
-            continue
-        first, end = entry["span"]
-        found["subtask_index"][first:end] = number
-        if about["kind"] == DEMONSTRATION:
-            found["next.reward"][end - 1] = 1.0 / len(subtasks)
-        for step in entry["steps"]:
-            if step["span"] is not None:
-                action = step["action"]
-                running = int(next(iter(action)) if isinstance(action, dict) else action)
-                found["primitive_index"][slice(*step["span"])] = running
-    found["next.done"][-1] = True
-    return found
-
-
-def metadata_line(about: Mapping[str, Any]) -> str:
-    """Return an episode's metadata as a line of JSON, without the line end."""
-    return json.dumps(about, ensure_ascii=False, allow_nan=False)
 
 
 def read_metadata_lines(path: Path) -> Iterator[dict[str, Any]]:
@@ -317,14 +206,3 @@ def read_metadata_lines(path: Path) -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
             except RecursionError:
                 raise ValueError(f"a line of {path.name} is nested too deeply") from None
-
-
-def _file_name(name: str) -> str:
-    """Return a view's name from a file, if it is valid in paths.
-
-    Raises:
-        ValueError: It is not.
-    """
-    if not name.isidentifier():
-        raise ValueError(f"{name!r} is no name of a view")
-    return name

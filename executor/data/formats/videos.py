@@ -2,55 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executor.data.formats.statistics import IntensityHistogram
-from executor.data.views import opened_video, pixels_of, video_encoder
+from executor.data.views import opened_video, pictures
 from executor.sim.render.frames import VideoFailed
 from executor.system.extras import require
 
 _LOOKED_AT = 20  # Pictures of an episode in its histogram: LeRobot samples, too.
-
-
-class Clip(Protocol):
-    """Pictures of an episode of one view and kind."""
-
-    def pictures(self) -> Iterator[NDArray[Any]]:
-        """Yield (H, W, 3) uint8 RGB, or (H, W) uint16."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class ReadClip:
-    """Pictures from an array.
-
-    Attributes:
-        place: Its name in messages.
-        read: Starts reading them.
-    """
-
-    place: str
-    read: Callable[[], Iterator[NDArray[Any]]]
-
-    def pictures(self) -> Iterator[NDArray[Any]]:
-        """Yield them.
-
-        Raises:
-            VideoFailed: They are unreadable.
-        """
-        try:
-            yield from self.read()
-        except (OSError, ValueError, KeyError, TypeError) as problem:
-            raise VideoFailed(f"the pictures {self.place} cannot be read: {problem}") from problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +27,11 @@ class VideoClip:
     Attributes:
         path: The file.
         rate_hz: Pictures per second.
-        first: Number of the first picture in the file; it is a key frame.
         count: Number of pictures.
     """
 
     path: Path
     rate_hz: float
-    first: int
     count: int
 
     def pictures(self) -> Iterator[NDArray[Any]]:
@@ -76,16 +41,11 @@ class VideoClip:
             VideoFailed: The file is unreadable or too short.
         """
         found = 0
-        with opened_video(self.path) as (source, stream):
-            self._seek(source, stream)
-            for frame in source.decode(stream):
-                if self._place(frame) < self.first:
-                    continue
-                yield frame.to_ndarray(format=pixels_of(self.path))
-                found += 1
-                if found == self.count:
-                    return
-        raise VideoFailed(f"{self.path} has {found} of {self.count} pictures from number {self.first} on")
+        for picture in islice(pictures(self.path), self.count):
+            found += 1
+            yield picture
+        if found < self.count:
+            raise VideoFailed(f"{self.path} has {found} of {self.count} pictures")
 
     def packets(self) -> Iterator[tuple[Any, Any]]:
         """Yield the stream and each encoded picture, without decoding.
@@ -95,13 +55,12 @@ class VideoClip:
         """
         found = 0
         with opened_video(self.path) as (source, stream):
-            self._seek(source, stream)
             for packet in source.demux(stream):
-                if packet.size and self._place(packet) >= self.first and found < self.count:
+                if packet.size and found < self.count:
                     yield stream, packet
                     found += 1
         if found < self.count:
-            raise VideoFailed(f"{self.path} has {found} of {self.count} pictures from number {self.first} on")
+            raise VideoFailed(f"{self.path} has {found} of {self.count} pictures")
 
     def histogram(self) -> IntensityHistogram:
         """Return the colour histogram of some of the pictures, evenly spread.
@@ -109,28 +68,18 @@ class VideoClip:
         Raises:
             VideoFailed: The file is unreadable.
         """
-        histogram, due = IntensityHistogram(), self.first
+        histogram, due = IntensityHistogram(), 0
         with opened_video(self.path) as (source, stream):
-            self._seek(source, stream)
+            stream.codec_context.thread_count = 1
             stream.codec_context.skip_frame = "NONKEY"
             for frame in source.decode(stream):
-                at = self._place(frame)
-                if at >= self.first + self.count:
+                at = round(float(frame.pts * frame.time_base) * self.rate_hz)
+                if at >= self.count:
                     break
                 if at >= due:
                     histogram.add(frame.to_ndarray(format="rgb24"))
                     due = at + sampling_stride(self.count)
         return histogram
-
-    def _place(self, what: Any) -> int:
-        """Return the number of a frame or packet in the file."""
-        return round(float(what.pts * what.time_base) * self.rate_hz)
-
-    def _seek(self, source: Any, stream: Any) -> None:
-        """Seek the first picture, where it is not the file's first."""
-        stream.codec_context.thread_count = 1
-        if self.first:
-            source.seek(round(self.first / self.rate_hz / float(stream.time_base)), stream=stream, backward=True)
 
 
 def sampling_stride(count: int) -> int:
@@ -144,30 +93,6 @@ def depth_histogram(pictures: Iterable[NDArray[np.uint16]], count: int) -> Inten
     for picture in islice(pictures, 0, None, sampling_stride(count)):
         histogram.add(picture[..., None])
     return histogram
-
-
-def encode_clip(clip: Clip, path: Path, rate_hz: float, count: int) -> VideoClip:
-    """Return a clip's pictures in a video file: its own, or a newly encoded one.
-
-    Args:
-        clip: Pictures in colours.
-        path: File of a newly encoded video.
-        rate_hz: Pictures per second.
-        count: Number of pictures.
-
-    Raises:
-        VideoFailed: It cannot be read or encoded.
-        OSError: The file cannot be written.
-    """
-    if isinstance(clip, VideoClip):
-        return clip
-    pictures = clip.pictures()
-    first = next(pictures)
-    with video_encoder(path, (first.shape[1], first.shape[0]), Fraction(rate_hz).limit_denominator(1000)) as track:
-        track.add(first)
-        for picture in pictures:
-            track.add(picture)
-    return VideoClip(path, rate_hz, 0, count)
 
 
 class VideoWriter:

@@ -2,50 +2,36 @@
 
     data/state, data/velocity, data/environment_state, data/object_poses, data/joint_positions, data/action,
     data/joint_target, data/reward, data/done, data/subtask_index, data/primitive_index, data/camera_pose_<view>,
-    data/point_cloud                             (rows, ...) see `executor.data.formats.table`
+    data/point_cloud                             (rows, ...) see `executor.data.episode`
     data/<view>_image                            (rows, H, W, 3) uint8
     data/<view>_depth, data/<view>_segmentation  (rows, H, W) uint16
     meta/episode_ends                            (E,) the row after the last of each episode
     .zattrs, episodes.jsonl                      metadata that the format has no place for
 
-Format 2 is a folder of small JSON files and zlib-compressed chunks. It is written and read here directly:
-zarr 3.1 reads a missing chunk as zeros, and unpacks a chunk without a limit (2 GB of memory for one of 1 MB).
+Format 2 is a folder of small JSON files and zlib-compressed chunks. It is written here directly.
 
 Source: the specification of zarr's storage format 2; `diffusion_policy/common/replay_buffer.py`.
 """
 
 from __future__ import annotations
 
-import math
 import zlib
-from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bddl.files import read_bounded
-from executor.data.formats.table import (
-    CLOUD,
-    CLOUD_SHAPE,
-    SCALARS,
-    DatasetSpec,
-    EpisodeTable,
-    metadata_line,
-    read_metadata_lines,
-)
-from executor.data.formats.videos import Clip, ReadClip
-from executor.system.files import read_json, write_json
+from executor.data.episode import Episode, metadata_line
+from executor.data.formats.table import DatasetSpec
+from executor.system.files import write_json
 
 _CHUNK_BYTES = 1_000_000  # Uncompressed; a trainer's window of rows then lies in one or two files.
 _LEVEL = 4
-_ENDS, _LINES, _ATTRIBUTES = "meta/episode_ends", "episodes.jsonl", ".zattrs"
-_MOST_CHUNK_BYTES = 4 * _CHUNK_BYTES  # One chunk of each array is in memory; the largest picture takes 3 MB.
 
 
-def write_zarr(episodes: Iterable[EpisodeTable], found: DatasetSpec, folder: Path) -> None:
+def write_zarr(episodes: Iterable[Episode], found: DatasetSpec, folder: Path) -> None:
     """Write a replay buffer into an empty folder.
 
     Args:
@@ -69,7 +55,7 @@ def write_zarr(episodes: Iterable[EpisodeTable], found: DatasetSpec, folder: Pat
         arrays[name].add(rows)
 
     rows = 0
-    with (folder / _LINES).open("w", encoding="utf-8") as about:
+    with (folder / "episodes.jsonl").open("w", encoding="utf-8") as about:
         for episode in episodes:
             for name, values in episode.columns.items():
                 add(_place(name), values)
@@ -77,49 +63,11 @@ def write_zarr(episodes: Iterable[EpisodeTable], found: DatasetSpec, folder: Pat
                 for picture in clip.pictures():
                     add(_picture_place(view, kind), picture[None])
             rows += episode.length
-            add(_ENDS, np.array([rows], np.int64))
+            add("meta/episode_ends", np.array([rows], np.int64))
             about.write(metadata_line(episode.about) + "\n")
     for array in arrays.values():
         array.close()
-    write_json(folder / _ATTRIBUTES, found.to_json())
-
-
-def read_zarr(folder: Path) -> tuple[DatasetSpec, Callable[[], Iterator[EpisodeTable]]]:
-    """Read a replay buffer of this program: its common properties, and an iteration over its episodes.
-
-    Args:
-        folder: The group.
-
-    Raises:
-        OSError, ValueError, KeyError, TypeError, IndexError: It was not written by this program; raised here or during
-            the iteration.
-    """
-    found = DatasetSpec.from_json(read_json(folder / _ATTRIBUTES))
-    return found, partial(_episodes, folder, found)
-
-
-def _episodes(folder: Path, found: DatasetSpec) -> Iterator[EpisodeTable]:
-    rows_of: dict[str, tuple[str, tuple[int, ...]]] = {name: ("<f4", (len(of),)) for name, of in found.vectors.items()}
-    rows_of |= {CLOUD: ("<f4", CLOUD_SHAPE)} if found.point_cloud else {}
-    rows_of |= {name: (np.dtype(kind).str, ()) for name, kind in SCALARS.items()}
-    columns = {name: _ArrayReader(folder / _place(name), *row) for name, row in rows_of.items()}
-    pictures = {}
-    for view, kind in found.clips:
-        sides = found.views[view][::-1]
-        row = ("<u2", sides) if kind else ("|u1", (*sides, 3))
-        pictures[view, kind] = _ArrayReader(folder / _picture_place(view, kind), *row)
-    ends = _ArrayReader(folder / _ENDS, "<i8", ())
-    first = 0
-    for index, (about, end) in enumerate(
-        zip(read_metadata_lines(folder / _LINES), ends.each(0, found.count), strict=True)
-    ):
-        last = first + found.check_length(int(end) - first)
-        rows = {name: array.rows(first, last) for name, array in columns.items()}
-        clips: dict[tuple[str, str], Clip] = {
-            clip: ReadClip(array.place, partial(array.each, first, last)) for clip, array in pictures.items()
-        }
-        yield EpisodeTable(index, rows, clips, about)
-        first = last
+    write_json(folder / ".zattrs", found.to_json())
 
 
 def _place(column: str) -> str:
@@ -175,62 +123,6 @@ class _ArrayWriter:
             zlib.compress(content, _LEVEL)
         )
         self._written += len(rows)
-
-
-class _ArrayReader:
-    """Array of `_ArrayWriter`; the chunk read last is in memory.
-
-    Args:
-        folder: Its folder.
-        kind, shape: Required dtype and row shape.
-
-    Raises:
-        OSError, ValueError, KeyError, TypeError: It is no such array.
-    """
-
-    def __init__(self, folder: Path, kind: str, shape: tuple[int, ...]) -> None:
-        header = read_json(folder / ".zarray")
-        self._folder, self.place = folder, str(folder)
-        if header["zarr_format"] != 2 or header["compressor"]["id"] != "zlib":
-            raise ValueError(f"{folder.name} is no array of format 2 as this program writes them")
-        self._count, *self._shape = (int(side) for side in header["shape"])
-        if header["dtype"] != kind or self._shape != list(shape):
-            raise ValueError(
-                f"{folder.name} has rows {self._shape} of {header['dtype']}: expected {list(shape)} of {kind}"
-            )
-        self._chunk, self._dtype = int(header["chunks"][0]), np.dtype(header["dtype"])
-        self._chunk_bytes = self._chunk * self._dtype.itemsize * math.prod(self._shape)
-        if [self._chunk, *self._shape] != header["chunks"] or not 0 < self._chunk_bytes <= _MOST_CHUNK_BYTES:
-            raise ValueError(f"{folder.name} has chunks of {header['chunks']}")
-        self._read: tuple[int, NDArray[Any]] = (-1, np.zeros(0))
-
-    def rows(self, first: int, end: int) -> NDArray[Any]:
-        """Return the rows from `first` up to, but not including, `end`."""
-        if not 0 <= first <= end <= self._count:
-            raise ValueError(f"{self._folder.name} has {self._count} rows, and not {first} to {end}")
-        found = np.empty((end - first, *self._shape), self._dtype)
-        at = first
-        while at < end:
-            number, begin = divmod(at, self._chunk)
-            taken = min(self._chunk - begin, end - at)
-            found[at - first : at - first + taken] = self._chunk_of(number)[begin : begin + taken]
-            at += taken
-        return found
-
-    def each(self, first: int, end: int) -> Iterator[NDArray[Any]]:
-        """Yield the same rows one after the other."""
-        return (self.rows(row, row + 1)[0] for row in range(first, end))
-
-    def _chunk_of(self, number: int) -> NDArray[Any]:
-        if self._read[0] != number:
-            content = read_bounded(self._folder / _chunk_name(number, len(self._shape)), 2 * _MOST_CHUNK_BYTES)
-            try:
-                raw = zlib.decompressobj().decompress(content, self._chunk_bytes + 1)
-            except zlib.error as problem:
-                raise ValueError(f"chunk {number} of {self._folder.name} is torn: {problem}") from None
-            rows = np.frombuffer(raw, self._dtype).reshape(self._chunk, *self._shape)
-            self._read = number, rows
-        return self._read[1]
 
 
 def _chunk_name(number: int, sides: int) -> str:

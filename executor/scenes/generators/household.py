@@ -54,7 +54,7 @@ from executor.scenes.room import Room, Units, build_walls, row, row_length_m, st
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
 from oag.model.forms import first_mistake
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Sizing
 
 Deed = Literal["open", "close", "pick"]

@@ -31,7 +31,7 @@ from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair, draw_first
 from executor.scenes.placement import AtEdge, Clearance, NextTo, Placement, first_free, place, scatter, stand_robot
 from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units, against, build_walls, row, row_length_m
 from oag import SceneObject
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Sizing
 
 TABLES = ("table_four_legs", "table_four_legs", "table_round")

@@ -31,7 +31,7 @@ from executor.assets.parameters import number
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
 from oag import Scene, SceneObject, Task
-from oag.model.scene_rules import FLOOR
+from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 
 _NOTHING: Mapping[str, ArrayLike] = {}

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.system.files import cache_dir, content_key
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 
 KEPT_FRACTION = 0.05  # No difference shows at 224 pixels; pictures of 128 take a quarter less time than with 0.10.
 _FEWEST_TRIANGLES = 24

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.baselines import __main__ as baselines
 from executor.bench.folder import BenchFolder, NotABench
 from executor.bench.units import BenchSetting, Series
 from executor.campaign import engine
@@ -36,7 +37,6 @@ Bench = Callable[..., tuple[int, dict[str, Any]]]
 def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
     """Run the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
-    monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
     monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
@@ -48,13 +48,11 @@ def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("words", [[], ["--baseline", "checked"]], ids=["executor", "baseline"])
 def test_a_worker_measures_nothing_for_a_program_that_it_does_not_run(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for version in ("outcome_version", "baseline_version"):
-        monkeypatch.setattr(bench, version, lambda: "0123456789abcdef")
-    given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b"), *words]
+    monkeypatch.setattr(bench, "outcome_version", lambda: "0123456789abcdef")
+    given = ["bench", "T3", "--episodes", "2", "--workers", "1", "--out", str(tmp_path / "b")]
     assert app.run(given) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "the request is for version '0123456789abcdef'" in said and "start the same command again" in said
@@ -76,11 +74,10 @@ def test_a_crash_costs_one_unit_and_is_counted(run_bench: Bench, tmp_path: Path)
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"] == summary["cells"]
 
 
-@pytest.mark.parametrize(("words", "code"), [([], 1), (["--baseline", "checked"], 0)])
-def test_a_benchmark_in_which_nothing_succeeds_fails(run_bench: Bench, words: list[str], code: int) -> None:
-    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code  # Seeds that end in 5 and 6.
-    assert run_bench("--seed", 14005, "--episodes", 2, *words)[0] == code
-    assert run_bench("--seed", 14006, "--episodes", 2, *words)[0] == 0
+def test_a_benchmark_in_which_nothing_succeeds_fails(run_bench: Bench) -> None:
+    assert run_bench("--seed", 14005, "--episodes", 2)[0] == 1  # Seeds that end in 5 and 6.
+    assert run_bench("--seed", 14005, "--episodes", 2)[0] == 1
+    assert run_bench("--seed", 14006, "--episodes", 2)[0] == 0
 
 
 def test_a_missing_unit_is_run_again_and_nothing_else(run_bench: Bench, tmp_path: Path) -> None:
@@ -191,19 +188,21 @@ def test_the_terminal_shows_the_table(
     assert "4 of 4 units done already, 0 to run now" in answer.err
 
 
-def test_a_baseline_is_a_row_of_its_own(run_bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run_bench("--seed", SEED, "--episodes", EPISODES)
-    words = ("--seed", SEED, "--episodes", 2, "--baseline", "unchecked")
-    _, summary = run_bench(*words)
+def test_a_baseline_is_a_row_of_its_own(
+    run_bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(baselines, "WORKER", INVENTED)
+    assert (
+        baselines.main(["unchecked", "T3", "--seed", str(SEED), "--episodes", "2", "--out", str(tmp_path / "b")]) == 0
+    )
+    assert capsys.readouterr().err.count("succeeded") == 2
+    _, summary = run_bench("--seed", SEED, "--episodes", EPISODES)
     cells = {cell["label"]: cell for cell in summary["cells"]}
-    assert set(cells) == {"here: planned flows", "here: one mistake, unchecked"}
-    own = cells["here: one mistake, unchecked"]
-    assert own["mistakes"]["dropped step"]["successes"] == own["all"]["successes"] == 2
-    assert cells["here: planned flows"]["mistakes"] == {} and cells["here: planned flows"]["finished"] == EPISODES
+    assert set(cells) == {"here: planned flows", "here: unchecked"}
+    own = cells["here: unchecked"]
+    assert own["all"]["successes"] == 2 and own["simulated_in_vain_s"] == 0.0
+    assert cells["here: planned flows"]["finished"] == EPISODES
     assert own["version"] != "the version of a test"
-    assert app.run(["bench", "T3", "--out", str(tmp_path / "b"), *map(str, words)]) == 0
-    out = capsys.readouterr().out
-    assert "success with dropped step" in out and "0 of 40 s" in out
     assert app.run(["bench", "replay", str(tmp_path / "b"), "T3-014000-unchecked", "--out", str(tmp_path / "r")]) == 2
     assert "baselines are not shown again" in capsys.readouterr().err
 
@@ -284,7 +283,6 @@ def test_ctrl_c_before_anything_is_loaded(
         (["--shard", "half"], "--shard half"),
         (["--workers", "0"], "--workers 0"),
         (["--episodes", "0"], "--episodes 0"),
-        (["--baseline", "unchecked", "--evolve"], "--baseline unchecked: expected no --flows paper, --evolve"),
         (["--limit-s", "0"], "--limit-s 0"),
         (["--limit-s", "nan"], "--limit-s nan"),
         (["--limit-s", "inf"], "--limit-s inf: expected a number of seconds above 0, at most 604800"),

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from executor.bench.folder import BenchFolder, is_result
+from executor.bench.tables import write_results
 from executor.bench.units import BenchSetting, Series, Unit
-from executor.cli.commands.bench import write_results
 from oag.sizes import Resizing
 from tests.executor.bench.invented_worker import FAIL, invented
 

@@ -38,7 +38,7 @@ EXIT_CODES = {
     "bddl.diagnostics.BDDLError": BAD_INPUT,
     "executor.assets.importers.files.ImportRefused": BAD_INPUT,
     "executor.assets.parameters.AssetError": BAD_INPUT,
-    "executor.campaign.claims.BenchBusy": BAD_INPUT,
+    "executor.campaign.engine.BenchBusy": BAD_INPUT,
     "executor.bench.folder.NotABench": BAD_INPUT,
     "executor.scenes.generators.families.NoPaperFlow": BAD_INPUT,
     "executor.cli.commands.evolve.BadFault": BAD_INPUT,

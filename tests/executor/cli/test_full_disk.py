@@ -21,7 +21,7 @@ from executor.cli.commands import rollout as rollout_command
 from executor.cli.commands import run as run_command
 from executor.cli.errors import explain
 from executor.data.episode import Episode
-from executor.data.robomimic import write_robomimic
+from executor.data.formats.robomimic import write_robomimic
 from executor.records import Rollout
 from executor.reports.run_folder import ResultsExist, RunFolder
 from executor.system.files import write_json

@@ -13,9 +13,9 @@ import pytest
 from executor.campaign.versions import outcome_version
 from executor.cli.app import run
 from executor.data import samples
+from executor.data.episode import CORRECTION, DEMONSTRATION
 from executor.data.formats.selection import Selection
 from executor.data.formats.store_reader import stream_of
-from executor.data.formats.table import CORRECTION, DEMONSTRATION
 from executor.data.generation import series_of
 from executor.data.store import SAMPLES, EpisodeStore, NotADataset, StoredEpisode
 from executor.data.units import DemoUnit

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from executor.assets.model import Handle
+from executor.data.episode import CLOUD, Episode
 from executor.data.formats.export import FORMATS, ExportExists, Format, open_set, write_set
 from executor.data.formats.selection import NothingToExport
 from executor.data.formats.statistics import QUANTILES, IntensityHistogram
 from executor.data.formats.store_reader import is_for_validation, stream_of
-from executor.data.formats.table import CLOUD, EpisodeStream, EpisodeTable
+from executor.data.formats.table import EpisodeStream
 from executor.data.state_readers import ENVIRONMENT, CloudReader, StateReader, named_objects
 from executor.data.store import EpisodeStore, NotADataset, StoredEpisode
 from executor.data.views import DEPTH, SEGMENTATION, pictures
@@ -25,7 +26,7 @@ from executor.geometry import inverse, quaternions_last
 from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
 from executor.sim.world import World
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.executor.data.conftest import numbers
 from tests.executor.helpers import MakeWorld
 
@@ -49,7 +50,7 @@ def folded_once(store: EpisodeStore) -> EpisodeStream:
 
 
 @pytest.fixture(scope="module")
-def episodes(stream: EpisodeStream) -> list[EpisodeTable]:
+def episodes(stream: EpisodeStream) -> list[Episode]:
     return list(stream.episodes())
 
 
@@ -66,7 +67,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def source(store: EpisodeStore, episode: EpisodeTable) -> StoredEpisode:
+def source(store: EpisodeStore, episode: Episode) -> StoredEpisode:
     return store.episode(f"{episode.about['name']}-{episode.about['id'][:8]}")
 
 
@@ -83,7 +84,7 @@ def test_the_same_episodes_give_the_same_bytes(filmed_store: EpisodeStore, expor
     assert sorted(path.name for path in tmp_path.iterdir()) == ["another", *sorted(FORMATS)]
 
 
-def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[EpisodeTable]) -> None:
+def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[Episode]) -> None:
     assert len(episodes) == 4
     for episode in episodes:
         stored, rows = source(filmed_store, episode), episode.columns
@@ -102,7 +103,7 @@ def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[Episode
 
 
 def test_objects_and_joints_are_all_there_in_the_order_that_is_told(
-    filmed_store: EpisodeStore, episodes: list[EpisodeTable]
+    filmed_store: EpisodeStore, episodes: list[Episode]
 ) -> None:
     for episode in episodes:
         stored, about = source(filmed_store, episode), episode.about
@@ -118,7 +119,7 @@ def test_objects_and_joints_are_all_there_in_the_order_that_is_told(
         assert joints[-1, : len(there)] == pytest.approx(there, abs=1e-6) and not joints[:, len(there) :].any()
 
 
-def test_quaternions_are_x_y_z_w_and_say_the_same(filmed_store: EpisodeStore, episodes: list[EpisodeTable]) -> None:
+def test_quaternions_are_x_y_z_w_and_say_the_same(filmed_store: EpisodeStore, episodes: list[Episode]) -> None:
     for episode in episodes:
         hand, arrays = episode.columns["observation.state"][:, 12:19], source(filmed_store, episode).arrays
         assert (hand[:, 6] >= 0).all()
@@ -165,7 +166,7 @@ def points_at(handle: tuple[str, Handle], world: World, cloud: np.ndarray) -> in
 
 
 def test_hand_actions_lead_to_the_commanded_targets(
-    filmed_store: EpisodeStore, episodes: list[EpisodeTable], make_world: MakeWorld
+    filmed_store: EpisodeStore, episodes: list[Episode], make_world: MakeWorld
 ) -> None:
     chain = ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
     for episode in (episodes[0], episodes[-1]):
@@ -183,7 +184,7 @@ def test_hand_actions_lead_to_the_commanded_targets(
         assert np.abs(episode.columns["action"][:, 6]).max() <= 1.0 + 1e-6
 
 
-def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: list[EpisodeTable]) -> None:
+def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: list[Episode]) -> None:
     assert sum(is_for_validation(f"{k * 2654435761 % 2**32:08x}00000000") for k in range(2000)) == pytest.approx(
         200, abs=40
     )
@@ -195,7 +196,7 @@ def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: li
 
 
 @pytest.mark.parametrize("kind", ["lerobot", "lerobot-v2.1"])
-def test_lerobot_has_the_rows_again(exported: Path, episodes: list[EpisodeTable], kind: str) -> None:
+def test_lerobot_has_the_rows_again(exported: Path, episodes: list[Episode], kind: str) -> None:
     folder = exported / kind
     info = json.loads((folder / "meta/info.json").read_text())
     assert info["total_episodes"] == 4 and info["total_frames"] == sum(one.length for one in episodes)
@@ -255,7 +256,7 @@ def test_the_parts_that_are_told_are_those_of_the_columns(exported: Path) -> Non
         assert [place for span in spans for place in range(*span)] == list(range(features[column]["shape"][0]))
 
 
-def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[EpisodeTable]) -> None:
+def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[Episode]) -> None:
     folder = exported / "lerobot"
     lines = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     tones = [int(picture.mean().round()) for picture in pictures(folder / f"videos/{PICTURE}/chunk-000/file-000.mp4")]
@@ -269,7 +270,7 @@ def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episo
         assert line["dataset_to_index"] - line["dataset_from_index"] == episode.length
 
 
-def test_statistics_are_those_of_numpy(exported: Path, episodes: list[EpisodeTable]) -> None:
+def test_statistics_are_those_of_numpy(exported: Path, episodes: list[Episode]) -> None:
     stats = json.loads((exported / "lerobot/meta/stats.json").read_text())
     for name in ("action", "observation.state", "next.reward"):
         rows = np.concatenate([episode.columns[name] for episode in episodes]).astype(float)
@@ -299,7 +300,7 @@ def test_tones_count_as_numpy_does() -> None:
 
 
 def test_robomimic_has_the_samples_again(
-    filmed_store: EpisodeStore, exported: Path, stream: EpisodeStream, episodes: list[EpisodeTable]
+    filmed_store: EpisodeStore, exported: Path, stream: EpisodeStream, episodes: list[Episode]
 ) -> None:
     with h5py.File(exported / "robomimic/demonstrations.hdf5") as file:
         assert file["data"].attrs["total"] == sum(episode.length - 1 for episode in episodes)
@@ -322,7 +323,7 @@ def test_robomimic_has_the_samples_again(
             assert demo.attrs["state_hash"] == stored.meta["state_hash"]
 
 
-def test_zarr_has_the_rows_again(exported: Path, episodes: list[EpisodeTable]) -> None:
+def test_zarr_has_the_rows_again(exported: Path, episodes: list[Episode]) -> None:
     zarr = pytest.importorskip("zarr")
     root = zarr.open_group(str(exported / "zarr"), mode="r")
     ends = root["meta/episode_ends"][:]
@@ -372,7 +373,7 @@ def test_what_is_there_stays_unless_it_is_to_be_replaced(made_store: EpisodeStor
     with pytest.raises(ExportExists, match="--force"):
         write_set(stream_of(made_store), "zarr", tmp_path / "out")
     assert (tmp_path / "out/mine").read_text() == "kept"
-    write_set(stream_of(made_store), "zarr", tmp_path / "out", replace=True)
+    write_set(stream_of(made_store), "zarr", tmp_path / "out", overwrite=True)
     assert not (tmp_path / "out/mine").exists() and (tmp_path / "out/README.md").exists()
 
 

@@ -106,6 +106,19 @@ def test_it_goes_on_where_it_ended(run_generate: Generate, folder: Path) -> None
     assert all(path.stat().st_mtime_ns == when for path, when in before.items())
 
 
+@pytest.mark.parametrize("left", [0, 5, -1])
+def test_what_was_cut_off_is_made_again(run_generate: Generate, folder: Path, left: int) -> None:
+    run_generate("T1", "--seed", 7, "--episodes", 2)
+    first, second = EpisodeStore.open(folder).episodes()
+    whole, when = (first.path / "samples.xz").read_bytes(), (second.path / "unit.json").stat().st_mtime_ns
+    (first.path / "samples.xz").write_bytes(whole[:left])
+    code, said = run_generate("T1", "--seed", 7, "--episodes", 2)
+    assert code == 0 and said["made"] == 1 and said["endings"] == {"succeeded": 2}
+    assert (first.path / "samples.xz").read_bytes() == whole
+    assert (second.path / "unit.json").stat().st_mtime_ns == when
+    assert run_generate("T1", "--seed", 7, "--episodes", 2)[1]["made"] == 0
+
+
 def test_a_plan_of_many_sources(run_generate: Generate, folder: Path, tmp_path: Path) -> None:
     plan = tmp_path / "plan.yaml"
     plan.write_text(
@@ -246,10 +259,8 @@ def test_a_run_that_made_nothing_fails(run_generate: Generate) -> None:
     assert run_generate("T1", "--seed", 2, "--episodes", 2)[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("endings", "code"), [([], 0), (["not-needed"], 0), (["not-needed", "slipped"], 1), (["slipped", None], 0)]
-)
-def test_what_need_not_be_made_is_no_failure(folder: Path, endings: list[str | None], code: int) -> None:
+@pytest.mark.parametrize(("endings", "code"), [([], 0), (["slipped"], 1), (["slipped", None], 0)])
+def test_a_run_fails_where_nothing_of_it_succeeded(folder: Path, endings: list[str | None], code: int) -> None:
     tally = Tally()
     for kind in endings:
         tally.note("succeeded" if kind is None else "failed", kind)

@@ -15,7 +15,7 @@ from executor.data.store import SAMPLES, EpisodeStore
 from executor.envs.demonstration_replay import replay_actions
 from executor.envs.hand_control import Elbow, HandFollower
 from executor.sim.robot.actions import hand_actions
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

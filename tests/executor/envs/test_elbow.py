@@ -15,7 +15,7 @@ from executor.sim.robot.actions import arm_chain, joint_limits
 from executor.sim.robot.description import ARM_HOME, BASE_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
 from oag import RobotPose, Scene, SceneObject
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

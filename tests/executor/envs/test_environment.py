@@ -25,7 +25,7 @@ from executor.envs.scene_environment import SceneEnvironment
 from executor.scenes.generators.families import pair_of
 from executor.sim.engine import Physics
 from executor.sim.robot.actions import joint_limits
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.source_tree import ROOT
 
 SEED, INDEX = 62990, 0

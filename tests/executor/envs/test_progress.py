@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.library import asset_for
 from executor.envs.episodes import hand_distance_m
 from executor.geometry import Array, transform
-from executor.learn.evaluation.outcomes import NEAR_M, OutcomeWatch
+from executor.learn.evaluation import NEAR_M, OutcomeWatch
 from executor.sim.engine import ROBOT
 from executor.sim.robot.description import TCP_LINK
 from executor.sim.world import World

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from executor.data.episode import Episode
 from executor.data.formats.export import open_set
-from executor.data.formats.table import EpisodeTable
 from executor.data.state_readers import THING, StateReader
 from executor.data.store import EpisodeStore
 from executor.learn.demonstrations import read_demonstrations
@@ -23,14 +23,12 @@ STATE, AROUND = "observation.state", "observation.environment_state"
 
 
 @pytest.fixture(scope="module")
-def episode(picked: EpisodeStore) -> EpisodeTable:
+def episode(picked: EpisodeStore) -> Episode:
     """Return a demonstration of picking up."""
     return next(iter(open_set(picked.path, ()).episodes()))
 
 
-def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(
-    picked: EpisodeStore, episode: EpisodeTable
-) -> None:
+def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(picked: EpisodeStore, episode: Episode) -> None:
     drives = episode.columns["primitive_index"] == Primitive.NAVIGATE_TO_TARGET.value
     found = offset_drives(episode.columns, drives, np.zeros_like(drives), 0.05, np.random.default_rng(0))
     moved = (found[STATE] != episode.columns[STATE]).any(axis=1)
@@ -49,7 +47,7 @@ def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(
             assert turn.magnitude() < 1e-3
 
 
-def test_what_is_held_moves_along(episode: EpisodeTable) -> None:
+def test_what_is_held_moves_along(episode: Episode) -> None:
     count = episode.length
     columns = {name: np.array(column) for name, column in episode.columns.items()}
     columns[AROUND][:, 11:14] = columns[STATE][:, 12:15] + 0.01  # The hand has it.

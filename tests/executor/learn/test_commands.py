@@ -18,7 +18,7 @@ from executor.data.store import EpisodeStore
 from executor.data.units import Origin, Variation
 from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import EpisodeKind
-from executor.learn.evaluation.outcomes import FAILURES, EpisodeOutcome
+from executor.learn.evaluation import FAILURES, EpisodeOutcome
 from executor.learn.settings import PolicySettings, SettingsError, read_settings
 
 pytestmark = pytest.mark.physics
@@ -101,7 +101,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*train, "--seed", "1"]) == 2
     assert "--force begins anew" in str(last_json(capsys)["error"])
 
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.5)
     results = tmp_path / "r"
     evaluate = ["evaluate", str(out), "--episodes", "2", "--seed", "62985", "--json"]
     assert run([*evaluate, "--out", str(results)]) == 0
@@ -129,7 +129,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     settings, out, results = tmp_path / "tiny.toml", tmp_path / "p", tmp_path / "r"
     settings.write_text(TINY)
     assert run(["train", str(settings), "--data", str(picked.path), "--out", str(out), "--threads", "1"]) == 0
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.5)
     evaluate = ["evaluate", str(out), "--episodes", "1", "--seed", "62985"]
 
     def full(path: Path, _: object) -> None:
@@ -143,7 +143,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     assert "0 of 1" in told.out and "No space left on device" in told.err
 
     def invented(
-        actors: list[TrainedPolicy], kind: object, seeds: range, told: Callable[..., None], _: object
+        actors: list[TrainedPolicy], kind: object, seeds: range, told: Callable[..., None], **_: object
     ) -> object:
         ends = [
             EpisodeOutcome(seed, good, good, "" if good else FAILURES[0], 1.0, {})
@@ -159,7 +159,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
 
-    def never(*_: object) -> None:
+    def never(*_: object, **__: object) -> None:
         raise AssertionError("an episode began")
 
     monkeypatch.setattr("executor.cli.commands.evaluate.evaluate", never)

@@ -1,4 +1,4 @@
-"""Policies judged: pushes that push, help that is counted apart, success by what varied, tables and the page."""
+"""Policies judged: monitors, the graph's guidance, interruptions, tables and the page."""
 
 from __future__ import annotations
 
@@ -19,31 +19,24 @@ from executor.cli.app import run
 from executor.data.generation import series_of
 from executor.data.store import EpisodeStore
 from executor.data.work import prepare_unit
-from executor.envs.pushes import DrawnPush, Pusher, draw_pushes
 from executor.envs.scene_environment import SceneEnvironment
 from executor.learn.acting import Policy, TrainedPolicy
-from executor.learn.demonstrations import read_demonstrations
-from executor.learn.evaluation.outcomes import AFTER_S, EpisodeOutcome, MonitorWatch, OutcomeWatch
-from executor.learn.evaluation.scores import Curve, PolicyScore, by_axis, by_training, diagram, loss_curve
-from executor.learn.evaluation.trials import (
+from executor.learn.evaluation import (
+    AFTER_S,
     MOST_S,
-    PUSHED_BETWEEN_S,
     UNDONE_S,
+    EpisodeOutcome,
+    MonitorWatch,
+    OutcomeWatch,
     PlanGuide,
-    StallWatch,
-    TrialConditions,
-    environment_for,
     most_steps,
-    pusher_of,
     run_episode,
 )
 from executor.learn.observations import subtask_of
-from executor.learn.policy_record import PolicyRecord
-from executor.learn.training import Trainer
+from executor.learn.scores import Curve, by_training, diagram, loss_curve
 from executor.rollouts.rollout import Conditions, rollout
 from llm import propose
-from oag import TaskError
-from tests.executor.learn.conftest import KITCHEN, PLAN, small
+from tests.executor.learn.conftest import KITCHEN, PLAN
 from tests.executor.learn.test_commands import TINY, last_json
 
 pytestmark = pytest.mark.physics
@@ -64,47 +57,6 @@ def test_a_whole_task_has_time_for_each_of_its_subtasks() -> None:
     assert most_steps(None, task, 5.0) == 5 * MOST_S * len(task.subtasks)
 
 
-def test_pushes_move_the_base_and_the_item_by_a_force(env: SceneEnvironment) -> None:
-    pusher = Pusher([DrawnPush("item", 0.2, 0.5), DrawnPush("base", 1.0, 2.0)], "glass_0")
-    env.disturb(pusher)
-    glass_m, base_m = env.world.T_world_link("glass_0")[:3, 3], np.array(env.world.robot.get_qpos())[:2]
-    farthest_m = 0.0
-    for _ in range(25):
-        env.wait()
-        farthest_m = max(farthest_m, float(np.hypot(*(np.array(env.world.robot.get_qpos())[:2] - base_m))))
-    item, base = pusher.applied
-    moved_m = env.world.T_world_link("glass_0")[:3, 3] - glass_m
-    assert (item.what, base.what) == ("item", "base") and item.at_s == pytest.approx(0.2, abs=0.005)
-    assert 0.03 <= item.moved_m < 0.035 and item.most_n < 20.0
-    assert np.hypot(*moved_m[:2]) == pytest.approx(0.03, abs=0.01) and abs(moved_m[2]) < 0.005  # It stands as it stood.
-    assert np.arctan2(moved_m[1], moved_m[0]) == pytest.approx(0.5, abs=0.2)
-    assert 0.05 <= base.moved_m < 0.06 and farthest_m > 0.03 and base.most_n > 350.0
-
-
-def test_pushes_follow_from_the_seed() -> None:
-    first, again, other = (draw_pushes(("base", "item"), seed, (2.0, 10.0)) for seed in (1, 1, 2))
-    assert first == again != other and len(first) == 2
-    assert all(2.0 <= push.at_s <= 10.0 for push in (*first, *other))
-    assert [push for push in draw_pushes(("item",), 1, (2.0, 10.0))] == [push for push in first if push.what == "item"]
-
-
-def test_an_item_that_is_not_there_is_not_pushed(env: SceneEnvironment) -> None:
-    pusher = Pusher([DrawnPush("item", 0.0, 0.0)], None)
-    env.disturb(pusher)
-    env.wait()
-    assert pusher.applied == []
-
-
-def test_who_stands_still_has_stalled() -> None:
-    watch = StallWatch(10.0)
-    for moment in range(60):
-        watch.look(np.full(12, 0.01 * moment))
-    assert not watch.stalled
-    for _ in range(30):
-        watch.look(np.full(12, 0.6))
-    assert watch.stalled
-
-
 def test_monitors_see_a_robot_that_runs_into_things(env: SceneEnvironment) -> None:
     watch, target = MonitorWatch(env.world, env.episode.task), env.target
     for _ in range(60):
@@ -112,39 +64,6 @@ def test_monitors_see_a_robot_that_runs_into_things(env: SceneEnvironment) -> No
         env.step(target.astype(np.float32))
         watch.look(env.target)
     assert {"stalled", "unexpected-contact"} & set(watch.first_failures_s)
-
-
-def test_help_is_counted_apart(picked: EpisodeStore, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A policy that has learned nothing does nothing; the planner does it all, and the policy has no success of it."""
-    data = read_demonstrations([picked.path], small())
-    record = PolicyRecord.of(small(), 3, data)
-    Trainer(out, record, data).run(lambda step, loss: None)
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
-    monkeypatch.setattr("executor.learn.evaluation.trials.PUSHED_BETWEEN_S", (0.1, 0.2))
-    with closing(environment_for(TrainedPolicy.load(out), record.kinds[0])) as env:
-        outcome, _ = run_episode(env, TrainedPolicy.load(out), 62986, TrialConditions(("item",), fallback=True))
-    assert not outcome.success_once and outcome.failure and outcome.success_with_help
-    (helped,) = outcome.helped
-    assert helped["because"] == "time" and helped["succeeded"] and helped["took_s"] > 3.0
-    assert [push["what"] for push in outcome.pushes] == ["item"]
-    assert {"target_distance_m", "target glass_0 turned_rad"} <= set(outcome.drawn)
-    score = PolicyScore.of([outcome])
-    assert score.with_help is not None and (score.with_help.successes, score.once.successes, score.helped) == (1, 0, 1)
-    json.dumps(outcome.to_json())
-
-
-def test_success_by_what_varied() -> None:
-    outcomes = [
-        replace(episode(k, good=k < 6), drawn={"far_m": float(k), "same": 1.0, **({"odd": 1.0} if k else {})})
-        for k in range(12)
-    ]
-    (few,) = by_axis([replace(outcome, drawn={"right": float(k % 2)}) for k, outcome in enumerate(outcomes)])
-    assert [(low, high, rate.successes) for low, high, rate in few.parts] == [(0.0, 0.0, 3), (1.0, 1.0, 3)]
-    (score,) = by_axis(outcomes)
-    assert score.axis == "far_m" and [rate.successes for *_, rate in score.parts] == [4, 2, 0]
-    assert [(low, high) for low, high, _ in score.parts] == [(0.0, 3.0), (4.0, 7.0), (8.0, 11.0)]
-    assert score.p is not None and score.p < 0.01
-    assert by_axis([]) == () and by_axis(outcomes[:6])[0].p is None
 
 
 def test_seeds_of_a_training_are_one_row() -> None:
@@ -212,27 +131,11 @@ def test_who_succeeds_as_the_time_runs_out_is_looked_at_for_as_long_as_anybody(
 
     actor = Pretender()
     actor.act = lambda observation: env.target  # type: ignore[attr-defined]
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
-    monkeypatch.setattr("executor.learn.evaluation.trials.OutcomeWatch", Late)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.OutcomeWatch", Late)
     outcome, _ = run_episode(env, cast(Policy, actor), 0)
     assert outcome.success_once and not outcome.success_at_end, "it did not hold"
     assert outcome.simulated_s == pytest.approx(0.9, abs=0.05) and env.world.time_s >= 0.9 + AFTER_S
-
-
-def test_of_a_whole_task_the_first_item_is_pushed_and_where_there_is_none_that_is_said(env: SceneEnvironment) -> None:
-    pushed = pusher_of(env, 0, ("base", "item"))
-    env.disturb(pushed)
-    for _ in range(round(PUSHED_BETWEEN_S[1] * 10) + 20):
-        env.wait()
-    assert {push.what for push in pushed.applied} == {"base", "item"}
-    for query, item in (("open the refrigerator", ""), ("put the glass into the refrigerator", "glass_0")):
-        with closing(SceneEnvironment(query=query, scene=str(KITCHEN))) as other:
-            other.reset(seed=0)
-            if item:
-                pusher_of(other, 0, ("item",))
-                continue
-            with pytest.raises(TaskError, match="no item can be pushed: the task is about refrigerator_0"):
-                pusher_of(other, 0, ("item",))
 
 
 def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
@@ -254,7 +157,7 @@ def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alon
     assert hashes[0] == hashes[1] != rollout(graph, seed=7, vary=False).state_hash
 
 
-def test_evaluate_tells_of_pushes_steps_and_seeds(
+def test_evaluate_tells_of_steps_and_seeds_and_keeps_what_an_interruption_left(
     picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = tmp_path / "tiny.toml"
@@ -262,26 +165,24 @@ def test_evaluate_tells_of_pushes_steps_and_seeds(
     for seed in (0, 1):
         told = ["--data", str(picked.path), "--out", str(tmp_path / f"p{seed}"), "--seed", str(seed), "--json"]
         assert run(["train", str(settings), "--threads", "1", *told]) == 0
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.5)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.5)
     capsys.readouterr()
     policies = [str(tmp_path / "p0"), str(tmp_path / "p1")]
-    asked = ["--episodes", "2", "--seed", "62985", "--steps", "2", "4", "--push", "base", "--json"]
+    asked = ["--episodes", "2", "--seed", "62985", "--steps", "2", "4", "--json"]
     assert run(["evaluate", *policies, *asked, "--out", str(tmp_path / "r")]) == 0
     found = last_json(capsys)
-    assert len(found["policies"]) == 4 and found["pushes"] == ["base"]  # type: ignore[arg-type]
+    assert len(found["policies"]) == 4  # type: ignore[arg-type]
     assert [row["seeds"] for row in found["trainings"]] == [[0, 1], [0, 1]]  # type: ignore[attr-defined]
     page = (tmp_path / "r" / "evaluation.html").read_text()
-    assert "Loss by step" in page and "Success by step" in page and "target_distance_m" in page
-    assert run(["evaluate", policies[0], "--push", "base", "base", "--json"]) == 2
-    assert "each thing once" in str(last_json(capsys)["error"])
+    assert "Loss by step" in page and "Success by step" in page
 
     # Ctrl-C in the second episode of the second policy: what both had done by then is kept.
-    def ended(env: SceneEnvironment, actor: TrainedPolicy, seed: int, conditions: TrialConditions) -> object:
+    def ended(env: SceneEnvironment, actor: TrainedPolicy, seed: int, *, keep_states: bool) -> object:
         if seed == 62986 and actor.name == policies[1]:
             raise KeyboardInterrupt
-        return run_episode(env, actor, seed, conditions)
+        return run_episode(env, actor, seed, keep_states=keep_states)
 
-    monkeypatch.setattr("executor.learn.evaluation.trials.run_episode", ended)
+    monkeypatch.setattr("executor.learn.evaluation.run_episode", ended)
     asked = ["--episodes", "2", "--seed", "62985", "--json", "--out", str(tmp_path / "ended")]
     assert run(["evaluate", *policies, *asked]) == 130
     kept = last_json(capsys)

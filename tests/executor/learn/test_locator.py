@@ -11,7 +11,7 @@ import torch
 from executor.data.store import EpisodeStore
 from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import Demonstrations, read_demonstrations
-from executor.learn.evaluation.trials import environment_for
+from executor.learn.evaluation import environment_for
 from executor.learn.networks import Locator, PolicyNetwork
 from executor.learn.observations import ROBOT_NUMBERS, THING_NUMBERS
 from executor.learn.policy_record import PolicyRecord

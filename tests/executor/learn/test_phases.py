@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.data.formats.table import EpisodeTable
+from executor.data.episode import Episode
 from executor.data.store import EpisodeStore
 from executor.learn.demonstrations import (
     MOST_GRASP_MODES,
@@ -15,7 +15,7 @@ from executor.learn.demonstrations import (
     grasp_modes_per_step,
     read_demonstrations,
 )
-from executor.learn.evaluation.outcomes import NEAR_M
+from executor.learn.evaluation import NEAR_M
 from executor.learn.phases import BACK_S, EMPTY_SHARE, NEAR_SLACK_M, OVERDUE, PATIENCE_S, PlanFollower
 from executor.learn.policy_record import PolicyRecord
 from tests.executor.learn.conftest import small
@@ -267,13 +267,13 @@ def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
 
 
 def test_where_nothing_is_grasped_ways_are_those_of_letting_go() -> None:
-    def episode(placed: float) -> EpisodeTable:
+    def episode(placed: float) -> Episode:
         """Grasp alike, and then puts down in one of two postures."""
         primitives = np.array([17, 3, 18, 5, 13])
         state = np.zeros((5, 20), np.float32)
         state[3:, 3:10] = placed
         columns = {"primitive_index": primitives, "observation.state": state}
-        return EpisodeTable(0, columns, {}, {})
+        return Episode(0, columns, {}, {})
 
     placings = (0.0, 0.0, 2.0, 0.0)
     going_on = np.array([17, 3, 118, 105, 113])
@@ -285,6 +285,6 @@ def test_who_goes_on_with_a_door_has_the_usual_way() -> None:
     opening = np.array([3, 4, 5, 7])
     state = np.zeros((4, 20), np.float32)
     state[2:, 3:10] = 2.0
-    usual = EpisodeTable(0, {"primitive_index": opening, "observation.state": state}, {}, {})
-    goes_on = EpisodeTable(1, {"primitive_index": opening[1:], "observation.state": state[1:]}, {}, {})
+    usual = Episode(0, {"primitive_index": opening, "observation.state": state}, {}, {})
+    goes_on = Episode(1, {"primitive_index": opening[1:], "observation.state": state[1:]}, {}, {})
     assert not grasp_modes_per_step([usual, goes_on, usual], [opening, opening[1:], opening]).any()

@@ -22,9 +22,7 @@ from executor.learn import demonstrations
 from executor.learn.acting import TrainedPolicy
 from executor.learn.action_chunks import to_base_targets, to_world_targets
 from executor.learn.demonstrations import Demonstrations, read_demonstrations
-from executor.learn.evaluation.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
-from executor.learn.evaluation.scores import PolicyScore, paired_tests
-from executor.learn.evaluation.trials import TrialConditions, environment_for, run_episode
+from executor.learn.evaluation import NEAR_M, EpisodeOutcome, OutcomeWatch, environment_for, run_episode
 from executor.learn.networks import NetworkSizes, PolicyNetwork
 from executor.learn.observations import (
     HANDLE_NUMBERS,
@@ -46,10 +44,11 @@ from executor.learn.policy_record import (
     read_record,
     read_tensors,
 )
+from executor.learn.scores import PolicyScore, paired_tests
 from executor.learn.settings import Sees, SettingsError, known_settings, read_settings, settings_of
 from executor.learn.training import Trainer, learning_rate, parameters
 from executor.sim.robot.actions import joint_limits
-from oag.model.scene_rules import FULL_SCALE
+from oag.model.scene import FULL_SCALE
 from oag.model.symbols import Primitive
 from tests.executor.learn.conftest import small
 
@@ -120,7 +119,7 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
 def test_what_was_exported_is_learned_from_as_the_store_is(
     picked: EpisodeStore, data: Demonstrations, tmp_path: Path
 ) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
     found = read_demonstrations([tmp_path / "z"], small())
     assert (found.names, found.key, found.kinds, found.seeds) == (data.names, data.key, data.kinds, data.seeds)
     assert np.array_equal(found.numbers, data.numbers) and np.array_equal(found.phases, data.phases)
@@ -347,10 +346,10 @@ def test_a_policy_whose_numbers_ran_away_is_named(data: Demonstrations, out: Pat
 
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = trained(data, out)
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 1.0)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 1.0)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    outcome, footage = run_episode(env, TrainedPolicy.load(out), 62985, TrialConditions(keep_states=True))
+    outcome, footage = run_episode(env, TrainedPolicy.load(out), 62985, keep_states=True)
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
 

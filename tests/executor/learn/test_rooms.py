@@ -26,7 +26,7 @@ from executor.learn.policy_record import PolicyRecord
 from executor.learn.settings import SettingsError
 from executor.learn.training import Trainer
 from executor.sim.robot.actions import arm_chain
-from oag.model.scene_rules import PAPER_SCALE
+from oag.model.scene import PAPER_SCALE
 from tests.executor.learn.conftest import small
 
 pytestmark = pytest.mark.physics

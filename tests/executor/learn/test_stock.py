@@ -76,7 +76,7 @@ def test_a_stock_policy_stands_in_the_same_table(
 ) -> None:
     policy = Still(10)
     installed(monkeypatch, policy)
-    monkeypatch.setattr("executor.learn.evaluation.trials.MOST_S", 0.8)
+    monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.8)
     asked = ["evaluate", str(folder), "--episodes", "2", "--json"]
     assert run([*asked, "--seed", "62985", "--data", str(picked.path)]) == 0
     (told,) = last_json(capsys)["policies"].values()  # type: ignore[attr-defined]

@@ -14,6 +14,7 @@ import pytest
 from executor.campaign.versions import outcome_version
 from executor.cli.app import run
 from executor.data.formats.export import write_set
+from executor.data.formats.lerobot import LINES
 from executor.data.formats.selection import NothingToExport
 from executor.data.formats.store_reader import stream_of
 from executor.data.generation import series_of
@@ -21,15 +22,13 @@ from executor.data.store import EpisodeStore, NotADataset
 from executor.data.worker import run_unit
 from executor.learn.action_chunks import hand_poses, to_hand_frame
 from executor.learn.demonstrations import learned_from, read_demonstrations
-from executor.learn.evaluation.trials import environment_for
+from executor.learn.evaluation import environment_for
 from executor.learn.policy_record import PolicyRecord
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from tests.executor.learn.conftest import KITCHEN, PLAN, small
 from tests.executor.learn.test_commands import last_json
 
 pytestmark = pytest.mark.physics
-
-_LINES = "episodes.jsonl"
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +67,7 @@ def test_robots_of_two_scales_are_refused(picked: EpisodeStore, full_size: Episo
 
 
 def test_an_episode_counts_once(picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
     twice = [str(picked.path), str(tmp_path / "z")]
     assert run(["train", "state", "--data", *twice, "--out", str(tmp_path / "p"), "--json"]) == 2
     error = str(last_json(capsys)["error"])
@@ -84,7 +83,6 @@ def without(name: str) -> Callable[[dict[str, Any]], object]:
     "spoil, words",
     [
         (without("unit"), "it lacks 'unit'"),
-        (without("kind"), "it lacks 'kind'"),
         (without("id"), "it lacks 'id'"),
         (lambda about: about["unit"].update(seed="x"), r"unit\.seed: Input should be"),
         (lambda about: about.update(unit=3), "unit: "),
@@ -98,8 +96,8 @@ def without(name: str) -> Callable[[dict[str, Any]], object]:
 def test_what_an_export_says_of_an_episode_is_checked(
     picked: EpisodeStore, tmp_path: Path, spoil: Callable[[dict[str, Any]], object], words: str
 ) -> None:
-    write_set(stream_of(picked), "zarr", tmp_path / "z")
-    (path,) = (tmp_path / "z").rglob(_LINES)
+    write_set(stream_of(picked), "lerobot", tmp_path / "z")
+    path = tmp_path / "z" / LINES
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     spoil(lines[1])
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))

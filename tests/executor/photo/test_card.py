@@ -13,7 +13,7 @@ from executor.assets.library import sample
 from executor.bench.photo.score import card_rows, compare_thing, iou, support_counts, turned_rad, visible_box
 from executor.bench.photo.tracks import MockedDetector, mocked_boxes, noisy
 from oag import SceneObject
-from oag.model.scene_rules import about_z
+from oag.model.scene import about_z
 from tests.source_tree import first_party_imports, modules
 
 NOWHERE = np.zeros((0, 3))

@@ -25,7 +25,7 @@ from executor.sim.robot.description import (
 )
 from executor.sim.robot.kinematics import ArmChain
 from oag import Primitive, RobotPose
-from oag.model.scene_rules import FULL_SCALE, PAPER_SCALE
+from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Gripper, longest_motion_m
 
 

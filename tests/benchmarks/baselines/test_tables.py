@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import baselines, robogen_executed, robogen_plans
+from benchmarks import robogen_executed, robogen_plans
+from benchmarks.baselines import table
 from executor.bench.folder import BenchFolder
 from executor.bench.units import BenchSetting, Series
 from executor.records import FailureKind
@@ -66,7 +67,7 @@ def test_recorded_decompositions_are_verified_as_written_and_as_their_code_does(
 
 
 def test_what_is_no_checkout_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert robogen_plans.main([str(tmp_path)]) == 2 and baselines.main([str(tmp_path)]) == 2
+    assert robogen_plans.main([str(tmp_path)]) == 2 and table.main([str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("usage") == 2
 
 
@@ -77,9 +78,12 @@ def test_the_paper_stands_in_a_column_of_its_own(tmp_path: Path, capsys: pytest.
     for series in (ours, theirs):
         for unit in series.units():
             ended = "succeeded" if series is ours else "failed"
-            folder.write(unit, "v", {"ended": ended, "simulated_s": 4.0})
-    assert baselines.main([str(tmp_path)]) == 0
-    head, _, other, own, *elsewhere = capsys.readouterr().out.splitlines()
+            more = {} if series is ours else {"grasps_tried": 3, "grasps_held": 1, "mistake": "wrong order"}
+            folder.write(unit, "v", {"ended": ended, "simulated_s": 4.0, **more})
+    assert table.main([str(tmp_path)]) == 0
+    head, _, other, own, *elsewhere, grasps, mistakes = capsys.readouterr().out.splitlines()
+    assert grasps == "like GenSim2 (own code): 2 of 6 grasps with both fingers"
+    assert mistakes == "like GenSim2 (own code), wrong order: 0 of 2"
     assert head.split("|")[-2].strip().startswith("the paper's own row")
     assert "| like GenSim2 (own code) | own | 1 to 2 | 0 of 2, 0 % (0.0 to 84.2) | 0 | 8 s |" in other
     assert other.endswith("| M3 GenSim2 (Primitive): 5 / 78 |")
@@ -93,11 +97,11 @@ def test_the_paper_stands_in_a_column_of_its_own(tmp_path: Path, capsys: pytest.
 
 def test_what_was_measured_elsewhere_is_what_the_documentation_says() -> None:
     told = " ".join((ROOT / "docs/baselines.md").read_text(encoding="utf-8").split())
-    for one in baselines.ELSEWHERE:
+    for one in table.ELSEWHERE:
         assert one.source in told
-    for task, good in baselines.GENSIM2.items():
+    for task, good in table.GENSIM2.items():
         assert f"{task} {good} " in told
-    for one in (baselines.ELSEWHERE[-5], *baselines.ELSEWHERE[-2:]):
+    for one in (table.ELSEWHERE[-5], *table.ELSEWHERE[-2:]):
         assert f"{one.rate.successes} of {one.rate.trials}" in told
     assert "| as written: a hand lets go only where a step says so | 11 | 9 |" in told
     assert "| as its code does: a grasp first lets go of what is held | 19 | 1 |" in told

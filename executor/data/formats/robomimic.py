@@ -10,7 +10,9 @@ Layout, with T transitions:
                                 that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
                                 (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
                                 (4 x 4; x ahead, y left, z up)
-        actions                 (T, 11) float32 in [-1, 1]; see `executor.data.episode.Episode.actions`
+        actions                 (T, 11) float32 in [-1, 1]; ACTION_NAMES: displacement of the base in its own frame
+                                and of the arm's joints, commanded for the interval and divided by action_scale; the
+                                gripper's commanded opening, -1 shut and 1 as far as the robot's fingers open
         actions_absolute        (T, 12) float32 drive targets in m and rad
         actions_hand            (T, 10) float32 in m and rad, in data sets; see `hand_actions` of the robot
         states                  (T, D) float32; attrs columns
@@ -49,7 +51,6 @@ import io
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from types import MappingProxyType
@@ -59,22 +60,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import atomic_path
-from executor.data.episode import ACTION_NAMES, Episode
-from executor.geometry import quaternions_last, transform_from_quaternion
+from executor.data.episode import CLOUD, ArrayClip, Clip, Episode, camera_column, metadata_line
+from executor.geometry import transform_from_quaternion
+from executor.sim.robot.actions import joint_limits
 from executor.system.extras import require
 from executor.system.files import plain
+from oag import Scene
 from oag.sizes import scaled_objects
+
+FILE = "demonstrations.hdf5"
+"""Name of the file of a data set."""
+
+ACTION_NAMES = (
+    "base_forward",
+    "base_left",
+    "base_turn",
+    *(f"arm_joint{index}" for index in range(1, 8)),
+    "gripper",
+)
+# Fastest motion that an action of 1 stands for: m/s, m/s, rad/s for the base, rad/s for each arm joint.
+ACTION_RATES = np.array([1.0, 1.0, 2.0, *[3.0] * 7])
 
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
 ENVIRONMENT = {"type": 2, "env_kwargs": {}}
 NO_MASKS: Mapping[str, range] = MappingProxyType({})
-ABOUT = "scene2demo"
-"""Attribute of the group of demonstrations: what all of a data set have in common."""
-
-LAST = "last_obs"
-"""Group of the observations after the last transition that next_obs does not have."""
-
 COMPRESSION = 4
 """Of pictures: 15 % smaller than the fastest level for half as much time again; more takes twice the time for 8 %."""
 
@@ -93,7 +103,7 @@ def write_robomimic(
         path: The file.
         episodes: At least one, in the order of their numbers; a generator keeps one at a time in memory.
         masks: Name -> which demonstrations it has, in addition to `all` and `successful`.
-        about: What all of a data set have in common, as JSON; empty where they are none.
+        about: What all of a data set have in common, as JSON; empty where they are none, and say no more of themselves.
 
     Raises:
         ValueError: When there are no episodes.
@@ -104,92 +114,163 @@ def write_robomimic(
         good: list[int] = []
         count = total = 0
         for episode in episodes:
-            _write_demo(data.create_group(f"demo_{count}"), episode)
+            _write_demo(data.create_group(f"demo_{count}"), episode, with_about=bool(about))
             good += [count] if episode.succeeded else []
-            count, total = count + 1, total + episode.length
+            count, total = count + 1, total + episode.length - 1
         if not count:
             raise ValueError("expected at least one episode to write, got none")
         data.attrs["total"] = total
         data.attrs["env_args"] = json.dumps(ENVIRONMENT)
         data.attrs["scene2demo_version"] = _version()
         if about:
-            data.attrs[ABOUT] = about
+            data.attrs["scene2demo"] = about
         for name, numbers in {"all": range(count), "successful": good, **masks}.items():
             file.create_dataset(f"mask/{name}", data=np.array([f"demo_{k}".encode() for k in numbers], dtype="S16"))
     return Path(path)
 
 
-def _write_demo(demo: Any, episode: Episode) -> None:
-    length, trajectory = episode.length, episode.trajectory
+def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
+    about, columns, recorded = episode.about, episode.columns, episode.recorded
+    scene, length = Scene.from_json(about["scene"]), episode.length - 1
+    spans = [_span(entry, succeeded=episode.succeeded) for entry in about["subtasks"]]
+    rate_hz = 1.0 / float(np.median(np.diff(recorded["time_s"])))
+    scale = ACTION_RATES / rate_hz
+    qpos, targets = columns["observation.state"][:, :12], columns["action.joint_target"][:-1]
+    actions = normalised_actions(qpos, targets, scale, float(joint_limits(scene.robot.scale)[-1, 1]))
+    views = [view for view, kind in episode.clips if not kind]
     demo.attrs.update(
         {
             "num_samples": length,
             "success": episode.succeeded,
-            "seed": episode.seed,
-            "state_hash": episode.state_hash,
-            "task": episode.task.name,
-            "task_detail": episode.task.detail,
-            "scene": json.dumps(plain(episode.scene.to_json())),
-            "scaled": json.dumps([change.to_json() for change in scaled_objects(episode.scene)]),
-            "rate_hz": episode.rate_hz,
+            "seed": int(about["unit"]["seed"]),
+            "state_hash": str(about["state_hash"]),
+            "task": about["task"]["task_activity_name"],
+            "task_detail": about["task"]["task_detail_message"],
+            "scene": json.dumps(plain(scene.to_json())),
+            "scaled": json.dumps([change.to_json() for change in scaled_objects(scene)]),
+            "rate_hz": round(rate_hz, 6),
             "action_names": json.dumps(ACTION_NAMES),
-            "action_scale": episode.action_scale,
-            "subtasks": json.dumps([plain(asdict(span)) for span in episode.spans]),
-            "query": episode.query,
-            "paraphrases": json.dumps(episode.paraphrases),
-            "cameras": json.dumps(plain(episode.cameras)),
+            "action_scale": scale,
+            "subtasks": json.dumps([span for span in spans if span is not None]),
+            "query": episode.task,
+            "paraphrases": json.dumps(about["paraphrases"] or ()),
+            "cameras": json.dumps({view: about["pictures"]["views"][view] for view in views}),
         }
     )
-    rewards = episode.rewards
-    if rewards is None:
-        rewards = np.zeros(length, dtype=np.float32)
-        rewards[-1] = float(episode.succeeded)
+    _write_numbers(demo, "actions", actions)
+    _write_numbers(demo, "actions_absolute", targets)
+    if "action" in columns:
+        _write_numbers(demo, "actions_hand", columns["action"][:-1])
+    objects, joints = _objects(episode), _joints(episode)
+    parts = [qpos, columns["observation.velocity"], *joints.values(), *objects.values()]
+    names = ["robot_qpos:12", "robot_qvel:12"]
+    names += [f"{name}/{k}:1" for name, positions in joints.items() for k in range(positions.shape[1])]
+    names += [f"{name}:7" for name in objects]
+    states = np.concatenate(parts, axis=1, dtype=np.float32)[:-1]
+    _write_numbers(demo, "states", states).attrs["columns"] = json.dumps(names)
+    if "packed_states" in recorded:
+        _write_numbers(demo, "packed_states", recorded["packed_states"].view(np.uint8))
+    if with_about:
+        # No attribute: these end at 64 kB.
+        demo.create_dataset("about", data=metadata_line(about))
     dones = np.zeros(length, dtype=np.int64)
     dones[-1] = 1
-    columns: dict[str, NDArray[Any]] = {
-        "actions": episode.actions,
-        "actions_absolute": episode.actions_absolute,
-        **episode.commanded,
-    }
-    for name, values in columns.items():
-        _write_numbers(demo, name, values)
-    _write_numbers(demo, "states", _states(episode)).attrs["columns"] = json.dumps(episode.state_names)
-    if trajectory.packed_states:
-        packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
-        _write_numbers(demo, "packed_states", packed)
-    if episode.about:
-        # No attribute: these end at 64 kB.
-        demo.create_dataset("about", data=episode.about)
-    columns = {"rewards": rewards, "dones": dones, "time_s": trajectory.time_s}
-    columns |= {"subtask": trajectory.subtask, "step": trajectory.step}
-    columns |= {f"object_poses/{name}": quaternions_last(poses) for name, poses in trajectory.object_poses.items()}
-    columns |= {f"joint_positions/{name}": positions for name, positions in trajectory.joint_positions.items()}
-    for name, values in columns.items():
+    rows = {"rewards": columns["next.reward"][1:], "dones": dones}
+    rows |= {name: recorded[name] for name in ("time_s", "subtask", "step")}
+    rows |= {f"object_poses/{name}": poses for name, poses in objects.items()}
+    rows |= {f"joint_positions/{name}": positions for name, positions in joints.items()}
+    for name, values in rows.items():
         _write_numbers(demo, name, values)
     _write_observations(demo, episode)
-    _write_datagen_info(demo.create_group("datagen_info"), episode)
+    _write_datagen_info(demo.create_group("datagen_info"), episode, objects, spans, actions)
+
+
+def normalised_actions(
+    qpos: NDArray[np.float32], targets: NDArray[np.float32], scale: NDArray[np.float64], opening_m: float
+) -> NDArray[np.float32]:
+    """Return (N - 1, 11) the actions of every transition, clipped to [-1, 1].
+
+    Args:
+        qpos: (N, 12) joint positions.
+        targets: (N - 1, 12) what was commanded between them.
+        scale: (10,) displacement that an action of 1 stands for.
+        opening_m: How far one finger of the robot opens.
+    """
+    now = qpos[:-1].astype(np.float64)
+    moves = targets[:, :10].astype(np.float64) - now[:, :10]
+    cosine, sine = np.cos(now[:, 2]), np.sin(now[:, 2])
+    forward = cosine * moves[:, 0] + sine * moves[:, 1]
+    left = -sine * moves[:, 0] + cosine * moves[:, 1]
+    moves[:, 0], moves[:, 1] = forward, left
+    gripper = targets[:, 10:12].mean(axis=1, keepdims=True) / opening_m * 2.0 - 1.0
+    return np.clip(np.concatenate([moves / scale, gripper], axis=1), -1.0, 1.0).astype(np.float32)
+
+
+def _span(entry: Mapping[str, Any], *, succeeded: bool) -> dict[str, Any] | None:
+    """Return where a subtask lies: samples `first` up to, but not including, `end`; None without samples."""
+    if entry["span"] is None:
+        return None
+    first, end = entry["span"]
+    return {
+        **{name: entry[name] for name in ("name", "detail", "init", "goal")},
+        "flow": [step["action"] for step in entry["steps"]],
+        "first": first,
+        "end": end,
+        "succeeded": entry.get("succeeded", succeeded),
+    }
+
+
+def _objects(episode: Episode) -> dict[str, NDArray[np.float32]]:
+    """Return id -> (N, 7) pose of each movable object, without the room for more."""
+    poses = _wide(episode, "observation.object_poses")
+    return {name: poses[:, 7 * k : 7 * k + 7] for k, name in enumerate(episode.about["object_ids"])}
+
+
+def _joints(episode: Episode) -> dict[str, NDArray[np.float32]]:
+    """Return id -> (N, J) joints of each articulated object."""
+    found: dict[str, list[int]] = {}
+    for number, name in enumerate(episode.about["joint_names"]):
+        found.setdefault(name.rpartition("/")[0], []).append(number)
+    positions = _wide(episode, "observation.joint_positions")
+    return {owner: positions[:, numbers] for owner, numbers in found.items()}
+
+
+def _wide(episode: Episode, name: str) -> NDArray[np.float32]:
+    """Return a column that a set without such things does not have."""
+    return episode.columns.get(name, np.zeros((episode.length, 0), np.float32))
 
 
 def _write_observations(demo: Any, episode: Episode) -> None:
-    trajectory = episode.trajectory
+    state = episode.columns["observation.state"]
     columns = {
-        "robot_qpos": trajectory.robot_qpos,
-        "robot_qvel": trajectory.robot_qvel,
-        "eef_pos": trajectory.eef_pose[:, :3],
-        "eef_quat": quaternions_last(trajectory.eef_pose)[:, 3:],
-        "gripper_opening": trajectory.robot_qpos[:, 10:12].sum(axis=1, keepdims=True),
-        "joints": episode.joint_positions,
-        "object": _objects(episode),
-        **episode.observations,
+        "robot_qpos": state[:, :12],
+        "robot_qvel": episode.columns["observation.velocity"],
+        "eef_pos": state[:, 12:15],
+        "eef_quat": state[:, 15:19],
+        "gripper_opening": state[:, 19:],
+        "joints": _wide(episode, "observation.joint_positions"),
+        "object": _wide(episode, "observation.object_poses"),
     }
+    named = {"environment_state": "observation.environment_state"}
+    named |= {f"{view}_camera_pose": camera_column(view) for view, kind in episode.clips if not kind}
+    named |= {"point_cloud": CLOUD}
+    columns |= {name: episode.columns[column] for name, column in named.items() if column in episode.columns}
+    if "primitive_index" in episode.columns:
+        columns["primitive"] = episode.columns["primitive_index"][:, None].astype(np.float32)
     for name, values in columns.items():
         if values.ndim > 2:
             _write_pictures(demo, name, values)
         elif values.shape[1]:
             _write_numbers(demo, f"obs/{name}", values[:-1])
             _write_numbers(demo, f"next_obs/{name}", values[1:])
-    for view, pictures in episode.images.items():
-        _write_pictures(demo, f"{view}_image", pictures)
+    # Colours come last.
+    for (view, kind), clip in sorted(episode.clips.items(), key=lambda one: not one[0][1]):
+        pictures = _stacked(clip)
+        _write_pictures(demo, f"{view}_{kind or 'image'}", pictures[..., None] if kind else pictures)
+
+
+def _stacked(clip: Clip) -> NDArray[Any]:
+    return clip.array if isinstance(clip, ArrayClip) else np.stack(list(clip.pictures()))
 
 
 def _write_numbers(group: Any, name: str, values: NDArray[Any]) -> Any:
@@ -209,7 +290,7 @@ def _write_numbers(group: Any, name: str, values: NDArray[Any]) -> Any:
 
 def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
     """Write pictures, or clouds, each compressed by itself: those of the transitions, and the one after the last."""
-    for group, some in (("obs", pictures[:-1]), (LAST, pictures[-1:])):
+    for group, some in (("obs", pictures[:-1]), ("last_obs", pictures[-1:])):
         demo.create_dataset(
             f"{group}/{name}",
             data=some,
@@ -219,34 +300,28 @@ def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
         )
 
 
-def _write_datagen_info(group: Any, episode: Episode) -> None:
-    trajectory, rows = episode.trajectory, np.arange(episode.length)
-    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(trajectory.eef_pose[:-1])}
-    columns["gripper_action"] = episode.actions[:, -1:]
-    for name, poses in trajectory.object_poses.items():
+def _write_datagen_info(
+    group: Any,
+    episode: Episode,
+    objects: Mapping[str, NDArray[np.float32]],
+    spans: Iterable[Mapping[str, Any] | None],
+    actions: NDArray[np.float32],
+) -> None:
+    rows = np.arange(episode.length - 1)
+    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(episode.columns["observation.state"][:-1, 12:19])}
+    columns["gripper_action"] = actions[:, -1:]
+    for name, poses in objects.items():
         columns[f"object_poses/{name}"] = _matrices(poses[:-1])
-    for number, span in enumerate(episode.spans, start=1):
-        signal = ((rows >= span.end - 1) & span.succeeded).astype(np.int64)
-        columns[f"subtask_term_signals/{number}_{span.name.replace('/', '_')}"] = signal
+    for number, span in enumerate((span for span in spans if span is not None), start=1):
+        signal = ((rows >= span["end"] - 1) & span["succeeded"]).astype(np.int64)
+        columns[f"subtask_term_signals/{number}_{span['name'].replace('/', '_')}"] = signal
     for name, values in columns.items():
         _write_numbers(group, name, values)
 
 
-def _objects(episode: Episode) -> NDArray[np.float32]:
-    """Return (N, 7 K) poses of the objects with quaternions x y z w."""
-    count = len(episode.object_poses)
-    return quaternions_last(episode.object_poses.reshape(count, -1, 7)).reshape(count, -1)
-
-
-def _states(episode: Episode) -> NDArray[np.float32]:
-    """Return (T, D) the episode's states with quaternions x y z w."""
-    objects = _objects(episode)[:-1]
-    return np.concatenate([episode.states[:-1, : episode.states.shape[1] - objects.shape[1]], objects], axis=1)
-
-
 def _matrices(poses: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (T, 4, 4) transforms of (T, 7) poses."""
-    made = [transform_from_quaternion(pose[:3], pose[3:]) for pose in poses.astype(np.float64)]
+    """Return (T, 4, 4) transforms of (T, 7) poses with quaternions x y z w."""
+    made = [transform_from_quaternion(pose[:3], pose[[6, 3, 4, 5]]) for pose in poses.astype(np.float64)]
     return np.array(made, dtype=np.float32).reshape(len(poses), 4, 4)
 
 

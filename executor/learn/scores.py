@@ -1,7 +1,4 @@
-"""Scores of an evaluation: exact intervals, paired tests, success by drawn quantities, and the HTML page.
-
-Success is split by each drawn number: in thirds of the episodes, or by its few values. The page needs no network.
-"""
+"""Scores of an evaluation: exact intervals, paired tests, and the HTML page, which needs no network."""
 
 from __future__ import annotations
 
@@ -13,100 +10,11 @@ from itertools import combinations
 from statistics import stdev
 from typing import Any
 
-import numpy as np
-from scipy.stats import binomtest, mannwhitneyu
+from scipy.stats import binomtest
 
 from executor.campaign.rate import Rate
-from executor.data.work import drawn_values
-from executor.envs.episodes import DrawnEpisode
-from executor.geometry import wrap_angle
-from executor.learn.evaluation.outcomes import EpisodeOutcome
+from executor.learn.evaluation import EpisodeOutcome
 from executor.reports.html import render
-
-PARTS = 3
-"""Thirds: of fifty episodes about seventeen each, with correspondingly wide intervals."""
-
-
-@dataclass(frozen=True, slots=True)
-class AxisScore:
-    """Success by one drawn number.
-
-    Attributes:
-        axis: Its name, with its unit.
-        parts: Minimum, maximum and success rate of each third of the episodes by that number, or of each of its values
-            where there are three at most.
-        p: Probability of ranks as different between successes and failures without an effect (Mann and Whitney's test);
-            of many axes some are unlikely by chance. None where all outcomes are equal.
-    """
-
-    axis: str
-    parts: tuple[tuple[float, float, Rate], ...]
-    p: float | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        parts = [{"from": low, "to": high, **rate.to_json()} for low, high, rate in self.parts]
-        return {"axis": self.axis, "parts": parts, "p": self.p}
-
-
-def drawn_numbers(episode: DrawnEpisode) -> dict[str, float]:
-    """Return name -> drawn number of an episode: of its variation, its first target, and the count of things.
-
-    Of the target: distance, bearing and heading from the robot, its size, the numbers of its model, and 1 where its
-    door turns about the right edge.
-    """
-    found: dict[str, float] = {"things": float(len(episode.scene.objects))}
-    target, robot = episode.scene[episode.task.subtasks[0].target], episode.scene.robot
-    ahead = np.array(target.position[:2]) - robot.position[:2]
-    bearing_rad = wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - robot.yaw_rad)
-    found["target_distance_m"] = round(float(np.hypot(*ahead)), 4)
-    found["target_bearing_deg"] = round(float(np.degrees(bearing_rad)), 2)
-    w, x, y, z = target.orientation
-    yaw_rad = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    found["target_turned_deg"] = round(float(np.degrees(wrap_angle(yaw_rad - robot.yaw_rad))), 2)
-    for side, size_m in zip(("depth", "width", "height"), target.extent_m, strict=True):
-        found[f"target_{side}_m"] = round(size_m, 4)
-    for name, value in target.parameters.items():
-        if isinstance(value, int | float):
-            found[f"target {name}"] = float(value)
-    if "hinge" in target.parameters:
-        found["target hinge_right"] = float(target.parameters["hinge"] == "right")
-    if episode.unit is None:
-        return found
-    for axis, drawn in drawn_values(episode.unit, episode.scene, episode.perturbations).items():
-        if axis == "distractors":
-            found["distractors"] = float(len(drawn))
-            continue
-        for name, value in drawn.items():
-            several = value if isinstance(value, Mapping) else {"": value}
-            for part, number in several.items():
-                if isinstance(number, int | float):
-                    found[" ".join(word for word in (axis, name, part) if word)] = float(number)
-    return found
-
-
-def by_axis(outcomes: Sequence[EpisodeOutcome]) -> tuple[AxisScore, ...]:
-    """Return success by each drawn number that all episodes have and that differs between them."""
-    if not outcomes:
-        return ()
-    shared = [axis for axis in outcomes[0].drawn if all(axis in outcome.drawn for outcome in outcomes)]
-    good = np.array([outcome.success_once for outcome in outcomes])
-    found = []
-    for axis in shared:
-        values = np.array([outcome.drawn[axis] for outcome in outcomes])
-        if len(np.unique(values)) < 2:
-            continue
-        few = np.unique(values)
-        alike = [np.flatnonzero(values == value) for value in few]
-        thirds = np.array_split(np.argsort(values, kind="stable"), PARTS)
-        parts = tuple(
-            (float(values[part].min()), float(values[part].max()), Rate(int(good[part].sum()), len(part)))
-            for part in (alike if len(few) <= PARTS else thirds)
-            if len(part)
-        )
-        p = float(mannwhitneyu(values[good], values[~good]).pvalue) if good.any() and not good.all() else None
-        found.append(AxisScore(axis, parts, None if p is None else round(p, 4)))
-    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +26,6 @@ class PolicyScore:
         failures: Kind of failure -> its number, the most frequent first.
         monitors: Failure kind of the executor's monitors -> number of failed episodes with it.
         mean_s: Mean simulated time of its successes [s]; None without one.
-        helped: Number of episodes with the planner's help, and with_help the success rate with help or without; None
-            where no help was available.
     """
 
     once: Rate
@@ -127,30 +33,23 @@ class PolicyScore:
     failures: Mapping[str, int]
     monitors: Mapping[str, int]
     mean_s: float | None
-    helped: int
-    with_help: Rate | None
 
     @classmethod
     def of(cls, outcomes: Sequence[EpisodeOutcome]) -> PolicyScore:
         """Return the score of episodes."""
         times_s = [outcome.simulated_s for outcome in outcomes if outcome.success_once]
         failed = [outcome for outcome in outcomes if not outcome.success_once]
-        helped = [outcome.success_with_help for outcome in outcomes if outcome.success_with_help is not None]
         return cls(
             once=Rate(sum(outcome.success_once for outcome in outcomes), len(outcomes)),
             at_end=Rate(sum(outcome.success_at_end for outcome in outcomes), len(outcomes)),
             failures=dict(Counter(outcome.failure for outcome in failed).most_common()),
             monitors=dict(Counter(kind for outcome in failed for kind in outcome.monitors).most_common()),
             mean_s=round(sum(times_s) / len(times_s), 2) if times_s else None,
-            helped=sum(bool(outcome.helped) for outcome in outcomes),
-            with_help=Rate(sum(helped), len(helped)) if helped else None,
         )
 
     def to_json(self) -> dict[str, Any]:
         """Return the score as plain data."""
-        rates: dict[str, Any] = {"success_once": self.once.to_json(), "success_at_end": self.at_end.to_json()}
-        if self.with_help is not None:
-            rates |= {"success_with_help": self.with_help.to_json(), "helped": self.helped}
+        rates = {"success_once": self.once.to_json(), "success_at_end": self.at_end.to_json()}
         return {**rates, "failures": self.failures, "monitors": self.monitors, "mean_s": self.mean_s}
 
 
@@ -263,7 +162,6 @@ class EvaluationReport:
         scores: Policy -> its score.
         trainings: Policies that differ only in their seed, as rows.
         tests: Comparisons of each two.
-        axes: Policy -> success by drawn numbers.
         losses, successes: Curves over the steps of training.
         failed: Policy, seed and kind of each failure.
     """
@@ -272,7 +170,6 @@ class EvaluationReport:
     scores: Mapping[str, PolicyScore]
     trainings: Sequence[TrainingScore]
     tests: Sequence[PairedTest]
-    axes: Mapping[str, Sequence[AxisScore]]
     losses: Sequence[Curve]
     successes: Sequence[Curve]
     failed: Sequence[tuple[str, int, str]]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.bench.baselines.methods import (
+from benchmarks.baselines.methods import (
     MISTAKES,
     prepare_mistaken,
     run_baseline,
@@ -21,7 +21,7 @@ from executor.records import PlanRefused
 from executor.scenes.pair import ScenePair
 from oag import Scene, Task, compose
 
-DATA = Path(__file__).resolve().parents[3] / "data"
+DATA = Path(__file__).resolve().parents[2] / "data"
 SCENE = Scene.from_json(json.loads((DATA / "T1_scene.json").read_text()))
 TASK = Task.from_json(json.loads((DATA / "T1.json").read_text()), scene=SCENE)
 PICK = Unit("T6", 62000, 2, BenchSetting(baseline="unchecked"))
@@ -58,9 +58,7 @@ def test_what_is_refuted_is_not_executed_without_its_fix(monkeypatch: pytest.Mon
     with pytest.raises(PlanRefused):
         run_checked(unit, pair, graph)
     run: list[Task] = []
-    monkeypatch.setattr(
-        "executor.bench.baselines.methods.rollout", lambda graph, *rest, **options: run.append(graph.task)
-    )
+    monkeypatch.setattr("benchmarks.baselines.methods.rollout", lambda graph, *rest, **options: run.append(graph.task))
     run_repaired(unit, pair, graph)
     (task,) = run
     assert compose(task, scene=SCENE).verify() and len(task.subtasks) == len(TASK.subtasks)

@@ -19,8 +19,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from benchmarks.baselines.base_stances import approach_by, drive_to_stance, stance_before
 from executor.assets.asset_geometry import shape_mesh
-from executor.bench.baselines.base_stances import approach_by, drive_to_stance, stance_before
 from executor.geometry import Array, heading_of, transform
 from executor.planning.articulation import Swing
 from executor.planning.picks import Lift

@@ -1,6 +1,6 @@
 """The table of docs/baselines.md, of a benchmark's folder: one row a baseline, the paper's row in a column of its own.
 
-    python -m benchmarks.baselines FOLDER
+    python -m benchmarks.baselines table FOLDER
 
 Each cell is successes of units and the exact interval, 95 %; the executor's own row, where the folder has one, is last.
 Below stands what was measured with code or tasks of others. No folder has it, and it is not measured anew: `ELSEWHERE`
@@ -10,13 +10,13 @@ says by which command of docs/baselines.md it was. None of it is of T1 to T6, wh
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.baselines.methods import BASELINES
 from executor.bench.folder import BenchFolder, NotABench
-from executor.bench.paper import main_table
-from executor.bench.tables import Cell, number, rate_text
+from executor.bench.tables import Cell, main_table, number, rate_text
 from executor.bench.units import BenchSetting
 from executor.campaign.rate import Rate
 from executor.scenes.generators.families import FAMILIES
@@ -114,7 +114,7 @@ def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
             seeds = [result["seed"] for result in cell.results]
             yield (
                 family,
-                setting.label.removeprefix("here: "),
+                BASELINES.get(setting.baseline or "", setting.label.removeprefix("here: ")),
                 "own",
                 f"{min(seeds)} to {max(seeds)}" if seeds else "-",
                 rate_text(cell.all),
@@ -134,24 +134,34 @@ def elsewhere() -> Iterator[tuple[str, ...]]:
         yield one.task, row, one.code, one.seeds, rate_text(one.rate), "-", "-", paper
 
 
+def details(cells: list[Cell]) -> Iterator[str]:
+    """Yield what was grasped by each baseline, and how often it succeeded with each kind of mistake."""
+    for name, label in BASELINES.items():
+        results = [result for cell in cells if cell.series.setting.baseline == name for result in cell.results]
+        if any("grasps_tried" in result for result in results):
+            tried, held = (sum(result.get(f"grasps_{word}", 0) for result in results) for word in ("tried", "held"))
+            yield f"{label}: {held} of {tried} grasps with both fingers"
+        for mistake in sorted({result["mistake"] for result in results if "mistake" in result}):
+            ended = [result["ended"] for result in results if result.get("mistake") == mistake]
+            yield f"{label}, {mistake}: {ended.count('succeeded')} of {len(ended)}"
+
+
 def _last_is_ours(cell: Cell) -> tuple[bool, str]:
     setting: BenchSetting = cell.series.setting
     return setting.baseline is None, setting.name
 
 
-def main(words: list[str]) -> int:
+def main(words: Sequence[str]) -> int:
     """Print the table as Markdown."""
     try:
         (folder,) = map(Path, words)
         series = BenchFolder(folder).series()
     except (ValueError, NotABench) as problem:
-        print(f"usage: python -m benchmarks.baselines FOLDER of `scene2demo bench` ({problem})", file=sys.stderr)
+        print(f"usage: python -m benchmarks.baselines table FOLDER of `scene2demo bench` ({problem})", file=sys.stderr)
         return 2
     cells = [Cell(one, BenchFolder(folder).results(one)) for one in series]
     for row in (HEAD, ("---",) * len(HEAD), *rows(cells), *elsewhere()):
         print(f"| {' | '.join(row)} |")
+    for line in details(cells):
+        print(line)
     return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))

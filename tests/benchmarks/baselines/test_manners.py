@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.bench.baselines import constraint_pose, sampled_grasp
-from executor.bench.baselines.methods import baseline_version, run_baseline
+from benchmarks.baselines import constraint_pose, sampled_grasp
+from benchmarks.baselines.methods import baseline_version, run_baseline
 from executor.bench.units import BenchSetting, Unit
 from executor.campaign.versions import outcome_version
 from executor.planning.planner import MOVES

@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.baselines.base_stances import approach_by, drive_to_stance, stance_before, unreachable_failure
 from executor.assets.asset_geometry import bounds
 from executor.assets.model import Region
-from executor.bench.baselines.base_stances import approach_by, drive_to_stance, stance_before, unreachable_failure
 from executor.geometry import Array, heading_of, rotation_z, transform, wrap_angle
 from executor.planning.articulation import Swing, end_fractions, handle_contacts, interval
 from executor.planning.articulation_stances import handles_to_close, handles_to_open

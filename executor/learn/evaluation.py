@@ -1,4 +1,4 @@
-"""Outcome of an evaluated episode: success criteria, failure kinds, and the executor's monitors as observers.
+"""Run policies in the environment on the same unseen seeds, judge their episodes, and draw videos of them.
 
 Opening succeeds when a door or drawer of the target is at least 0.45 of its range open for a second. Picking up
 succeeds when the item is between the fingers, at least 5 cm higher than at first, for a second. Anything else succeeds
@@ -11,25 +11,38 @@ The monitors end a planned motion; here they only record.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from bddl import Atom
+from executor.data.units import Recording, View
+from executor.data.views import Look, footage_path, render_views
+from executor.envs import MOST_STEPS
 from executor.envs.episodes import DrawnEpisode, hand_distance_m
+from executor.envs.scene_environment import SceneEnvironment
 from executor.geometry import inverse
+from executor.learn.acting import Policy
+from executor.learn.demonstrations import EpisodeKind
+from executor.learn.observations import plan_of
 from executor.planning.articulation import handle_contacts
 from executor.planning.collision import NOTHING, Allowed, Carried, fingers_may_touch, held_may_touch
 from executor.records import Failure
 from executor.rollouts.goals import tilt_deg
+from executor.scenes.generators.families import Family
 from executor.sim.detectors import GRIPPER, fingers_touching, read, touching_bodies
 from executor.sim.engine import ROBOT
+from executor.sim.render.cameras import cameras_for
+from executor.sim.render.stage import SceneRenderer
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.skills.control import DISPLACED_M, TIPPED_DEG, Bystanders, Monitor, stall
-from oag import Task
+from oag import Scene, Task
 from oag.model.symbols import Primitive
 from oag.primitives.table import OPEN_FRACTION
 
@@ -63,10 +76,6 @@ class EpisodeOutcome:
         simulated_s: Simulated time up to the success or to the end [s].
         measured: The underlying measurements.
         monitors: Failure kinds of the executor's monitors -> time of the first [s].
-        drawn: Drawn numbers of the episode, by name.
-        pushes: Completed pushes.
-        helped: The planner's help where the policy got no further; the successes above are without it.
-        success_with_help: Whether it succeeded after all, with help or without; None where no help was available.
     """
 
     seed: int
@@ -76,10 +85,6 @@ class EpisodeOutcome:
     simulated_s: float
     measured: Mapping[str, float]
     monitors: Mapping[str, float] = field(default_factory=dict)
-    drawn: Mapping[str, float] = field(default_factory=dict)
-    pushes: tuple[Mapping[str, Any], ...] = ()
-    helped: tuple[Mapping[str, Any], ...] = ()
-    success_with_help: bool | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -117,11 +122,6 @@ class OutcomeWatch:
     def over(self) -> bool:
         """Whether the outcome is final: it succeeded, and the time after that is over."""
         return self.succeeded_s is not None and self.elapsed_s >= self.succeeded_s + AFTER_S - 1e-9
-
-    def follow(self, world: World) -> None:
-        """Switch to another world that has taken on the state of this one, as after a planner's help."""
-        self._world = world
-        self._looked_s = world.time_s
 
     def look(self, info: Mapping[str, Any]) -> None:
         """Observe the world; call it once per action.
@@ -251,3 +251,172 @@ def _allowed_contacts(world: World, targets: tuple[str, ...]) -> Allowed:
         for handle in world.assets[name].handles:
             allowed |= handle_contacts(name, handle)
     return allowed
+
+
+MOST_S = 40.0
+"""Simulated time per subtask of a sentence: over twice the time of planned demonstrations."""
+
+UNDONE_S = 2.0
+"""Time for which a policy may continue past a subtask that the detectors report undone: released things have to come
+to rest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeStates:
+    """States of an episode, for rendering.
+
+    Attributes:
+        scene, task: Its scene and task.
+        states: Packed physical states, one per action.
+    """
+
+    scene: Scene
+    task: Task
+    states: Sequence[bytes]
+
+
+TrialCallback = Callable[[Policy, EpisodeOutcome, EpisodeStates], None]
+
+
+def evaluate(
+    policies: Sequence[Policy],
+    kind: EpisodeKind,
+    seeds: Sequence[int],
+    on_progress: TrialCallback,
+    *,
+    keep_states: bool = False,
+) -> dict[str, list[EpisodeOutcome]]:
+    """Return policy -> outcome of each seed, in order; after Ctrl-C, of the seeds in which all of them had acted.
+
+    Args:
+        policies: The policies; each gets the same episodes.
+        kind: Distribution of the episodes.
+        seeds: Seeds of the episodes.
+        on_progress: Called after each episode.
+        keep_states: Whether states are kept for rendering.
+
+    Raises:
+        NotDrawn: No room could be drawn for a seed.
+        KeyboardInterrupt: Before there was any result.
+    """
+    found: dict[str, list[EpisodeOutcome]] = {policy.name: [] for policy in policies}
+    with ExitStack() as open_ones:
+        envs = [open_ones.enter_context(closing(environment_for(policy, kind))) for policy in policies]
+        # Seed by seed: drawing an episode takes as long as acting in it, and the last draws are cached.
+        try:
+            for seed in seeds:
+                for policy, env in zip(policies, envs, strict=True):
+                    outcome, footage = run_episode(env, policy, seed, keep_states=keep_states)
+                    found[policy.name].append(outcome)
+                    on_progress(policy, outcome, footage)
+        except KeyboardInterrupt:
+            whole = min(map(len, found.values()))
+            if not whole:
+                raise
+            return {name: outcomes[:whole] for name, outcomes in found.items()}
+    return found
+
+
+def environment_for(policy: Policy, kind: EpisodeKind) -> SceneEnvironment:
+    """Return an environment for a policy."""
+    settings = policy.record.settings
+    where: dict[str, Any] = (
+        {"family": kind.origin.family}
+        if kind.origin.family is not None
+        else {"query": kind.origin.query, "scene": kind.origin.scene}
+    )
+    return SceneEnvironment(
+        **where,
+        observation_mode="state" if settings.sees.kind == "state" else "point_cloud",
+        action_mode=settings.acts.kind,
+        rate_hz=policy.record.rate_hz,
+        variation=kind.variation,
+        full_size=kind.full_size,
+    )
+
+
+def most_steps(family: Family | None, task: Task, rate_hz: float) -> int:
+    """Return the maximum number of actions of an episode."""
+    return round((MOST_S * len(task.subtasks) if family is None else MOST_STEPS[family] / 10.0) * rate_hz)
+
+
+def run_episode(
+    env: SceneEnvironment, policy: Policy, seed: int, *, keep_states: bool = False
+) -> tuple[EpisodeOutcome, EpisodeStates]:
+    """Run a policy in an episode; return its outcome, and its states where they are kept.
+
+    Raises:
+        NotDrawn: No room could be drawn for the seed.
+        NotAPolicy: The policy was not trained on the task.
+    """
+    observation, _ = env.reset(seed=seed)
+    episode = env.episode
+    policy.begin(plan_of(episode.task), seed)
+    watch, monitors = OutcomeWatch(episode, env.world), MonitorWatch(env.world, episode.task)
+    guide = PlanGuide(policy, episode.task)
+    states: list[bytes] = []
+    left = most_steps(env.family, episode.task, policy.record.rate_hz)
+    # A success at the end of the time is observed for as long afterwards as any other.
+    while (left > 0 or watch.succeeded_s is not None) and not watch.over:
+        if keep_states:
+            states.append(env.world.pack())
+        observation, _, _, _, info = env.step(policy.act(observation))
+        left -= 1
+        watch.look(info)
+        monitors.look(env.target)
+        guide.look(info)
+    outcome = replace(watch.outcome(seed), monitors=monitors.first_failures_s)
+    return outcome, EpisodeStates(episode.scene, episode.task, states)
+
+
+class PlanGuide:
+    """Guides a policy by the graph: the detectors decide from which subtask it continues.
+
+    A policy that continues past an undone subtask is sent back. One that restarts a grasp whose subtask's goal already
+    holds is sent on.
+
+    Args:
+        policy: The policy.
+        task: Its task.
+    """
+
+    def __init__(self, policy: Policy, task: Task) -> None:
+        self._policy, self._task = policy, task
+        self._undone, self._restarts = 0, policy.restarts
+
+    def look(self, info: Mapping[str, Any]) -> None:
+        """Observe the environment's info; call it once per action."""
+        stage, restarts = int(info["stage"]), self._policy.restarts
+        restarted, self._restarts = restarts > self._restarts, restarts
+        self._undone = self._undone + 1 if self._policy.subtask > stage else 0
+        needless = restarted and self._policy.subtask < stage < len(self._task.subtasks)
+        if needless or self._undone > UNDONE_S * self._policy.record.rate_hz:
+            self._policy.go_on(plan_of(self._task, stage))
+            self._undone, self._restarts = 0, self._policy.restarts
+
+
+VIEW: View = "global"
+
+
+def draw_video(
+    scene_renderer: SceneRenderer, footage: EpisodeStates, folder: Path, size: tuple[int, int], rate_hz: float
+) -> Path:
+    """Render an episode from the global camera, and return the video's path.
+
+    Args:
+        scene_renderer: The renderer.
+        footage: The episode with its states.
+        folder: Folder of the video; it is created.
+        size: Width and height [pixels].
+        rate_hz: Pictures per second, one per action: the video is as long as the episode.
+
+    Raises:
+        VideoFailed: An encoder fails.
+        OSError: The folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    cameras = cameras_for(footage.scene, (VIEW,), aspect=size[0] / size[1], task=footage.task)
+    recording = Recording(views=(VIEW,), size=size, depth=False, segmentation=False)
+    rate = Fraction(rate_hz).limit_denominator(1000)
+    render_views(scene_renderer, folder, footage.scene, footage.states, Look(cameras), recording, rate)
+    return footage_path(folder, VIEW)

@@ -1,0 +1,9 @@
+"""Worker process that runs units of baselines: `python -m benchmarks.baselines.worker`."""
+
+from __future__ import annotations
+
+from benchmarks.baselines.methods import baseline_version, run_baseline
+from executor.bench.worker import serve_units
+
+if __name__ == "__main__":
+    serve_units(run_baseline, baseline_version())
