@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.rollouts.evolve import evolve
+from executor.rollouts.rollout import Conditions
 from executor.scenes import library
 from executor.sim.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from executor.system.workers import serve
@@ -75,7 +76,14 @@ def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | N
         foreseen = memory.foresee(task, scene)
         task = foreseen.task
     began = time.perf_counter()
-    told = evolve(compose(task, scene=scene), scene, seed, supervisor=supervisor, limit=limit, faults=faults)
+    told = evolve(
+        compose(task, scene=scene),
+        scene,
+        seed,
+        supervisor=supervisor,
+        limit=limit,
+        conditions=Conditions(faults=faults),
+    )
     if memory is not None:
         memory.learn(told.original, told.rollout.scene, [story.history for story in told.stories], foreseen)
     last = told.stories[-1]

@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from executor.records import ignore
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.rollout import RECORD_HZ, Run
+from executor.rollouts.rollout import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
 from llm import propose
@@ -86,7 +85,7 @@ def outcomes(name: str, seed: int) -> Iterator[Printed]:
     task = Task.from_json(json.loads((DATA / f"{name}.json").read_text(encoding="utf-8")), scene=scene)
     base = open_task(task, scene, QUERIES[name])
     concrete = vary(scene.with_scales(task.scales), seed)
-    run = Run(compose(base, scene=scene), concrete, seed, ignore, RECORD_HZ)
+    run = Run(compose(base, scene=scene), concrete, seed)
     starts: list[Checkpoint | None] = [run.begin()]
     try:
         for index in range(len(base.subtasks)):

@@ -16,7 +16,7 @@ from pathlib import Path
 from linked_libraries import library_folders, linked, loading_order, missing
 from private_apt import AptUnavailable, PrivateApt, unpack
 
-from executor.system import self_check, vulkan
+from executor.system import doctor, vulkan
 
 PACKAGE = "mesa-vulkan-drivers"
 DRIVER = "libvulkan_lvp.so"
@@ -123,7 +123,7 @@ def drawing_problem() -> str:
     found = vulkan.find_renderer()
     if not found:
         return found.why
-    problem = self_check.problem_with("drawing")
+    problem = doctor.problem_with("drawing")
     return f"{found.why}, and drawing fails: {problem}" if problem else ""
 
 

@@ -24,10 +24,10 @@ from benchmarks.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
 from executor.bench.units import Unit
 from executor.bench.work import prepare, run_unit
 from executor.campaign.versions import outcome_version
-from executor.records import PlanRefused, Rollout, ignore, require_flows
+from executor.records import PlanRefused, Rollout, require_flows
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import Evolution
-from executor.rollouts.rollout import RECORD_HZ, Run, rollout
+from executor.rollouts.rollout import Run, rollout
 from executor.scenes.pair import ScenePair
 from oag import ObjectActionGraph, Primitive, Scene, SimpleTask, Task, compose
 
@@ -181,7 +181,7 @@ def run_unchecked(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> Roll
     right = compose(pair.task, scene=pair.scene).verify()
     parts = dict.fromkeys((*bddl.conjuncts(pair.task.goal), *bddl.conjuncts(right.regressed_goals[-1])))
     task = replace(graph.task, goal=bddl.And(tuple(parts)))
-    return UncheckedRun(compose(task, scene=pair.scene), pair.scene, unit.seed, ignore, RECORD_HZ).from_start()
+    return UncheckedRun(compose(task, scene=pair.scene), pair.scene, unit.seed).from_start()
 
 
 def run_checked(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> Rollout:
@@ -237,7 +237,7 @@ class SampledGraspRun(SingleAttemptRun):
 
 def _run_as(run: type[Run]) -> UnitRunner:
     """Return the runner of a right plan as an episode of some class."""
-    return lambda unit, pair, graph: run(graph, pair.scene, unit.seed, ignore, RECORD_HZ).from_start()
+    return lambda unit, pair, graph: run(graph, pair.scene, unit.seed).from_start()
 
 
 _RIGHT: dict[str, UnitRunner] = {

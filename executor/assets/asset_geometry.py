@@ -29,7 +29,6 @@ def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
     before. Turning the object's bounding box instead would be up to 1.7 times too large.
 
     Args:
-        asset: The geometry.
         rotation: (3, 3) orientation of the root frame in the frame of the box's axes; None for the root frame.
 
     Returns:
@@ -53,7 +52,6 @@ def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
     """Return the width along y of an asset's colliding shapes in a plane across z, joints shut; 0 beside the asset.
 
     Args:
-        asset: The geometry.
         rotation: (3, 3) orientation of the root frame in the frame of y and z.
         depth_m: Height of the plane along z, from the root frame's origin.
     """

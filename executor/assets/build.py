@@ -168,7 +168,6 @@ def _coloured(mesh: _Mesh, color: Sequence[float]) -> _Mesh:
 
 
 def _shape(meshes: Sequence[_Mesh], material: Any) -> Any:
-    """Return one render shape of several meshes."""
     first = np.cumsum([0, *(len(mesh.points_m) for mesh in meshes)])
     return load_sapien().render.RenderShapeTriangleMesh(
         np.concatenate([mesh.points_m for mesh in meshes]).astype(np.float32),
@@ -248,7 +247,6 @@ def build_asset(
     Args:
         sapien_scene: A `sapien.Scene`, with a render system where `visual` is true.
         object_id: The object's name in the scene.
-        asset: The asset.
         T_world_root: (4, 4) pose of the root link's frame.
         visual: Whether to add render shapes; False touches no render class.
         gravity: Whether gravity acts on a dynamic body.

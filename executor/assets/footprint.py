@@ -166,7 +166,6 @@ def edge_margin_m(body: Footprint, tops: Iterable[Array], middle_m: Array) -> fl
     An object between two supports that both touch it counts as supported.
 
     Args:
-        body: The object.
         tops: Outlines (N, 2) of the tops under it, as of `top_outlines`.
         middle_m: (2,) its centre of mass in the plan.
 
@@ -212,9 +211,7 @@ def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint
     """Return boxes of an upright object's doors as they swing on vertical hinges.
 
     Args:
-        obj: The object.
         most_rad: Largest opening angle of each door, within its limits.
-        steps: Number of steps.
     """
     asset = asset_for(obj)
     links = {link.name: link for link in asset.links}
@@ -229,7 +226,6 @@ def swept_parts(obj: SceneObject, most_rad: float, steps: int) -> list[Footprint
 
 
 def _part(shape: Shape, T: Array) -> Footprint:
-    """Return the box of a shape of a link whose pose (4, 4) in the world is upright."""
     low, high = corners(shape, np.eye(3))
     half_x, half_y, half_z = (float(value) for value in (high - low) / 2)
     x, y, z = (float(value) for value in T[:3, :3] @ (np.asarray(shape.position_m) + (low + high) / 2) + T[:3, 3])
@@ -251,8 +247,6 @@ def link_frame(obj: SceneObject, link: str, fraction: float | None = None) -> Ar
     """Return the (4, 4) pose of an object's link in the world.
 
     Args:
-        obj: The object.
-        link: Name of the link.
         fraction: Open fraction of its joint, 0 to 1 of the range; by default that at the start.
     """
     T = transform_from_quaternion(obj.position, obj.orientation)

@@ -134,7 +134,7 @@ class EvolutionSetup:
             graph: The proved plan.
             views, look_back: As for `judges`.
             learn: Whether its corrections are written into the memory, where there is one.
-            how: Further arguments of `executor.evolve`: seed, limit, faults.
+            how: Further arguments of `executor.evolve`: seed, limit, conditions.
         """
         inspector, supervisor = self.judges(graph.task.name, graph.scene, views=views, look_back=look_back)
         evolution = evolve(graph, inspector=inspector, supervisor=supervisor, frames=self.frames, **how)

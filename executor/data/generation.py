@@ -33,8 +33,7 @@ from executor.campaign.engine import Campaign, Job
 from executor.data.store import EpisodeStore
 from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, Variation, View, scene_key
 from executor.scenes.file import scene_for
-from executor.scenes.generators.by_name import varies_with_seed
-from executor.scenes.generators.families import Family, Flows, indices_of
+from executor.scenes.generators.families import Family, Flows, indices_of, varies_with_seed
 from executor.scenes.validation import require_valid
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from executor.system.extras import require

@@ -34,8 +34,7 @@ from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from executor.sim.render.cameras import VIEWS, cameras_for
-from executor.sim.render.frames import Picture
-from executor.sim.render.pool import check_size
+from executor.sim.render.frames import Picture, check_size
 from executor.sim.render.stage import SceneRenderer, Stage
 from executor.sim.robot.actions import HAND_NUMBERS, TARGETS, joint_limits
 from executor.sim.world import World

@@ -31,7 +31,7 @@ from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.annotations import FLOOR, LEAST_PX, Detection, Detections, Detector, LeftOut, category_named
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, checked_depth
 from executor.photo.inputs.picture import Photograph
-from executor.scenes.reconstruction import FLAT, NoMatchingModel
+from executor.scenes.models import FLAT, NoMatchingModel
 from executor.system.extras import require
 from executor.system.files import read_json
 from llm.client.budget import Metered

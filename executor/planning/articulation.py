@@ -128,7 +128,6 @@ def course(
     Args:
         T_world_eef: (4, 4) the hand at the start.
         base: (3,) the base at the start.
-        joint: The joint.
         T_world_root: (4, 4) where the object stands.
         start, end: Joint positions in rad or m.
         share: How base and hand take part.
@@ -162,8 +161,6 @@ def track(planner: Planner, q: Array, object_id: str, joint: Joint, along: Cours
     Args:
         planner: Solves the hand's poses.
         q: (10,) the start, at the course's first row.
-        object_id: The articulated object.
-        joint: Its joint.
         along: Where hand and base go.
     """
     rows = [q.copy()]
@@ -242,7 +239,6 @@ def carry_joint(
 
     Args:
         q: (10,) with the handle in the gripper.
-        object_id: The articulated object.
         joint: A joint that `driving_carries`.
         T_world_root: (4, 4) where the object stands.
         start, end: Joint positions in rad or m.
@@ -452,7 +448,6 @@ def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]
 
     Args:
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
-        joint: The joint that moves.
         now: The joint's fraction now.
     """
     interval = action.parameter
@@ -471,7 +466,6 @@ def smaller_fractions(action: Action, joint: Joint, now: float) -> tuple[float, 
 
     Args:
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
-        joint: The joint that moves.
         now: The joint's fraction now.
     """
     end = end_fractions(action, joint, now)[-1]
@@ -492,8 +486,6 @@ def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, 
     """Return the items that a moving link of an object carries.
 
     Args:
-        world: Where things are.
-        object_id: The object.
         link: One of its moving links; all of them by default.
     """
     asset = world.assets[object_id]

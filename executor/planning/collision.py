@@ -173,7 +173,6 @@ class CollisionOracle:
             opening_m: Position of each finger; by default `self.opening_m`.
             margin_m: Wanted clearance, up to `MAX_QUERY_M`; 0 asks for contact only (base and arm keep their clearance
                 all the same).
-            allowed: Intended contacts.
             joints: Positions of objects' joints that differ from the synchronised ones (a door in motion).
         """
         self.queries += 1

@@ -261,7 +261,6 @@ def room_below_m(asset: Asset, opening_m: float) -> tuple[float, float]:
     The outer finger of the open hand is as far below it as the wall leans over that finger.
 
     Args:
-        asset: The thing.
         opening_m: How far apart the fingers of the open hand are.
 
     Raises:
@@ -402,7 +401,6 @@ def panel_of(asset: Asset, handle: Handle, *, inner: bool) -> Panel | None:
     """Return the face of the panel that carries a handle, the largest box of its link; None where there is none.
 
     Args:
-        asset: Its owner.
         handle: Its outward direction distinguishes the outer face from the inner one.
         inner: Whether the inner face is wanted.
     """
@@ -427,7 +425,6 @@ def push_goals(panel: Panel, T_world_link: Array, T_world_root: Array) -> Iterat
     """Yield hand poses before a panel, first those near its free edge and square to it.
 
     Args:
-        panel: The face.
         T_world_link: (4, 4) where its link is.
         T_world_root: (4, 4) where the object stands; from it follows the side of the robot.
     """

@@ -191,7 +191,6 @@ def lifts_out_m(lifts_m: tuple[float, ...], world: World, item: str) -> tuple[fl
 
     Args:
         lifts_m: The preferred one first.
-        world: Where things are.
         item: The item's id; what is in no bowl or box is out already.
     """
     centre_m = float(box_around(world, item)[0][2])
@@ -211,7 +210,6 @@ def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], her
 
     Args:
         planner: Synchronised with the world.
-        item: What was to be taken.
         goals: The hand poses that would hold it.
         here: (3,) where the base stands.
     """
@@ -245,7 +243,6 @@ def explain_rim_failure(planner: Planner, world: World, item: str, here: Array) 
 
     Args:
         planner: Synchronised with the world.
-        world: Where things are.
         item: What was to be taken; it has a rim and is too wide for the gripper.
         here: (3,) where the base stands.
     """

@@ -322,7 +322,6 @@ def fill_options(moves: tuple[Action, ...], downs_m: tuple[float, ...]) -> list[
     """Return the fillings of the open numbers of moves, the preferred one first; given numbers are kept.
 
     Args:
-        moves: The flow's moves.
         downs_m: Candidates of an open LIFT_EEF_DOWN, the preferred one first.
     """
     lengths_m = {**LENGTHS_M, Primitive.LIFT_EEF_DOWN: downs_m}
@@ -374,7 +373,6 @@ class PlacementLookahead:
 
     Args:
         planner: Synchronised with the world.
-        world: Where things are.
         item: What is about to be taken.
         goals: The hand poses that would hold it.
         support: Id of what it will be put on or in.

@@ -294,7 +294,6 @@ def rim_placement_goals(asset: Asset, spot: PlacementSpot, gap_m: float, carried
     """Return hand poses that hold a thing by its wall upright over a spot, its near side towards the hand's heading.
 
     Args:
-        asset: The thing.
         spot: Where it is to be.
         gap_m: How far above its place it is let go.
         carried: How it is held.
@@ -316,7 +315,6 @@ def hand_goals(
     falls.
 
     Args:
-        asset: The thing.
         spot: Where it is to be.
         gap_m: How far above its place it is let go.
         carried: How it is held.
@@ -370,7 +368,6 @@ def placement_goals(
     """Return the hand poses that hold a thing over the free spots of a support's regions.
 
     Args:
-        world: Where things are.
         carried: What is held, and how.
         support: Id of what it is put on or in.
         regions: The support's regions in question.

@@ -99,7 +99,6 @@ def base_candidates(
     """Return base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
-        goals: Wanted hand poses.
         here: (3,) where the base stands now.
         turns_rad: How far the base may face away from the goal's heading.
         reaches_m: How far before the hand the base may be, the preferred distance first.
@@ -256,7 +255,6 @@ def nearest_miss(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) ->
     alone does not find out of a folded arm.
 
     Args:
-        kinematics: The robot's.
         candidates: At least one.
     """
     wanted = [inverse(kinematics.base_transform(c.base)) @ c.goal.T_world_eef for c in candidates]
@@ -272,8 +270,6 @@ def nearest_miss(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) ->
 
 
 def _descent(kinematics: Kinematics, T_base_eef: Array, start: Array) -> NearMiss:
-    """Return the local minimum of the pose error, descending from a posture."""
-
     def off(arm: Array) -> Array:
         return _off(kinematics.forward(np.concatenate([np.zeros(3), arm]))[None], T_base_eef)[0]
 
@@ -364,7 +360,6 @@ def search_stances(
 
     Args:
         planner: Oracle and kinematics.
-        goals: Wanted hand poses.
         here: (3,) where the base stands now.
         validate: Examines the configuration at the goal (10,). It returns the motion that comes after with an extra
             cost, or None where that is impossible.

@@ -33,8 +33,7 @@ from executor.records import Rollout, captions_of
 from executor.reports.page import report_page
 from executor.rollouts.evolution_record import FOLDER, Evolution, draw_attempts
 from executor.rollouts.run_record import RunRecord, evolution_json, rollout_json, write_pairs
-from executor.sim.render.frames import Frames, VideoFailed, write_video
-from executor.sim.render.pool import RenderFailed, RenderPool, render
+from executor.sim.render.frames import Frames, RenderFailed, RenderPool, VideoFailed, render, write_video
 from executor.system.extras import MissingExtra, require
 from executor.system.files import read_json, write_json, write_text
 from executor.system.progress import OnProgress

@@ -24,8 +24,7 @@ from bddl.terminal import pluralize
 from executor.records import Rollout, SubtaskRecord, Trajectory
 from executor.sim.faults import Fault
 from executor.sim.render.cameras import VIEWS
-from executor.sim.render.frames import Picture, key_samples
-from executor.sim.render.pool import DEFAULT_SIZE, RenderFailed, RenderPool
+from executor.sim.render.frames import DEFAULT_SIZE, Picture, RenderFailed, RenderPool, key_samples
 from executor.system import vulkan
 from llm.errors import PicturesMissing
 from llm.evolve import AttemptObservation, GiveUp
@@ -130,7 +129,6 @@ class AttemptFrames(AbstractContextManager["AttemptFrames"]):
     """Renderer of attempts, whose worker processes start with the first one and are kept; a context manager.
 
     Args:
-        views: Which cameras.
         folder: Where pictures are written and searched; None writes none.
         recorded: Where they are searched first, such as next to a recording; nothing is written there.
 
@@ -222,7 +220,6 @@ class _Drawing:
         return [{view: tuple(next(data) for _ in states) for view in self.views} for states in self._states]
 
     def _paths(self, folder: Path | None) -> Iterator[Path]:
-        """Yield where each picture is kept: step by step, view by view."""
         if folder is None:
             return
         for number, states in enumerate(self._states, start=1):

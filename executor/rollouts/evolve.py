@@ -13,17 +13,10 @@ from executor.records import FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import AttemptFrames, Evolution, EvolutionInterrupted, SubtaskStory
 from executor.rollouts.goals import StepWatch
-from executor.rollouts.rollout import RECORD_HZ, Run, require_graph
-from executor.scenes.vary import check_seed
-from executor.scenes.vary import vary as vary_scene
-from executor.sim.belief import true_scene
-from executor.sim.engine import STANDARD, Physics
-from executor.sim.faults import Fault
-from executor.skills.trajectories import NO_NOISE, CommandNoise
+from executor.rollouts.rollout import USUAL, Conditions, Run, start_run
 from llm.evolve import AttemptObservation, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolve.diagnosis import diagnose
 from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
-from oag.task import required_scene
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""
@@ -38,13 +31,9 @@ def evolve(
     supervisor: Supervisor | None = None,
     limit: int = MOST_REVISIONS,
     listen: Listener = ignore,
-    record_hz: float = RECORD_HZ,
     vary: bool = True,
-    faults: tuple[Fault, ...] = (),
     frames: AttemptFrames | None = None,
-    physics: Physics = STANDARD,
-    noise: CommandNoise = NO_NOISE,
-    stances: int = 1,
+    conditions: Conditions = USUAL,
 ) -> Evolution:
     """Execute a task, revise the flows that fail, and return how it evolved.
 
@@ -59,13 +48,9 @@ def evolve(
         supervisor: Revises flows; by default by a search that measurements guide.
         limit: How many revisions a subtask may have.
         listen: Called when subtasks and steps begin and end, and when a flow is revised.
-        record_hz: Samples a second [Hz].
         vary: Whether the scene is varied by the seed.
-        faults: Deliberate faults, in experiments.
         frames: Draws failed attempts, for an inspector or supervisor that looks at pictures.
-        physics: Settings that an experiment changes.
-        noise: Noise in the drive commands.
-        stances: How many are planned wherever one is chosen (`Session.stances`).
+        conditions: How the episode is executed and recorded.
 
     Raises:
         TaskError, SceneError: `graph` is no graph, or `scene` no scene.
@@ -78,17 +63,10 @@ def evolve(
     """
     if limit < 0:
         raise ValueError(f"limit must not be negative, got {limit}")
-    graph, seed = require_graph(graph), check_seed(seed)
-    nominal = graph.scene if scene is None else required_scene(scene)
-    concrete = nominal.with_scales(graph.task.scales)
-    if vary:
-        concrete = vary_scene(concrete, seed)
-    concrete = true_scene(concrete, faults)
-    run = Run(graph, concrete, seed, listen, record_hz, faults, physics, noise, stances)
+    inspector, supervisor = inspector or MeasuredInspector(), supervisor or SearchSupervisor()
+    run, nominal = start_run(graph, scene, seed, listen, conditions, vary=vary)
     try:
-        return EvolutionLoop(
-            run, nominal, inspector or MeasuredInspector(), supervisor or SearchSupervisor(), limit, frames
-        ).run()
+        return EvolutionLoop(run, nominal, inspector, supervisor, limit, frames).run()
     finally:
         run.close()
 

@@ -233,7 +233,6 @@ def misses(goal: Iterable[Atom], world: World, base_yaw_rad: float) -> tuple[Mis
 
     Args:
         goal: Atoms that shall be true.
-        world: The present world.
         base_yaw_rad: The robot's heading, which is "forward".
     """
     return tuple(found for atom in goal for found in _nearest(atom, world, base_yaw_rad))
@@ -297,12 +296,7 @@ class StepWatch:
         self._after.append(self._look(session))
 
     def observation(self, task: Task, record: SubtaskRecord) -> AttemptObservation:
-        """Return the observation of an attempt, with the readings at its steps.
-
-        Args:
-            task: The task as it was run.
-            record: The subtask's record.
-        """
+        """Return the observation of an attempt, with the readings at its steps."""
         flow = task.subtasks[record.index].flow or ()
         steps = tuple(
             _step(step, flow_from_json([step.action])[0], asked, before, after)

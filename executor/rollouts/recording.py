@@ -210,7 +210,6 @@ def repeat(
 
     Args:
         task: Its goal is judged at the end.
-        scene: The concrete scene.
         commands: Drive commands, subtask by subtask (`SubtaskRecord.commands`).
         record_hz: Samples a second [Hz]; the hash is over the samples.
         faults, physics, noise: As in the recorded run.
@@ -243,9 +242,7 @@ def repeat_subtask(
     """Return the motion of one attempt at a subtask; an evolution keeps no samples of a revised attempt.
 
     Args:
-        scene: The concrete scene.
         record: The attempt's record.
-        record_hz: Samples a second [Hz].
         faults, physics, noise: As in the recorded run.
 
     Raises:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from executor.rollouts.goals import StepWatch, as_failure, judge, judge_at_rest
 from executor.rollouts.recording import TrajectoryRecorder, summarize_peaks
 from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
-from executor.sim.belief import believed_scene
+from executor.sim.belief import believed_scene, true_scene
 from executor.sim.detectors import summarize_overlaps
 from executor.sim.engine import STANDARD, Physics
 from executor.sim.faults import Fault
@@ -75,8 +75,6 @@ def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None)
     """Return whether a held item could not be put anywhere in its place, whatever the open numbers.
 
     Args:
-        record: The subtask's record.
-        subtask: The subtask.
         held: Id of the item in the gripper at the start.
     """
     chosen_here = any(action.unfilled for action in subtask.flow or ())
@@ -90,9 +88,7 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
     """Yield tasks in which an item is set down and taken again before it is put where a subtask wants it.
 
     Args:
-        task: The task as it is.
         index: Index of the subtask that found no place.
-        scene: The concrete scene.
 
     Returns:
         Ids of supports, first the one that it stood on, then the nearest ones to that, each with its task.
@@ -139,19 +135,34 @@ GOAL_HOLDS_S = 1.0  # A goal has to hold for this long.
 RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
 
 
-class Run:
-    """One episode in progress: its subtasks can be run one by one, and again, from their checkpoints.
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """How an episode is executed and recorded.
 
-    Args:
-        graph: A composed task; it is verified first.
-        scene: The concrete scene.
-        seed: Seeds all planning.
-        listen: Called when subtasks and steps begin and end.
+    Attributes:
         record_hz: Samples a second [Hz].
         faults: Deliberate faults, in experiments.
         physics: Settings that an experiment changes.
         noise: Noise in the drive commands.
         stances: How many are planned wherever one is chosen (`Session.stances`).
+    """
+
+    record_hz: float = RECORD_HZ
+    faults: tuple[Fault, ...] = ()
+    physics: Physics = STANDARD
+    noise: CommandNoise = NO_NOISE
+    stances: int = 1
+
+
+USUAL = Conditions()
+
+
+class Run:
+    """One episode in progress: its subtasks can be run one by one, and again, from their checkpoints.
+
+    Args:
+        graph: A composed task; it is verified first.
+        listen: Called when subtasks and steps begin and end.
 
     Attributes:
         task: The task as it is run; `change` replaces it.
@@ -173,24 +184,20 @@ class Run:
         graph: ObjectActionGraph,
         scene: Scene,
         seed: int,
-        listen: Listener,
-        record_hz: float,
-        faults: tuple[Fault, ...] = (),
-        physics: Physics = STANDARD,
-        noise: CommandNoise = NO_NOISE,
-        stances: int = 1,
+        listen: Listener = ignore,
+        conditions: Conditions = USUAL,
     ) -> None:
-        self.faults, self.physics, self.noise, self.stances = faults, physics, noise, stances
+        self.record_hz, self.faults = conditions.record_hz, conditions.faults
+        self.physics, self.noise, self.stances = conditions.physics, conditions.noise, conditions.stances
         self.scene, self.seed, self.listen = scene, seed, listen
         self._graph: ObjectActionGraph
         self.task: Task
         self.goals: tuple[Formula, ...]
         self.change(graph)
         self.began = time.perf_counter()
-        self.oracle_world = World(believed_scene(scene, faults), oracle=True)
+        self.oracle_world = World(believed_scene(scene, self.faults), oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
-        self.record_hz = record_hz
-        self.recorder = TrajectoryRecorder(self.planner.kinematics, record_hz)
+        self.recorder = TrajectoryRecorder(self.planner.kinematics, self.record_hz)
         self.subtasks: list[SubtaskRecord] = []
         self.detours: tuple[Detour, ...] = ()
         self.goal_readings: tuple[GoalReading, ...] = ()
@@ -227,7 +234,6 @@ class Run:
 
         Args:
             checkpoint: Where the first subtask begins.
-            first: Its index.
             first_step: Index of the step in its flow that it begins with.
             last: Index of the subtask before which it ends; by default it goes to the end.
         """
@@ -447,11 +453,8 @@ def rollout(
     seed: int = 0,
     *,
     listen: Listener = ignore,
-    record_hz: float = RECORD_HZ,
     vary: bool = True,
-    physics: Physics = STANDARD,
-    noise: CommandNoise = NO_NOISE,
-    stances: int = 1,
+    conditions: Conditions = USUAL,
 ) -> Rollout:
     """Execute a task's flows by physics and return the record.
 
@@ -462,11 +465,8 @@ def rollout(
         scene: The nominal scene; the graph's own by default.
         seed: Seeds the scene's variation and all planning.
         listen: Called when subtasks and steps begin and end.
-        record_hz: Samples a second [Hz].
         vary: Whether the scene is varied by the seed.
-        physics: Settings that an experiment changes.
-        noise: Noise in the drive commands.
-        stances: How many are planned wherever one is chosen (`Session.stances`).
+        conditions: How the episode is executed and recorded.
 
     Raises:
         TaskError, SceneError: `graph` is no graph, or `scene` no scene.
@@ -475,12 +475,27 @@ def rollout(
         MissingFlow: A subtask has no flow.
         RolloutInterrupted: Ctrl-C; carries the finished part.
     """
+    run, _ = start_run(graph, scene, seed, listen, conditions, vary=vary)
+    return run.from_start()
+
+
+def start_run(
+    graph: ObjectActionGraph,
+    scene: Scene | None,
+    seed: int,
+    listen: Listener,
+    conditions: Conditions,
+    *,
+    vary: bool,
+) -> tuple[Run, Scene]:
+    """Return an episode before its first subtask, and its nominal scene; for the arguments see `rollout`."""
     graph, seed = require_graph(graph), check_seed(seed)
     nominal = graph.scene if scene is None else required_scene(scene)
     concrete = nominal.with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
-    return Run(graph, concrete, seed, listen, record_hz, (), physics, noise, stances).from_start()
+    concrete = true_scene(concrete, conditions.faults)
+    return Run(graph, concrete, seed, listen, conditions), nominal
 
 
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
@@ -489,7 +504,6 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     The subtasks before are taken over unchanged; the trajectory has the resumed part alone.
 
     Args:
-        graph: The task that was executed.
         earlier: The earlier rollout, made with the default settings of `rollout`.
         subtask: Index of the subtask to start with.
         listen: As for `rollout`.
@@ -503,7 +517,7 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
-    run = Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
+    run = Run(graph, earlier.scene, earlier.seed, listen, Conditions(earlier.record_hz))
     run.subtasks = list(earlier.subtasks[:subtask])
     if [one.name for one in graph.task.subtasks] == [one.name for one in earlier.task.subtasks]:
         run.detours = earlier.detours

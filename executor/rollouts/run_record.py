@@ -225,7 +225,6 @@ def pairs(evolution: Evolution, frames: PictureFiles | None = None) -> Iterator[
     """Yield one mapping for each revision of an episode, in order of subtasks and attempts.
 
     Args:
-        evolution: The episode.
         frames: Pictures of failed attempts, where they were drawn.
     """
     for story in evolution.stories:
@@ -298,7 +297,6 @@ def attempt_after(evolution: Evolution, subtask: int, number: int) -> tuple[int,
     """Return which attempt ran a revised flow: subtask and attempt, both from 0.
 
     Args:
-        evolution: The episode.
         subtask, number: The attempt that was revised.
 
     Returns:

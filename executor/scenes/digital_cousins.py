@@ -4,13 +4,15 @@
     found.scene   # an `oag.Scene`: parametric models at the sizes and places of the file
     found.notes   # sentences: which things were turned, moved or left out
 
-The file's form is that of https://github.com/cremebrule/digital-cousins (step 3): objects with a category of BEHAVIOR,
-a bounding box, a pose relative to the camera, and their mounting. Its meshes are not needed. Objects without a matching
-model are refused, all of them in one message.
+The file `scene_k_info.json` has a camera, and objects posed relative to it, in the form of
+https://github.com/cremebrule/digital-cousins (step 3): a category of BEHAVIOR, a bounding box, a pose and the mounting.
+Its quaternions are x y z w; all others in this project are w x y z. The world has z up and the floor at 0. Other fields
+(models, scales, resolution) are ignored, since the bounding box includes the scale; meshes are not needed. Objects
+without a matching model are refused, all of them in one message.
 
-Things keep their place on the floor or on each other, without overlaps, and the robot gets free floor. Heights come
-from the supports, since the models differ from the meshes. Where models overlap, the later one is moved by centimetres,
-as Digital Cousins does with its meshes.
+Things are set upright, and their fronts are determined. They keep their place on the floor or on each other, without
+overlaps, and the robot gets free floor. Heights come from the supports, since the models differ from the meshes. Where
+models overlap, the later one is moved by centimetres, as Digital Cousins does with its meshes.
 """
 
 from __future__ import annotations
@@ -18,268 +20,231 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator
 from scipy.spatial.transform import Rotation
 
 import bddl
-from executor.assets.footprint import Footprint, overlap_depth_m, region_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
-from executor.geometry import Array, rotation_z
-from executor.scenes.layout import EDGE_M, robot_has_room
-from executor.scenes.reconstruction import (
+from executor.geometry import Array, rotation_z, transform_from_quaternion, wrap_angle
+from executor.scenes.library import is_collection
+from executor.scenes.models import (
     FLAT,
-    Cousin,
     NoMatchingModel,
-    Reconstruction,
-    UprightPose,
     category_of,
     implausible_size,
     model_for,
     models_of,
-    read,
     shaped,
-    stand_upright,
     written_category,
 )
+from executor.scenes.placement import (
+    FLOOR_SPOT,
+    MOST_MOVED_M,
+    STANDS_M,
+    Arrangement,
+    SupportSpot,
+    UprightPose,
+    robot_near,
+)
 from executor.scenes.room import CLOSED, NoRoom
-from oag import Kind, RobotPose, Scene, SceneError, SceneObject, kind_of
-from oag.model.scene import FLOOR, id_problem
+from oag import Kind, Scene, SceneError, SceneObject, kind_of
+from oag.model.codec import load
+from oag.model.forms import Extent, OpenForm, numbers, unfit
+from oag.model.scene import FLOOR, LARGEST_M, id_problem
 
-MOST_MOVED_M = 0.30
-"""Largest displacement of a thing, sideways or vertically, before it is refused."""
-
-STANDS_M = 0.10
-"""By position, a thing stands on a top within this distance."""
-
-NOTED_M = 0.03
-"""Height change from which on a note is written; reconstructed heights are off by centimetres."""
-
-_RING_M, _DIRECTIONS = 0.02, 16
-_TOUCH_M = 5e-4
-_ROBOT_RING_M, _ROBOT_RINGS = 0.10, 60  # Up to 6 m from the camera.
+_POSE_DIGITS = 1e-3  # Tolerance for rounding in a file.
 
 
 @dataclass(frozen=True, slots=True)
-class SupportSpot:
-    """A place to stand on.
+class Cousin:
+    """One object of the file.
 
     Attributes:
-        support: Id of its object; None for the floor.
-        height_m: Height of the ground there.
-        ground: Outline of the ground, within which things are put.
-        around: Outline of the whole support, or of the hollow of a small thing: things over it stand on it.
-        is_hollow: Whether things there are inside the support.
+        id: Its name there.
+        category: A category of BEHAVIOR, such as "bottom_cabinet".
+        extent_m: Sides of its box along its own axes, scale applied.
+        T_world: (4, 4) pose in the world of its root frame, taken as the centre of its box.
+        on_floor: Whether it stands on something; False for an object mounted on a wall only.
+        beneath: Id of its support by the scene graph, "floor", or None without such an entry.
     """
 
-    support: str | None
-    height_m: float
-    ground: Footprint
-    around: Footprint
-    is_hollow: bool = False
+    id: str
+    category: str
+    extent_m: tuple[float, float, float]
+    T_world: Array
+    on_floor: bool
+    beneath: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reconstruction:
+    """A file's content.
+
+    Attributes:
+        name: Of the scene.
+        T_camera: (4, 4) pose of the camera in the world.
+        cousins: The objects.
+        notes: Implausible entries of the scene graph, in sentences.
+    """
+
+    name: str
+    T_camera: Array
+    cousins: tuple[Cousin, ...]
+    notes: tuple[str, ...] = ()
 
     @property
-    def name(self) -> str:
-        """Its name in sentences."""
-        return self.support or "the floor"
+    def camera_m(self) -> Array:
+        """(3,) position of the camera."""
+        position_m: Array = self.T_camera[:3, 3]
+        return position_m
 
 
-_EVERYWHERE = Footprint(0.0, 0.0, 0.0, math.inf, math.inf)
-FLOOR_SPOT = SupportSpot(None, 0.0, _EVERYWHERE, _EVERYWHERE)
+def read(path: Path) -> Reconstruction:
+    """Return a file's content; the scene graph is read from the file beside it that has the usual name.
 
-
-def _reach(obj: SceneObject, turn_rad: float) -> Array:
-    """Half sides (2,) of the box around an object along the axes of its support."""
-    half = np.asarray(obj.extent_m[:2]) / 2
-    around: Array = np.abs(rotation_z(turn_rad)[:2, :2]) @ half
-    return around
-
-
-class Arrangement:
-    """Objects placed so far.
-
-    Attributes:
-        objects: id -> object, in the order of placement.
-        relations: (relation, thing, support) of everything that stands on or in another thing.
-        notes: Displacements, in sentences.
+    Raises:
+        SceneError: The file is malformed, with the place, or holds several scenes.
     """
-
-    def __init__(self) -> None:
-        self.objects: dict[str, SceneObject] = {}
-        self.relations: list[tuple[str, str, str]] = []
-        self.notes: list[str] = []
-        self._parts: dict[str, list[Footprint]] = {}
-
-    def put(self, obj: SceneObject, at: UprightPose, low_m: float, *, held_by: str | None = None) -> None:
-        """Put a thing at its reconstructed place, or up to 30 cm beside that.
-
-        Args:
-            obj: The thing, not yet placed.
-            at: Its reconstructed pose.
-            low_m: Height of its bottom: of the floor, or where it hangs.
-            held_by: Id of its support.
-
-        Raises:
-            NoRoom: It is blocked everywhere.
-        """
-        at_m, yaw_rad = at.centre_m[:2], at.yaw_rad
-        quaternion = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
-        placed = replace(obj, position=(*at_m, low_m + obj.extent_m[2] / 2), orientation=quaternion)
-        parts = solid_parts(placed)
-        blocker = ""
-        for x, y in _around(at_m, _RING_M, round(MOST_MOVED_M / _RING_M)):
-            dx, dy = x - at_m[0], y - at_m[1]
-            moved = [replace(part, x_m=part.x_m + dx, y_m=part.y_m + dy) for part in parts]
-            if held_by is not None and not self._carried(held_by, x, y):
-                continue
-            found = self._blocker(moved, held_by)
-            if found is None:
-                self.objects[obj.id] = replace(placed, position=(x, y, placed.position[2]))
-                self._parts[obj.id] = moved
-                if blocker:
-                    self.notes.append(f"{obj.id} was moved by {100 * math.hypot(dx, dy):.0f} cm, out of {blocker}")
-                return
-            blocker = blocker or found
-        raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
-
-    def place(self, obj: SceneObject, at: UprightPose, spot: SupportSpot) -> None:
-        """Put a thing on or in another one, or on the floor, within the edges of that.
-
-        Raises:
-            NoRoom: There is no such place, or it is blocked, as in `put`.
-        """
-        raised_m = spot.height_m - at.bottom_m
-        if abs(raised_m) > MOST_MOVED_M:
-            side = "above" if raised_m < 0.0 else "below"
-            raise NoRoom(obj.id, f"is {abs(raised_m):.2f} m {side} {spot.name}, the nearest that it could stand on")
-        if spot.support is None:
-            self.put(obj, at, spot.height_m)
-        else:
-            half = np.asarray((spot.ground.half_x_m, spot.ground.half_y_m))
-            R = rotation_z(spot.ground.yaw_rad)[:2, :2]
-            middle = np.asarray((spot.ground.x_m, spot.ground.y_m))
-            reach = _reach(obj, at.yaw_rad - spot.ground.yaw_rad)
-            free = np.maximum(half - reach - EDGE_M, 0.0)
-            local = R.T @ (np.asarray(at.centre_m[:2]) - middle)
-            inside = np.clip(local, -free, free)
-            x, y = R @ inside + middle
-            shifted_m = float(np.linalg.norm(inside - local))
-            if shifted_m > MOST_MOVED_M:
-                raise NoRoom(obj.id, f"stands on {spot.support}, but {shifted_m:.2f} m from where it could")
-            self.put(
-                obj, replace(at, centre_m=(float(x), float(y), at.centre_m[2])), spot.height_m, held_by=spot.support
-            )
-            self.relations.append(("inside" if spot.is_hollow else "ontop", obj.id, spot.support))
-            if shifted_m > _RING_M:
-                self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {spot.support}")
-        if abs(raised_m) > NOTED_M:
-            how = "lifted" if raised_m > 0.0 else "let down"
-            self.notes.append(f"{obj.id} was {how} by {100 * abs(raised_m):.0f} cm onto {spot.name}")
-
-    def spot_on(self, obj: SceneObject, at: UprightPose, support: str) -> SupportSpot:
-        """Return the top or board of another thing that is nearest to a thing's height.
-
-        Raises:
-            NoRoom: None fits.
-        """
-        spots = list(self._spots(obj, at, support))
-        if not spots:
-            raise NoRoom(obj.id, f"stands on {support}, which has no open place for it")
-        return min(spots, key=lambda spot: abs(spot.height_m - at.bottom_m))
-
-    def spot_below(self, obj: SceneObject, at: UprightPose) -> SupportSpot:
-        """Return a thing's support by its position: the nearest top, board, hollow or floor under its extent.
-
-        Places under the thing's centre come before those that merely touch its extent, and small things, such as a
-        plate, before the furniture under them.
-
-        Raises:
-            NoRoom: It is in another thing's box, and on no board of that.
-        """
-        mine = Footprint(*at.centre_m[:2], at.yaw_rad, at.size_m[0] / 2, at.size_m[1] / 2)
-        middle = Footprint(*at.centre_m[:2], 0.0, 0.0, 0.0)
-        under = [FLOOR_SPOT]
-        for other in self.objects.values():
-            if obj.kind is Kind.ITEM or other.kind is not Kind.ITEM:
-                under += [spot for spot in self._spots(obj, at, other.id) if mine.gap_m(spot.around) < 0.0]
-
-        def distance_m(spot: SupportSpot) -> float:
-            return abs(spot.height_m - at.bottom_m)
-
-        def rank(spot: SupportSpot) -> tuple[bool, bool, float]:
-            over = spot.support is not None and middle.gap_m(spot.around) <= 0.0
-            on_item = over and self.objects[spot.support or ""].kind is Kind.ITEM
-            return not over, not on_item, distance_m(spot)
-
-        near = [spot for spot in under if distance_m(spot) < STANDS_M]
-        if near:
-            return min(near, key=rank)
-        # Floating things come down and sunk ones come up; a thing wholly below a top is not on it.
-        top_m = at.bottom_m + at.size_m[2]
-        found = min((spot for spot in under if spot.height_m < top_m), key=distance_m, default=FLOOR_SPOT)
-        for other in self.objects.values():
-            box = Footprint.of(other)
-            within = middle.gap_m(box) <= 0.0 and box.low_m < at.centre_m[2] < box.high_m
-            if within and found.support != other.id and other.kind is not Kind.ITEM:
-                where = f"{distance_m(found):.2f} m from {found.name}"
-                raise NoRoom(obj.id, f"is in the box of {other.id} and stands on nothing there; it is {where}")
-        return found
-
-    def _spots(self, obj: SceneObject, at: UprightPose, support: str) -> Iterator[SupportSpot]:
-        """Yield the open places of another thing that a thing fits in."""
-        carrier = self.objects[support]
-        for region in asset_for(carrier).regions:
-            # What is in a bowl may stand out of it.
-            fits = region.name == "top" or carrier.kind is Kind.ITEM or region.height_m >= obj.extent_m[2]
-            if region.joint is not None or not fits:
-                continue
-            T, half = region_frame(carrier, region)
-            yaw_rad = math.atan2(T[1, 0], T[0, 0])
-            if carrier.kind is Kind.ITEM and (_reach(obj, at.yaw_rad - yaw_rad) > half).any():
-                continue
-            x, y, z = (float(value) for value in T[:3, 3])
-            ground = Footprint(x, y, yaw_rad, float(half[0]), float(half[1]))
-            around = ground if carrier.kind is Kind.ITEM else Footprint.of(carrier)
-            yield SupportSpot(support, z, ground, around, is_hollow=region.kind == "interior")
-
-    def robot(self, camera_m: tuple[float, float]) -> RobotPose:
-        """Return a robot pose on the free floor nearest to the camera, facing the objects.
-
-        Raises:
-            NoRoom: There is none within 6 m.
-        """
-        middle = np.mean([obj.position[:2] for obj in self.objects.values()], axis=0)
-        taken = {name: Footprint.of(obj) for name, obj in self.objects.items()}
-        for x, y in _around(camera_m, _ROBOT_RING_M, _ROBOT_RINGS):
-            yaw = math.atan2(middle[1] - y, middle[0] - x)
-            if robot_has_room(x, y, yaw, taken):
-                return RobotPose((x, y, 0.0), yaw)
-        raise NoRoom(
-            "robot", f"there is no free floor for it within {_ROBOT_RING_M * _ROBOT_RINGS:.0f} m of the camera"
+    document = load(path, SceneError)
+    if isinstance(document.data, dict) and is_collection(document.data):
+        hint = "name the file of one of them, such as scene_0/scene_0_info.json"
+        raise document.fail((), f"holds the scenes {', '.join(document.data)}", hint)
+    form = document.read(_Info)
+    T_camera = form.cam_pose
+    beneath, notes = _known(_beneath(path), form.objects)
+    cousins = tuple(
+        Cousin(
+            id=key,
+            category=one.category,
+            extent_m=one.bbox_extent,
+            T_world=T_camera @ one.tf_from_cam,
+            on_floor=one.mount is None or one.mount.floor is not False,
+            beneath=beneath.get(key),
         )
-
-    def _carried(self, support: str, x_m: float, y_m: float) -> bool:
-        """Whether a thing with its centre there would stand on its support."""
-        return Footprint(x_m, y_m, 0.0, 0.0, 0.0).gap_m(Footprint.of(self.objects[support])) <= -EDGE_M
-
-    def _blocker(self, parts: list[Footprint], held_by: str | None) -> str | None:
-        for other, theirs in self._parts.items():
-            if other != held_by and overlap_depth_m(parts, theirs) > _TOUCH_M:
-                return other
-        return None
+        for key, one in form.objects.items()
+    )
+    return Reconstruction(path.stem.removesuffix("_info"), T_camera, cousins, notes)
 
 
-def _around(middle_m: tuple[float, float], ring_m: float, rings: int) -> Iterator[tuple[float, float]]:
-    """Yield a point, then points on growing rings around it."""
-    x, y = float(middle_m[0]), float(middle_m[1])
-    yield x, y
-    for ring in range(1, rings + 1):
-        for turn in range(_DIRECTIONS):
-            angle = 2.0 * math.pi * turn / _DIRECTIONS
-            yield x + ring * ring_m * math.cos(angle), y + ring * ring_m * math.sin(angle)
+def _beneath(path: Path) -> dict[str, str]:
+    """Return each object's support by the scene graph; empty without a graph.
+
+    The file names the graph by its path on the machine that made it; here it is looked for beside the file.
+    """
+    graph = path.with_name(f"{path.stem.removesuffix('_info')}_graph.json")
+    if not graph.is_file():
+        return {}
+    entries = load(graph, SceneError).read(dict[str, _GraphEntry])
+    return {key: entry.objBeneath for key, entry in entries.items() if entry.objBeneath is not None}
+
+
+def _known(beneath: Mapping[str, str], objects: Collection[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the scene graph's entries about the file's objects, and notes on the rest."""
+    strangers = [key for key in beneath if key not in objects and key != FLOOR]
+    notes = [f"the scene graph places {key}, which is not in the file" for key in strangers]
+    known = {}
+    for key, below in beneath.items():
+        if key in strangers or key == FLOOR:
+            continue
+        if below == FLOOR or (below in objects and below != key):
+            known[key] = below
+            continue
+        why = "itself" if below == key else f"{below}, which is not in the file"
+        notes.append(f"the scene graph has {key} on {why}; its height tells what it stands on")
+    return known, tuple(notes)
+
+
+def _camera(value: object) -> Array:
+    if not isinstance(value, list) or len(value) != 2:
+        raise unfit("expected a position x y z and a quaternion x y z w")
+    position = numbers(value[0], 3, "x y z in metres", -LARGEST_M, LARGEST_M, at=(0,))
+    x, y, z, w = numbers(value[1], 4, "quaternion x y z w", at=(1,))
+    if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
+        raise unfit("expected a unit quaternion x y z w", "", 1)
+    return transform_from_quaternion(position, (w, x, y, z))
+
+
+def _rigid(value: object) -> Array:
+    rows = value if isinstance(value, list) else [value]
+    what = "a row of a 4 x 4 pose"
+    T = np.array([numbers(row, 4, what, -LARGEST_M, LARGEST_M, at=(number,)) for number, row in enumerate(rows)])
+    R = T[:3, :3]
+    if T.shape != (4, 4) or not np.allclose(R @ R.T, np.eye(3), atol=_POSE_DIGITS) or np.linalg.det(R) <= 0.0:
+        raise unfit("expected a rigid 4 x 4 pose")
+    return T
+
+
+class _Mount(OpenForm):
+    floor: Any = None
+
+
+class _Thing(OpenForm):
+    category: str
+    tf_from_cam: Annotated[Any, BeforeValidator(_rigid)]
+    bbox_extent: Extent
+    mount: _Mount | None = None
+
+
+class _Info(OpenForm):
+    cam_pose: Annotated[Any, BeforeValidator(_camera)]
+    objects: dict[str, _Thing]
+
+
+class _GraphEntry(OpenForm):
+    objBeneath: str | None = None
+
+
+MOST_TILTED_RAD = math.radians(20.0)
+
+
+def stand_upright(cousin: Cousin, camera_m: Array, *, front: bool) -> UprightPose:
+    """Return an object's upright pose.
+
+    The front of a cousin is at its own +x, or at -y for assets that were made so; the file does not record which. A
+    photograph shows fronts, so it is +x unless that faces away from the camera and -y faces it.
+
+    Args:
+        camera_m: Position of the camera in the world.
+        front: Whether it has a front, such as a cabinet.
+
+    Raises:
+        NoMatchingModel: It leans by more than 20 degrees; the message has the angle.
+    """
+    R = cousin.T_world[:3, :3]
+    yaw = _yaw(R)
+    stood = rotation_z(yaw).T @ R
+    tilt = float(np.arccos(min(1.0, float(np.abs(stood[2]).max()))))
+    if tilt > MOST_TILTED_RAD:
+        raise NoMatchingModel(f"leans by {math.degrees(tilt):.0f} degrees")
+    vertical = int(np.argmax(np.abs(R[2])))
+    lean_x, lean_y = (float(value) for value in R[:2, vertical] * np.sign(R[2, vertical]))
+    # Each own axis counts for the one of the upright frame that it is nearest to, so that a lean adds no length.
+    nearest = np.abs(stood).argmax(axis=0)
+    size = np.zeros(3)
+    np.maximum.at(size, nearest, cousin.extent_m)
+    if not size.all():
+        raise NoMatchingModel("leans sideways")
+    x, y, z = (float(value) for value in cousin.T_world[:3, 3])
+    length, width, height = (float(value) for value in size)
+    towards = np.asarray(camera_m)[:2] - (x, y)
+    ahead, right = rotation_z(yaw)[:2, 0], -rotation_z(yaw)[:2, 1]
+    turned = front and bool(ahead @ towards < 0.0 < right @ towards)
+    if turned:
+        return UprightPose((x, y, z), wrap_angle(yaw + math.pi / 2), (width, length, height), turned, (lean_x, lean_y))
+    return UprightPose((x, y, z), wrap_angle(yaw + math.pi), (length, width, height), turned, (lean_x, lean_y))
+
+
+def _yaw(R: Array) -> float:
+    """Return the last turn about the vertical; that of the own y axis if x is vertical."""
+    if math.hypot(R[0, 0], R[1, 0]) > math.sin(MOST_TILTED_RAD):
+        return math.atan2(R[1, 0], R[0, 0])
+    return math.atan2(-R[0, 1], R[1, 1])
 
 
 _MANY = 3  # Number of things leaning one way that indicates a tilted camera.
@@ -328,7 +293,7 @@ def from_cousins(path: str | Path) -> SceneWithNotes:
         hint = _camera_hint(found)
         raise SceneError(f"{count}{hint}; without them in its `objects` it can be read:{listed}", source=str(path))
     try:
-        robot = room.robot((float(found.camera_m[0]), float(found.camera_m[1])))
+        robot = robot_near(room.objects, (float(found.camera_m[0]), float(found.camera_m[1])))
     except NoRoom as problem:
         raise SceneError(str(problem), source=str(path)) from problem
     facts: list[bddl.Formula] = [bddl.Atom(name, (thing, support)) for name, thing, support in room.relations]

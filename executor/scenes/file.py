@@ -22,11 +22,11 @@ from executor.assets.footprint import Footprint, region_frame, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
-from executor.scenes.default_sizes import NoDefaultSize, complete_object, implausible_object_size
-from executor.scenes.digital_cousins import Arrangement, SceneWithNotes, from_cousins
-from executor.scenes.layout import EDGE_M, AtEdge, Clearance, place, robot_has_room
+from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
 from executor.scenes.library import file_of, holds_cousins
 from executor.scenes.library import load as load_named
+from executor.scenes.models import NoDefaultSize, complete_object, implausible_object_size
+from executor.scenes.placement import EDGE_M, AtEdge, Clearance, Placement, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
     derive_support_relations,
@@ -230,8 +230,6 @@ class _SceneCompletion:
         """Refuse places that are given twice or not at all.
 
         Args:
-            key: The object's id.
-            form: Its content.
             is_sized: Whether the file gives its size: such a file may be about facts alone.
         """
         fail = partial(self._document.fail, ("objects", key))
@@ -268,7 +266,6 @@ class _SceneCompletion:
             self._refuse(key, f"{support} stands on or in it in turn; give one of them a position")
 
     def _place(self, key: str, form: ObjectForm, one: SceneObject) -> None:
-        """Put an object on or in another one, at a free place."""
         support, kind = (form.on, "surface") if form.on is not None else (form.in_, "interior")
         if support is None:
             return
@@ -295,7 +292,7 @@ class _SceneCompletion:
                     refused = refused or f"found no free place on {support} ({region.name})"
                     continue
                 try:
-                    place(self._room, one, support, region=region.name, at=at, yaw_rad=turn_rad, clear=clear)
+                    place(self._room, one, Placement(support, region.name, at, yaw_rad=turn_rad, clear=clear))
                     return
                 except NoRoom as problem:
                     refused = refused or str(problem).partition(": ")[2]
@@ -331,10 +328,8 @@ class _SceneCompletion:
         start = RobotPose() if form is None else robot_of(form)
         if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
             return start
-        room = Arrangement()
-        room.objects.update(objects)
         try:
-            return replace(room.robot((0.0, 0.0)), scale=start.scale)
+            return replace(robot_near(objects, (0.0, 0.0)), scale=start.scale)
         except NoRoom as problem:
             raise SceneError(str(problem), source=self._document.source, hint="give the robot a position") from None
 
@@ -427,7 +422,6 @@ def scene_for(
     """Return the scene for a sentence: that of `load_scene`, with the floor if the sentence names it.
 
     Args:
-        query: The sentence.
         name_or_path: As for `load_scene`.
         full_size: Whether the robot is of full size, whatever the scene has.
         listen: Receives the differences between the scene and its file, in sentences.

@@ -19,7 +19,7 @@ from oag.model.codec import shown
 _DATA = resources.files(__package__) / "data"
 # Module and function that draw a scene from its name; the function returns None for an unknown form. Loaded lazily:
 # drawing needs physics and the planner, reading a file needs neither.
-_DRAWN = ("generators.by_name", "draw_named")
+_DRAWN = ("generators.families", "draw_named")
 
 
 class SceneNotFound(Scene2DemoError):
@@ -33,7 +33,7 @@ class SceneNotFound(Scene2DemoError):
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of the package's fixed scenes, sorted; `executor.scenes.generators.by_name` draws others."""
+    """Return the names of the package's fixed scenes, sorted; `executor.scenes.generators.families` draws others."""
     return tuple(sorted(entry.name[:-5] for entry in _DATA.iterdir() if entry.name.endswith(".json")))
 
 

@@ -94,9 +94,7 @@ def draw_first_valid(
     Args:
         pair_id, family, query: As in the pair.
         layout: Number of the attempt -> the room, before sizes are adjusted and physics has settled it.
-        most_tries: Number of layouts to try.
         plan: The query and a scene -> the task.
-        robot_scale: Scale of the robot.
         changes: Changes beyond the seed; `layout` has applied those to the targets.
 
     Raises:

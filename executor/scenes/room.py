@@ -1,14 +1,31 @@
-"""A room under construction: placed objects, support relations, and the resulting scene.
+"""Lay out a room: furniture along walls and free on the floor, walls, and the resulting scene.
 
-Kitchen units of one height and depth (`Units`) and the paper's perturbation of targets (`Perturbation`) belong to it.
+    rng = np.random.default_rng(7)
+    room = Room("my_kitchen", "kitchen", rng, depth_m=3.4, width_m=3.6)
+    fridge = room.draw("fridge_one_door", parameters={"hinge": "right"})          # a SceneObject, not yet placed
+    left, right = room.draw("cabinet_drawers"), room.draw("counter_plain")
+    row(room, "east", [left, fridge, right], along_m=0.2, gaps_m=[0.0, 0.03])     # fronts look into the room
+    table = stand(room, room.draw("table_four_legs"), -0.6, -0.9, yaw_rad=0.0)    # free-standing; returns its id
+    build_walls(room)                                                             # solid; only those in use
+    scene = room.scene()                                                          # facts and `closed` included
+
+`executor.scenes.placement` puts things on and in the furniture and finds a place for the robot. `Units` draws cabinets,
+counters and cookers of one height and depth, so that a row has one worktop.
+
+Everything is drawn from the room's generator: equal generators and equal calls give equal scenes. A thing that does not
+fit raises `NoRoom`, which names the thing and the obstacle. `executor.scenes.validation.settle` then runs physics.
+
+Frames: walls are "east" (+x), "north" (+y), "west" and "south" of a rectangle around the origin. A position along a
+wall is measured from the wall's middle, positive to the left as seen by somebody who faces the wall.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from types import MappingProxyType
 from typing import Self
 
 import networkx as nx
@@ -16,11 +33,21 @@ import numpy as np
 
 import bddl
 from executor.assets import library
-from executor.assets.footprint import Footprint, gaps_m, open_fraction
+from executor.assets.footprint import Footprint, gaps_m
 from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
+from executor.scenes.support_relations import door_states
 from oag import RobotPose, Scene, SceneObject
 from oag.model.symbols import Kind
-from oag.primitives.table import OPEN_FRACTION
+
+WALLS: Mapping[str, float] = MappingProxyType(
+    {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
+)
+"""The walls, and the heading of somebody who faces each; furniture against one has this yaw."""
+
+BEHIND_M = 0.01
+WALL_M = 0.08
+WALL_HEIGHTS_M: Mapping[str, float] = MappingProxyType({"east": 2.0, "north": 2.0, "west": 1.0, "south": 1.0})
+"""Two walls are breast-high: the sun of the pictures stands there, and cameras look in over them."""
 
 CABINETS = ("cabinet_one_door", "cabinet_two_doors", "cabinet_drawers", "cabinet_drawers_doors")
 UNITS = (*CABINETS, "counter_plain")
@@ -30,6 +57,7 @@ COOKER_LEAST_M = 0.80
 
 CLOSED = frozenset({"ontop", "inside", "open"})
 _TOUCH_M = 1e-4  # Rounding: things may touch.
+_TOLERANCE_M = 1e-6  # Rounding.
 # Short names of categories; the default is the last word of the category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
 
@@ -50,7 +78,6 @@ class Room:
     """A rectangle of floor around the origin, and the objects placed in it.
 
     Args:
-        name: Name of the scene.
         kind: Kind of the room, such as "kitchen", for the `inroom` facts of everything in it.
         rng: Source of all random draws.
         depth_m: Length along x.
@@ -180,13 +207,9 @@ class Room:
 
     def scene(self) -> Scene:
         """Return the scene, with facts on support relations, door states, and the room of everything."""
-        facts: list[bddl.Formula] = [*self._relations]
-        for obj in self.objects.values():
-            if obj.kind.name == "ARTICULATED":
-                state = bddl.Atom("open", (obj.id,))
-                facts.append(state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state))
-        facts += [bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects]
-        return Scene(self.name, self.robot, dict(self.objects), tuple(facts), CLOSED)
+        in_room = (bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects)
+        facts: tuple[bddl.Formula, ...] = (*self._relations, *door_states(self.objects.values()), *in_room)
+        return Scene(self.name, self.robot, dict(self.objects), facts, CLOSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +266,6 @@ class Perturbation:
         """Draw the perturbation of a target.
 
         Args:
-            thing: The target.
             draws: Returns the generator for a target's name.
             attempt: Number of the layout that it is drawn for, if several are tried.
         """
@@ -265,3 +287,125 @@ class Perturbation:
         T[:3, :3] = rotation_z(self.turned_rad)[:3, :3] @ T[:3, :3]
         x, y, z, w, i, j, k = (float(value) for value in pose_vector(T))
         return replace(self.sized(thing), position=(x, y, z), orientation=(w, i, j, k))
+
+
+def against(
+    room: Room, wall: str, obj: SceneObject, along_m: float, *, behind_m: float = BEHIND_M, turn_rad: float = 0.0
+) -> str:
+    """Place a piece of furniture with its back to a wall and return its id.
+
+    A perturbed target is turned further; it stands so far from the wall that its corner has the gap.
+
+    Args:
+        wall: "east", "north", "west" or "south".
+        obj: The piece, not yet placed.
+        along_m: Position of its middle along the wall, from the wall's middle, positive to the left of who faces it.
+        behind_m: Gap between its back and the wall.
+        turn_rad: Its turn relative to the wall.
+
+    Raises:
+        NoRoom: It reaches beyond the wall's ends, or something is in its way.
+    """
+    yaw = WALLS[wall]
+    length_m, distance_m = wall_length_m(room, wall), wall_distance_m(room, wall)
+    turn_rad += room.turn_rad(obj.id)
+    half_deep, half_long = _half_sides_m(obj, turn_rad)
+    if abs(along_m) + half_long > length_m / 2 + _TOLERANCE_M:
+        raise NoRoom(obj.id, f"reaches beyond the {wall} wall, which is {length_m:.2f} m long")
+    x, y = rotation_z(yaw)[:2, :2] @ [distance_m - behind_m - half_deep, along_m]
+    room.put(obj, float(x), float(y), 0.0, yaw + turn_rad)
+    room.solid_walls.add(wall)
+    return obj.id
+
+
+def row(
+    room: Room,
+    wall: str,
+    pieces: Sequence[SceneObject],
+    along_m: float = 0.0,
+    *,
+    gaps_m: Sequence[float] = (),
+) -> tuple[str, ...]:
+    """Place pieces side by side along a wall, from the left of who faces it, and return their ids.
+
+    A perturbed target takes up its turned length, so that its neighbours keep their distance.
+
+    Args:
+        wall: As for `against`.
+        pieces: The pieces, not yet placed.
+        along_m: Position of the row's middle.
+        gaps_m: Gaps between neighbours, one fewer than pieces; empty for a flush row.
+
+    Raises:
+        NoRoom: A piece does not fit.
+        ValueError: The number of gaps is not one fewer than that of the pieces.
+    """
+    between = list(gaps_m) or [0.0] * max(len(pieces) - 1, 0)
+    if len(between) != max(len(pieces) - 1, 0):
+        raise ValueError(f"{len(pieces)} pieces have {len(pieces) - 1} gaps between them, got {len(between)}")
+    edge_m = along_m + row_length_m(room, pieces, between) / 2
+    for piece, gap_m in zip(pieces, [*between, 0.0], strict=True):
+        long_m = row_length_m(room, [piece])
+        against(room, wall, piece, edge_m - long_m / 2)
+        edge_m -= long_m + gap_m
+    return tuple(piece.id for piece in pieces)
+
+
+def row_length_m(room: Room, pieces: Sequence[SceneObject], gaps_m: Sequence[float] = ()) -> float:
+    """Return the length of a row of pieces, each turned as it will stand in the room."""
+    return sum(2 * _half_sides_m(piece, room.turn_rad(piece.id))[1] for piece in pieces) + sum(gaps_m)
+
+
+def _half_sides_m(obj: SceneObject, turn_rad: float) -> tuple[float, float]:
+    """Half lengths of a turned piece away from the wall and along it."""
+    half_x, half_y = obj.extent_m[0] / 2, obj.extent_m[1] / 2
+    s, c = abs(math.sin(turn_rad)), abs(math.cos(turn_rad))
+    return s * half_y + c * half_x, s * half_x + c * half_y
+
+
+def wall_length_m(room: Room, wall: str) -> float:
+    """Return a wall's length."""
+    return room.width_m if wall in ("east", "west") else room.depth_m
+
+
+def wall_distance_m(room: Room, wall: str) -> float:
+    """Return a wall's distance from the middle of the room."""
+    return (room.depth_m if wall in ("east", "west") else room.width_m) / 2
+
+
+def build_walls(room: Room) -> tuple[str, ...]:
+    """Build the room's solid walls, those with furniture against them, and return their ids.
+
+    The others stay open, so that an outside camera sees into the room. Call it last but for the robot.
+    """
+    built = []
+    for wall, yaw in WALLS.items():
+        if wall in room.solid_walls:
+            # Walls meet in the corners: those along x are as long as the room and both walls at its ends.
+            length_m = wall_length_m(room, wall) + (2 * WALL_M if wall in ("north", "south") else 0.0)
+            x, y = rotation_z(yaw)[:2, :2] @ [wall_distance_m(room, wall) + WALL_M / 2, 0.0]
+            slab = SceneObject(
+                id=f"wall_{wall}",
+                category="wall",
+                model="wall",
+                position=(0.0, 0.0, WALL_HEIGHTS_M[wall] / 2),
+                orientation=(1.0, 0.0, 0.0, 0.0),
+                bbox_extent=(WALL_M, length_m, WALL_HEIGHTS_M[wall]),
+            )
+            room.put(slab, float(x), float(y), 0.0, yaw)
+            built.append(slab.id)
+    return tuple(built)
+
+
+def stand(room: Room, obj: SceneObject, x_m: float, y_m: float, *, yaw_rad: float = 0.0) -> str:
+    """Place a free-standing piece of furniture on the floor and return its id.
+
+    Raises:
+        NoRoom: Something is in its way, or it reaches beyond the walls.
+    """
+    yaw_rad += room.turn_rad(obj.id)
+    placed = replace(obj, position=(x_m, y_m, obj.extent_m[2] / 2))
+    if not room.has_inside(replace(Footprint.of(placed), yaw_rad=yaw_rad), _TOLERANCE_M):
+        raise NoRoom(obj.id, "reaches beyond the walls")
+    room.put(obj, x_m, y_m, 0.0, yaw_rad)
+    return obj.id

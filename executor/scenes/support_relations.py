@@ -131,7 +131,6 @@ def is_upright(obj: SceneObject, *, w_last: bool = False) -> bool:
     """Return whether an object's own z axis is vertical, within five degrees.
 
     Args:
-        obj: The object.
         w_last: Whether its quaternion is read as x y z w.
     """
     _, x, y, _ = (obj.orientation[3], *obj.orientation[:3]) if w_last else obj.orientation

@@ -31,8 +31,8 @@ from executor.assets.library import asset_for
 from executor.assets.model import Joint
 from executor.assets.parameters import AssetError
 from executor.geometry import pose_vector, transform_from_quaternion
-from executor.scenes.default_sizes import implausible_object_size
-from executor.scenes.layout import robot_footprint
+from executor.scenes.models import implausible_object_size
+from executor.scenes.placement import robot_footprint
 from executor.scenes.support_relations import (
     NEAR_M,
     Solid,
@@ -435,7 +435,6 @@ def _swing(joint: Joint) -> tuple[float, float]:
 
 
 def _blocker(world: World, object_id: str, joint: Joint) -> str | None:
-    """Return the fixed furniture that a moving link overlaps, or None."""
     for contact in world.contacts({object_id}):
         owners = {contact.a.owner, contact.b.owner}
         links = {body.link for body in (contact.a, contact.b) if body.owner == object_id}

@@ -183,7 +183,6 @@ def _on_support(rng: np.random.Generator, support: SceneObject, thing: SceneObje
 
 
 def _shift(rng: np.random.Generator, entry: _Shift) -> tuple[float, float, float]:
-    """A shift (x, y in metres, yaw in rad) from an entry's ranges."""
     return rng.uniform(*entry.dx_m), rng.uniform(*entry.dy_m), rng.uniform(*entry.dyaw_rad)
 
 

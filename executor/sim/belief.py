@@ -59,7 +59,6 @@ class BelievedWorld:
     """A world as it is believed to be: places and sizes of some items differ, and unseen things are missing.
 
     Args:
-        world: The world.
         faults: Deliberate faults; kinds that do not concern belief change nothing.
         held: Ids of the things that the hand has held: where they are is known. Their size is not: the fingers measure
             a width, and planning goes by the height.

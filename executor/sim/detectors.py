@@ -74,7 +74,6 @@ def read(atom: Atom, world: World) -> AtomReading:
 
     Args:
         atom: A ground atom over the scene's object ids, `gripper`, `robot` and, below things, `floor`.
-        world: The world to examine.
 
     Raises:
         UnknownObject: When the atom names an object that the world does not have.

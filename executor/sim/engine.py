@@ -52,7 +52,6 @@ def empty_scene(*, visual: bool, oracle: bool) -> Any:
     """Return a `sapien.Scene` without bodies.
 
     Args:
-        visual: Whether it can be drawn.
         oracle: Whether contacts are only read in it, and never solved.
 
     Raises:

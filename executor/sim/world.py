@@ -166,7 +166,6 @@ class World:
 
         Args:
             object_id: An object's id, or "robot" (whose link poses are those of the last step or `set_qpos`).
-            link: Link name.
 
         Raises:
             KeyError: When the scene has no such object or the object no such link.

@@ -19,11 +19,13 @@ from executor.planning.articulation import (
 from executor.planning.articulation_stances import (
     articulation_stances,
     explain_failure,
+    handle_of,
+    handles_to_close,
     motion_from_grasp,
+    open_joints,
     tracked_path,
 )
 from executor.planning.collision import NOTHING
-from executor.planning.handles import handle_of, handles_to_close, open_joints
 from executor.records import Failure, FailureKind
 from executor.skills.control import Monitor
 from executor.skills.grasp import approach, converge, grasp, handle_in_use, ungrasp
@@ -125,7 +127,6 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, J
 
 
 def _path(work: ArticulationTask, q: Array, swing: Swing | None, end: float) -> tuple[Array | None, Failure | None]:
-    """Return the robot's path (N, 10), or why there is none."""
     if swing is not None and swing.share is not None:
         tracked, residual_m = tracked_path(work, q, swing)
         if tracked.complete:
@@ -163,8 +164,6 @@ def _regrasp(
     """Let go, move to one of some handles, or before its panel, and grasp; return why not, or None.
 
     Args:
-        session: The subtask.
-        action: The articulation.
         handles: Those that will do, the preferred one first.
         going_on: Whether an earlier stage has moved the joint part of its range.
     """

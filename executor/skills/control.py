@@ -369,7 +369,6 @@ def settle_to_rest(control: Controller, duration_s: float) -> float:
     contacts make resting things tremble. After `LONGEST_WAIT_S` of waiting things are left as they are.
 
     Args:
-        control: The robot's controller.
         duration_s: How long in any case, at least a tenth of a second.
     """
     world = control.world

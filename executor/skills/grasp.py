@@ -13,9 +13,9 @@ import numpy as np
 from executor.assets.model import Handle
 from executor.geometry import Array, inverse, rotation_z
 from executor.planning.articulation import handle_contacts
+from executor.planning.articulation_stances import gripped_handle
 from executor.planning.collision import FINGERS, Allowed, fingers_may_touch, held_may_touch
 from executor.planning.drives import drive_to
-from executor.planning.handles import gripped_handle
 from executor.planning.picks import in_the_way
 from executor.planning.planner import BASE_HEADINGS_RAD
 from executor.records import Failure, FailureKind

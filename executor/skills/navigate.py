@@ -19,11 +19,18 @@ from bddl import atoms
 from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, heading_of, wrap_angle
 from executor.planning.articulation import ArticulationTask
-from executor.planning.articulation_stances import articulation_stances, explain_failure
+from executor.planning.articulation_stances import (
+    Purpose,
+    articulation_stances,
+    explain_failure,
+    first_item_put_inside,
+    handles_to_close,
+    handles_to_open,
+    open_joints,
+)
 from executor.planning.collision import NOTHING
 from executor.planning.drives import Drive, Leg, drive_to, go_home, withdraw
 from executor.planning.grasps import item_goals
-from executor.planning.handles import Purpose, first_item_put_inside, handles_to_close, handles_to_open, open_joints
 from executor.planning.picks import (
     HIGH_LIFTS_M,
     LIFTS_M,
@@ -484,7 +491,6 @@ def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...])
 
 
 def _nominal(session: Session, support: str) -> Drive | None:
-    """Return a journey to a place that faces the support with the arm as it is, or None."""
     world, planner, q = session.believed, session.planner, session.q
     regions = regions_for(session.world, session.subtask)
     if not regions:

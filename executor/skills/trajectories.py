@@ -171,7 +171,6 @@ class CommandNoise:
         """Return the noise of a subtask, the same in every run of it; None where there is none.
 
         Args:
-            subtask: Its index.
             dt_s: Length of a physics step.
         """
         return (

@@ -1,7 +1,9 @@
 """Examine this machine: what works, what is missing, and what to do about it.
 
 The result is data; the command line prints it. Nothing heavy is imported here: versions are read from the
-installed packages' metadata, and the simulator is tried in processes of its own.
+installed packages' metadata, and the simulator is tried in processes of its own, since a broken library can end its
+process: `python -m executor.system.doctor physics` lets a box fall to the ground; `... drawing` draws one and looks for
+it in the picture. Exit status 0 means that it worked. Otherwise the last line of standard error has the reason.
 """
 
 from __future__ import annotations
@@ -9,13 +11,23 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform
+import subprocess
 import sys
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from executor.system import extras, self_check, vulkan
+from executor.system import extras, vulkan
 
 Status = Literal["ok", "note", "problem"]
+Check = Literal["physics", "drawing"]
+
+_TIMEOUT_S = 300.0
+_BOX_HALF_M = 0.2
+_DROP_M = 0.1
+_REST_TOLERANCE_M = 0.01
+_STEPS = 250
+_SIZE_PX = 64
+_VISIBLE_STEP = 0.05
 
 # Only whether they are set is ever looked at, and no value leaves this module.
 MODEL_KEY_VARIABLES = ("OPENAI_API_KEY", "OPENAI_BASE_URL")
@@ -98,7 +110,7 @@ def _install(extra: str) -> str:
 def _physics() -> Finding:
     if "sapien" in extras.missing("sim"):
         return Finding("physics", "problem", "SAPIEN is not installed", _install("sim"))
-    problem = self_check.problem_with("physics")
+    problem = problem_with("physics")
     if problem:
         return Finding("physics", "problem", f"SAPIEN does not run: {problem}", _REPAIR)
     return Finding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
@@ -111,7 +123,7 @@ def _rendering() -> Finding:
         return Finding("rendering", "problem", renderer.why, renderer.remedy)
     if "sapien" in extras.missing("sim"):
         return Finding("rendering", "problem", "SAPIEN is not installed", _install("sim"))
-    problem = self_check.problem_with("drawing")
+    problem = problem_with("drawing")
     if problem:
         return Finding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", _REPAIR)
     return Finding("rendering", "ok", renderer.why)
@@ -145,3 +157,74 @@ def _own_bddl() -> Finding:
         detail = f"another distribution named bddl ({other}) is installed; this project's own is found first"
         return Finding("bddl", "note", detail, "pip uninstall bddl")
     return Finding("bddl", "ok", "this project's own package is found")
+
+
+def problem_with(check: Check) -> str:
+    """Return why a check fails in a process of its own; "" when it works."""
+    command = [sys.executable, "-m", "executor.system.doctor", check]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return f"it took longer than {_TIMEOUT_S:.0f} s"
+    if done.returncode == 0:
+        return ""
+    return (done.stderr.strip().splitlines() or [f"the process died (exit status {done.returncode})"])[-1]
+
+
+def _resting_height_m(sapien: Any) -> float:
+    """Return the height of a box's centre above the ground after it fell for a second."""
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.add_ground(0.0, render=False)
+    builder = scene.create_actor_builder()
+    builder.add_box_collision(half_size=[_BOX_HALF_M] * 3)
+    builder.initial_pose = sapien.Pose([0.0, 0.0, _BOX_HALF_M + _DROP_M])
+    box = builder.build(name="box")
+    scene.set_timestep(1.0 / _STEPS)
+    for _ in range(_STEPS):
+        scene.step()
+    return float(box.pose.p[2])
+
+
+def _centre_contrast(sapien: Any) -> float:
+    """Return how much brighter the picture's centre, where a lit box stands, is than its corner."""
+    scene = sapien.Scene()
+    scene.set_ambient_light([0.5, 0.5, 0.5])
+    scene.add_directional_light([1, 0, -1], [1, 1, 1])
+    builder = scene.create_actor_builder()
+    builder.add_box_visual(half_size=[_BOX_HALF_M] * 3, material=[1.0, 1.0, 1.0])
+    builder.initial_pose = sapien.Pose([1.0, 0.0, 0.0])
+    builder.build_kinematic(name="box")
+    camera = scene.add_camera("check", _SIZE_PX, _SIZE_PX, fovy=1.0, near=0.01, far=10.0)
+    scene.step()
+    scene.update_render()
+    camera.take_picture()
+    picture = camera.get_picture("Color")[..., :3]
+    middle = _SIZE_PX // 2
+    return float(picture[middle, middle].mean() - picture[0, 0].mean())
+
+
+def main(arguments: list[str]) -> int:
+    """Return 0 when the named check works, 1 when it gives a wrong result, 2 when there is no such check."""
+    if arguments == ["physics"]:
+        sapien = extras.load_sapien()
+
+        height_m = _resting_height_m(sapien)
+        if abs(height_m - _BOX_HALF_M) < _REST_TOLERANCE_M:
+            return 0
+        sys.stderr.write(f"a box that fell rests at {height_m:.3f} m instead of {_BOX_HALF_M} m\n")
+        return 1
+    if arguments == ["drawing"]:
+        vulkan.activate()
+        sapien = extras.load_sapien()
+
+        contrast = _centre_contrast(sapien)
+        if contrast > _VISIBLE_STEP:
+            return 0
+        sys.stderr.write(f"the box is not to be seen in the picture (contrast {contrast:.3f})\n")
+        return 1
+    sys.stderr.write('name one check: "physics" or "drawing"\n')
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -94,7 +94,6 @@ def _devices(loader: ctypes.CDLL) -> list[dict[str, str]]:
 
 
 def _describe(loader: ctypes.CDLL, handle: ctypes.c_void_p) -> dict[str, str]:
-    """Return one device's name, type and driver version."""
     driver = _DriverProperties(_DRIVER_PROPERTIES)
     properties = _DeviceProperties(_DEVICE_PROPERTIES_2, ctypes.addressof(driver))
     loader.vkGetPhysicalDeviceProperties2(handle, ctypes.byref(properties))

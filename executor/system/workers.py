@@ -264,7 +264,6 @@ class WorkerPool:
 
     Args:
         module: What each process runs, such as "executor.bench.worker".
-        workers: How many processes.
         limit_s: Wall time that one request may take; without it, there is no limit.
         environment: Variables to set in the processes.
         start_limit_s: Wall time that a process may take until it can take a request.
@@ -315,7 +314,6 @@ class WorkerPool:
             self._idle.clear()
 
     def _work(self, request: Mapping[str, Any]) -> WorkerOutcome:
-        """Hand a request to an idle worker, or to a new one."""
         started_s, began = time.time(), time.perf_counter()
         try:
             with self._lock:

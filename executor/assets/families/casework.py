@@ -320,8 +320,6 @@ def assemble(
 
     Args:
         case: Layout and dimensions.
-        category: The asset's category.
-        synset: BEHAVIOR's name of it.
         extra: Further shapes of the body, such as a plinth or a countertop.
         surfaces: Further regions of the body, such as a countertop's.
     """

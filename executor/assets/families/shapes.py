@@ -197,11 +197,7 @@ def round_item(
     """Return an item that is round about z.
 
     Args:
-        obj: The scene object.
         link: Name of its only link.
-        shapes: Its shapes.
-        radius_m, height_m: Its size.
-        synset: BEHAVIOR's name of it.
         regions: Its hollow or its top.
         rim: Graspable wall.
         closes_around: Whether the fingers can close around it.

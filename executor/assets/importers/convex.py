@@ -52,9 +52,6 @@ def convex_pieces(part: AssetMesh) -> tuple[Array, ...]:
     Connected components that are already convex are kept; the others are decomposed. Components without volume, such as
     each side of a box in many recorded models, are joined into one component.
 
-    Args:
-        part: The mesh.
-
     Raises:
         MissingExtra: The mesh is not convex and coacd is not installed.
     """

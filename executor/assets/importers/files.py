@@ -258,7 +258,6 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[AssetMesh, ...]:
 
     Args:
         folder: Folder that must contain the file and all files that it names.
-        file: The mesh.
 
     Raises:
         NothingThere: The file has no faces.

@@ -59,8 +59,6 @@ def assemble(raw: RawAsset, pieces: Pieces, side: SideFile, category: str, kind:
         raw: In the library's frame, shut, at its final size, centred on its box; with joints only where they move.
         pieces: Points (N, 3) of each link's convex pieces.
         side: Overrules inference.
-        category: Its category.
-        kind: Kind of its objects.
     """
     low, high = raw.box()
     handles, handle_notes = _handles(raw, side)
@@ -107,7 +105,6 @@ def _joint(body: str, joint: RawJoint) -> Joint:
 
 
 def _links(raw: RawAsset, side: SideFile, pieces: Pieces) -> tuple[Link, ...]:
-    """The asset's links, each in the frame of its joint."""
     volume = sum(float(ConvexHull(piece).volume) for link in pieces.values() for piece in link)
     known_mass_kg = side.mass_kg or sum(link.mass_kg or 0.0 for link in raw.links)
     density = round(known_mass_kg / volume, 3) if known_mass_kg and volume > 0 else DENSITY_KG_M3
@@ -190,16 +187,9 @@ def import_asset(
         MissingExtra: A library is not installed.
         OSError: The asset cannot be stored.
     """
-    if not source.exists():
-        raise ImportRefused(source, "no such file or folder", "give a .urdf, a PartNet-Mobility folder or a mesh")
     chosen = name or _as_name(source)
-    if not NAME.fullmatch(chosen):
-        raise ImportRefused(source, f"{chosen!r} is no name", "use up to 40 of a-z, 0-9 and _, a letter first")
+    _check_arguments(source, chosen, category, height_m)
     adjacent_file = (source if source.is_dir() else source.parent) / SIDE_NAME
-    if category is not None and not CATEGORY.fullmatch(category):
-        raise ImportRefused(source, f"{category!r} is no category", "use letters, digits and _, a letter first")
-    if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
-        raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
     side = read_side_file(side_file or (adjacent_file if adjacent_file.is_file() else None))
     raw = close_joints(complete_collision_meshes(_read(source, side)))
     raw = _sized(source, raw, side.height_m if height_m is None else height_m)
@@ -208,13 +198,7 @@ def import_asset(
     kind = kind_of(what, float((high - low)[:2].min()))
     if kind is Kind.ARTICULATED:
         raw = repair_joints(raw)
-    for joint in raw.joints:
-        if joint.high > WIDEST[joint.kind]:
-            problem = f"joint {joint.name} opens by {joint.high:g}"
-            hint = f"at most {WIDEST[joint.kind]:.3g} {UNIT[joint.kind]} make sense"
-            if joint.kind == "revolute" and joint.high <= 360.0:
-                hint += f"; {joint.high:g} degrees are {np.deg2rad(joint.high):.3g} rad"
-            raise ImportRefused(source, problem, hint)
+    _check_joints(source, raw)
     raw = turn_front_to_minus_x(raw, side.front)
     if raw.joints and kind is not Kind.ARTICULATED:
         note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
@@ -228,6 +212,27 @@ def import_asset(
     if flat:
         notes.append(f"{flat} of its meshes are flat, and not solid; give them a thickness if things rest on them")
     return keep(chosen, asset, kind, source.name, tuple(notes))
+
+
+def _check_arguments(source: Path, name: str, category: str | None, height_m: float | None) -> None:
+    if not source.exists():
+        raise ImportRefused(source, "no such file or folder", "give a .urdf, a PartNet-Mobility folder or a mesh")
+    if not NAME.fullmatch(name):
+        raise ImportRefused(source, f"{name!r} is no name", "use up to 40 of a-z, 0-9 and _, a letter first")
+    if category is not None and not CATEGORY.fullmatch(category):
+        raise ImportRefused(source, f"{category!r} is no category", "use letters, digits and _, a letter first")
+    if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
+        raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
+
+
+def _check_joints(source: Path, raw: RawAsset) -> None:
+    for joint in raw.joints:
+        if joint.high > WIDEST[joint.kind]:
+            problem = f"joint {joint.name} opens by {joint.high:g}"
+            hint = f"at most {WIDEST[joint.kind]:.3g} {UNIT[joint.kind]} make sense"
+            if joint.kind == "revolute" and joint.high <= 360.0:
+                hint += f"; {joint.high:g} degrees are {np.deg2rad(joint.high):.3g} rad"
+            raise ImportRefused(source, problem, hint)
 
 
 def _as_name(source: Path) -> str:

@@ -6,6 +6,7 @@ and a note records it.
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import re
@@ -98,8 +99,8 @@ def _parsed(file: Path) -> Any:
         raise ImportRefused(file, "has expressions of xacro, and is no URDF yet", hint)
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
     try:
-        robot = yourdfpy.URDF._parse_robot(xml_element=root)
-        return yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, load_collision_meshes=False).robot
+        text = io.BytesIO(etree.tostring(root))
+        return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False, load_collision_meshes=False).robot
     except Exception as error:  # The parser raises whatever float(), getattr and numpy raise.
         if isinstance(error, KeyError):
             reason = f"an element lacks its attribute {error}"
@@ -112,7 +113,6 @@ def _parsed(file: Path) -> Any:
 
 
 def _is_xacro(root: Any) -> bool:
-    """Whether an element or a value still has to be expanded by xacro."""
     return any(
         "/xacro}" in str(element.tag) or any(map(_XACRO.search, map(str, element.attrib.values())))
         for element in root.iter()
@@ -239,7 +239,6 @@ class _Reader:
         return RawJoint(joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), turned, low, high, mimics)
 
     def _add_link(self, name: str, carrier: str, T: Array) -> None:
-        """Add a link's mass and shapes to those of its carrier."""
         link = self._links[name]
         mass = None if link.inertial is None else link.inertial.mass
         if mass is not None and 0.0 < mass <= HEAVIEST_KG:
@@ -279,7 +278,6 @@ class _Reader:
             yield AssetMesh(moved.vertices_m, moved.faces, color or part.color, handle, part.source)
 
     def _shapes(self, geometry: Any) -> tuple[AssetMesh, ...]:
-        """The meshes of a geometry element, in the element's frame."""
         if geometry.mesh is not None:
             return self._scaled(geometry.mesh)
         if geometry.box is not None:

@@ -28,7 +28,7 @@ from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.photo.inputs.annotations import Detection
 from executor.photo.output import visible_owners
 from executor.photo.pipeline import PhotoResult
-from executor.sim.render.solids import joints_at_start, link_frames
+from executor.sim.render.cameras import joints_at_start, link_frames
 from executor.system.extras import require
 from oag import Kind, SceneObject
 from oag.model.scene import about_z

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from executor.assets.footprint import Footprint
 from executor.geometry import Array, inverse
 from executor.sim.engine import GROUND, ROBOT
-from executor.sim.render.cameras import WALL, Camera, is_lens_clear, look_at
-from executor.sim.render.solids import Solids
+from executor.sim.render.cameras import WALL, Camera, Solids, is_lens_clear, look_at
 from executor.sim.render.stage import SceneRenderer, Stage
 from executor.sim.world import World
 from executor.system.extras import load_sapien

@@ -39,7 +39,7 @@ def execute(options: Options) -> int:
     from executor.cli.execution import command_line, print_summary, results_writer, summary_json
     from executor.reports.run_folder import RunFolder
     from executor.rollouts.run_record import RunRecord, evolution_json
-    from executor.sim.render.pool import check_size
+    from executor.sim.render.frames import check_size
 
     check_size(options.size)
     recorded = BenchFolder(options.folder).find(options.unit)

@@ -347,7 +347,7 @@ def _wanted(options: RenderOptions) -> RerenderSettings:
     from executor.cli.execution import check_unit_limit, check_workers
     from executor.data.rerender import RerenderSettings
     from executor.scenes.vary import LARGEST_SEED
-    from executor.sim.render.pool import check_size
+    from executor.sim.render.frames import check_size
 
     check_workers(options.workers)
     check_unit_limit(options.limit_s)

@@ -136,7 +136,7 @@ def _actors(options: Options) -> list[Policy]:
 
     from executor.cli.execution import check_seed
     from executor.learn.acting import LeRobotPolicy, TrainedPolicy, is_stock
-    from executor.sim.render.pool import check_size
+    from executor.sim.render.frames import check_size
 
     check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
     check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")

@@ -106,7 +106,7 @@ def _run(options: Options) -> int:
     from executor.reports.run_folder import RunFolder
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
-    from executor.sim.render.pool import check_size
+    from executor.sim.render.frames import check_size
     from llm import propose
     from oag.sizes import Sizing
 
@@ -211,13 +211,19 @@ def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     """Execute the plan; Ctrl-C keeps the finished part."""
     from executor.cli.execution import RolloutProgress
     from executor.records import RolloutInterrupted
-    from executor.rollouts.rollout import rollout
+    from executor.rollouts.rollout import Conditions, rollout
 
     began = time.perf_counter()
     interrupted = False
     try:
         with RolloutProgress(quiet=options.json) as progress:
-            done = rollout(record.graph, record.graph.scene, options.seed, listen=progress, record_hz=options.record_hz)
+            done = rollout(
+                record.graph,
+                record.graph.scene,
+                options.seed,
+                listen=progress,
+                conditions=Conditions(record_hz=options.record_hz),
+            )
     except RolloutInterrupted as stop:
         done, interrupted = stop.partial, True
     wall = {"planning and physics": time.perf_counter() - began}
@@ -235,6 +241,7 @@ def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunR
     from executor.cli.evolution_setup import EvolutionSetup
     from executor.cli.execution import RolloutProgress
     from executor.rollouts.evolution_record import EvolutionInterrupted
+    from executor.rollouts.rollout import Conditions
 
     began = time.perf_counter()
     interrupted = False
@@ -246,7 +253,11 @@ def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunR
     ):
         try:
             evolution = judging.evolve(
-                record.graph, seed=options.seed, limit=options.limit, listen=progress, record_hz=options.record_hz
+                record.graph,
+                seed=options.seed,
+                limit=options.limit,
+                listen=progress,
+                conditions=Conditions(record_hz=options.record_hz),
             )
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True

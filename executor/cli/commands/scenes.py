@@ -67,10 +67,10 @@ def execute(options: Options) -> int:
 def _list_scenes(options: Options) -> None:
     """Print the scenes by families."""
     from executor.scenes import library
-    from executor.scenes.generators import by_name
+    from executor.scenes.generators import families
 
     scenes = [library.load(name) for name in library.names()]
-    rooms, kitchens = by_name.rooms(), by_name.kitchens()
+    rooms, kitchens = families.rooms(), families.kitchens()
     if options.json:
         fixed = [
             {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
@@ -89,7 +89,7 @@ def _list_scenes(options: Options) -> None:
     say("kitchens drawn from a seed, T1 to T4: t1-SEED with any seed, such as")
     for one in kitchens:
         say(f"  {one.name:{width}}  {one.query}")
-    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {by_name.USUAL_SEED}")
+    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {families.USUAL_SEED}")
     for one in rooms:
         say(f"  {one.name:{width}}  {one.query}")
 

@@ -23,7 +23,7 @@ from executor.assets.model import Shape
 from executor.assets.parameters import AssetError, ModelEntry
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.photo.geometry.observation import Observation
-from executor.sim.render.solids import joints_at_start, link_frames
+from executor.sim.render.cameras import joints_at_start, link_frames
 from executor.system.extras import require
 from oag import SceneObject
 

@@ -20,7 +20,7 @@ from executor.photo.fitting.evidence import PixelEvidence
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Size, is_round, largest_m, raycaster_of
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.scenes.reconstruction import ABSURD
+from executor.scenes.models import ABSURD
 from oag import Kind, kind_of
 
 _BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.

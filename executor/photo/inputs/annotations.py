@@ -27,7 +27,7 @@ from executor.assets.parameters import ModelEntry
 from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.consistency import box_doubts
 from executor.photo.inputs.picture import Photograph
-from executor.scenes.reconstruction import FLAT, NoMatchingModel, category_of, written_category
+from executor.scenes.models import FLAT, NoMatchingModel, category_of, written_category
 from llm.offline.lexicon import built_in
 from oag import kind_of
 

@@ -1,24 +1,35 @@
-"""Task families T1 to T6 of the paper: their scene-task pairs by seed and index, and the paper's initial flows.
+"""Drawn scenes and scene-task pairs: T1 to T6 of the paper by seed and index, rooms and kitchens by name.
 
 T1 to T4 draw one pair per seed. T5 and T6 draw a set of pairs per seed, in which an index selects one.
+
+Names:
+
+kitchen02-b          the second variation of a room, with the usual seed
+kitchen02-13000-b    the same with its seed: the name in its records
+t1-12000             the kitchen of a long-horizon task drawn from this seed; its records have t1_012000
+t1                   where episodes have seeds: each episode gets the kitchen of its own seed
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictInt
 
+from bddl import near_names
 from bddl.errors import Scene2DemoError
 from executor.scenes.generators import household, long_horizon
+from executor.scenes.generators.household import VARIATIONS
+from executor.scenes.library import SceneNotFound
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
 from executor.scenes.vary import LARGEST_SEED
-from oag import Task, flow_from_json
+from oag import Scene, Task, flow_from_json
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]
@@ -44,8 +55,8 @@ def pair_of(
         family: "T1" to "T6".
         seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
-        keep_sizes: Whether nothing is scaled to the gripper.
-        full_size: Whether the robot is of full size.
+        keep_sizes: Whether sizes are not scaled to the gripper.
+        full_size: Whether the robot is of full size, not the paper's 0.7.
         changes: Deviations from what the seed alone gives.
 
     Raises:
@@ -112,3 +123,70 @@ def _paper_flows() -> dict[str, Any]:
     text = (resources.files(__package__) / "data" / "initial_flows.json").read_text(encoding="utf-8")
     found: dict[str, Any] = json.loads(text)
     return found
+
+
+USUAL_SEED = 13000
+"""Seed of a household's room whose name has no seed."""
+
+USUAL_KITCHENS = range(12000, 12003)
+"""Seeds of the listed kitchens; any other seed draws a kitchen, too."""
+
+_ROOM = re.compile(r"([a-z]+\d+)(?:-(\d{1,10}))?-([a-c])")
+_KITCHEN = re.compile(r"[tT]([1-4])[-_](\d{1,10})")
+_KITCHENS = re.compile(r"[tT][1-4]")
+
+
+@dataclass(frozen=True, slots=True)
+class NamedScene:
+    """A listed drawn scene: its name and its query."""
+
+    name: str
+    query: str
+
+
+def rooms() -> tuple[NamedScene, ...]:
+    """Return the 102 rooms of the households, variations of a layout together."""
+    return tuple(
+        NamedScene(f"{layout.name}-{'abc'[variation]}", layout.wishes[variation].query)
+        for layout in household.layouts()
+        for variation in range(VARIATIONS)
+    )
+
+
+def kitchens() -> tuple[NamedScene, ...]:
+    """Return some kitchens of the long-horizon tasks, as examples of their names."""
+    return tuple(
+        NamedScene(f"{family.lower()}-{seed}", query)
+        for family, query in long_horizon.QUERIES.items()
+        for seed in USUAL_KITCHENS
+    )
+
+
+def varies_with_seed(name: str) -> bool:
+    """Return whether a name ("t1" to "t4") denotes another kitchen for every seed."""
+    return _KITCHENS.fullmatch(name) is not None
+
+
+def scene_name_for_seed(name: str, seed: int) -> str:
+    """Return the scene name of an episode: the kitchen of its seed for "t1" to "t4", else the name itself."""
+    return f"{name}-{seed}" if varies_with_seed(name) else name
+
+
+def draw_named(name: str) -> Scene | None:
+    """Draw and settle the scene of a name of this form; return None for a name of another form.
+
+    Raises:
+        SceneNotFound: The households have no such room, or the seed is too large.
+        NotDrawn: None of the seed's layouts holds.
+    """
+    if (found := _ROOM.fullmatch(name)) is not None:
+        layouts = [layout.name for layout in household.layouts()]
+        layout, seed, letter = found.groups()
+        if layout not in layouts or int(seed or 0) > LARGEST_SEED:
+            near = near_names(layout, layouts)
+            raise SceneNotFound(name, tuple(f"{other}-{letter}" for other in near or layouts[:3]))
+        index = layouts.index(layout) * VARIATIONS + "abc".index(letter)
+        return household.pair(int(seed or USUAL_SEED), index).scene
+    if (found := _KITCHEN.fullmatch(name)) is not None and int(found[2]) <= LARGEST_SEED:
+        return long_horizon.draw(f"T{found[1]}", int(found[2])).scene
+    return None

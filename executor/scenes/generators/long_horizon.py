@@ -17,7 +17,7 @@ Source: the paper's long-horizon tasks (its Section 4.2 and appendix); the range
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -27,20 +27,9 @@ import llm
 from executor.assets.footprint import Footprint
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
-from executor.scenes.layout import (
-    AtEdge,
-    Clearance,
-    NextTo,
-    against,
-    build_walls,
-    place,
-    row,
-    row_length_m,
-    scatter,
-    stand_robot,
-)
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair, draw_first_valid
-from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units
+from executor.scenes.placement import AtEdge, Clearance, NextTo, Placement, first_free, place, scatter, stand_robot
+from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units, against, build_walls, row, row_length_m
 from oag import SceneObject
 from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Sizing
@@ -113,8 +102,6 @@ def furnish(
     """Place the row with the task's piece, possibly units along a side wall, and the table.
 
     Args:
-        room: The room, empty.
-        units: The kitchen's units.
         middle: The piece, not yet placed; it stands at the east wall.
         hinge: Side of its hinge, "left" or "right".
         front_m: Free floor in front of it, except in tight kitchens.
@@ -162,22 +149,32 @@ def _stand_table(room: Room, keep_free: Footprint) -> Table:
     table = _drawn_table(room)
     free = chance(room, 0.4)
     passage_m = float(room.rng.uniform(*PASSAGES_M))
-    for _ in range(40):
-        span = (room.width_m if side == "west" else room.depth_m) / 2 - table.extent_m[1] / 2
-        along = float(room.rng.uniform(-span, span))
-        away = float(room.rng.uniform(0.55, 0.8)) if free else 0.01
-        turn = float(room.rng.uniform(-0.25, 0.25)) if free else 0.0
+    span = (room.width_m if side == "west" else room.depth_m) / 2 - table.extent_m[1] / 2
+
+    nowhere = f"found no place at the {side} side of {room.name}"
+
+    def drawn() -> Iterator[tuple[float, float, float]]:
+        for _ in range(_TABLE_TRIES):
+            along = float(room.rng.uniform(-span, span))
+            away = float(room.rng.uniform(0.55, 0.8)) if free else 0.01
+            yield along, away, float(room.rng.uniform(-0.25, 0.25)) if free else 0.0
+
+    def objection(pose: tuple[float, float, float]) -> str | None:
+        along, away, turn = pose
         try:
             against(room, side, table, along, behind_m=away, turn_rad=turn)
         except NoRoom:
-            continue
+            return nowhere
         mine = Footprint.of(room.objects[table.id])
         has_passage = room.blocker(table.id, mine, passage_m) is None
         if room.has_inside(mine) and mine.gap_m(keep_free) >= 0.0 and has_passage:
-            edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
-            return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
+            return None
         del room.objects[table.id]
-    raise NoRoom(table.id, f"found no place at the {side} side of {room.name}")
+        return nowhere
+
+    first_free(table.id, drawn(), objection)
+    edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
+    return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
 
 
 def _flanked(room: Room, units: Units, middle: SceneObject, hinge: str, hinge_gap_m: float) -> None:
@@ -218,10 +215,7 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     """Put things on a support: some next to the target, the rest anywhere on it.
 
     Args:
-        room: The room.
-        support: Id of their support.
         target: Id of the target; None without one.
-        count: Largest number of things.
         leave_out: Models that would make the query ambiguous.
     """
     models = [model for model in PANTRY if model not in leave_out]
@@ -229,9 +223,14 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     placed: tuple[str, ...] = ()
     if target is not None:
         near, clear = NextTo(target, (0.05, 0.16)), Clearance(other_m=0.035)
-        placed = scatter(room, models, support, near_count, next_to=near, clear=clear)
+        placed = scatter(room, models, Placement(support, next_to=near, clear=clear), near_count)
     used = {room.objects[name].model for name in placed}
-    scatter(room, [m for m in models if m not in used], support, count - len(placed), clear=Clearance(other_m=0.05))
+    scatter(
+        room,
+        [m for m in models if m not in used],
+        Placement(support, clear=Clearance(other_m=0.05)),
+        count - len(placed),
+    )
 
 
 def _front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footprint:
@@ -265,14 +264,15 @@ def finish(room: Room, leave_out: tuple[str, ...]) -> None:
 
 
 def _on_units(room: Room, leave_out: tuple[str, ...]) -> None:
-    """Put a microwave oven or a few things on bare units."""
     supports = {support for name in room.objects for support in room.holders(name)}
     bare = [obj.id for obj in room.objects.values() if obj.model in UNITS and obj.id not in supports]
     for unit in bare:
         what = one_of(room, "nothing", "things", "things", "microwave")
         if what == "microwave":
             try:
-                place(room, room.draw("microwave_side_hinge"), unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0)
+                place(
+                    room, room.draw("microwave_side_hinge"), Placement(unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0)
+                )
             except NoRoom:
                 continue
         elif what == "things":
@@ -288,6 +288,7 @@ QUERIES: Mapping[str, str] = MappingProxyType(
     }
 )
 FAMILIES = tuple(QUERIES)
+_TABLE_TRIES = 40
 _TRIES = 60  # Of 100 seeds none needed more than four.
 _DEPTH_M, _WIDTH_M = (3.0, 3.6), (3.4, 4.2)
 
@@ -324,9 +325,7 @@ def draw(
     Args:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
-        keep_sizes: Whether sizes are not scaled to the gripper.
-        full_size: Whether the robot is of full size, not the paper's 0.7.
-        changes: Changes beyond the seed.
+        keep_sizes, full_size, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
         ValueError: There is no such family.
@@ -374,7 +373,9 @@ def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str,
     fridge, hinge = _refrigerator(room)
     gap_m = _HINGE_GAP_M.get(fridge.model, 0.0)
     table = furnish(room, units, fridge, hinge=hinge, front_m=FRIDGE_FRONT_M, hinge_gap_m=gap_m)
-    place(room, target, table.table_id, at=AtEdge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
+    place(
+        room, target, Placement(table.table_id, at=AtEdge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
+    )
     clutter(room, table.table_id, target.id, int(room.rng.integers(2, 7)), leave_out)
     _stock(room, fridge)
     finish(room, leave_out)
@@ -399,7 +400,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
     for _ in range(int(room.rng.integers(0, 4))):
         thing = room.draw(one_of(room, *_STOCK))
         try:
-            place(room, thing, fridge.id, region=one_of(room, *shelves), at=AtEdge("+x", (0.06, 0.11)))
+            place(room, thing, Placement(fridge.id, region=one_of(room, *shelves), at=AtEdge("+x", (0.06, 0.11))))
         except NoRoom:
             continue
 
@@ -418,8 +419,8 @@ def _bowl_kitchen(room: Room) -> None:
         bowl_at, bowl_edge = _CABINET, AtEdge("-x", _BOWL_INSET_M)
     elif arrangement == "apple on cabinet":
         apple_at, apple_edge = _CABINET, AtEdge("-x", INSET_M)
-    place(room, bowl, bowl_at, at=bowl_edge, clear=NEAR_EDGE)
-    place(room, apple, apple_at, at=apple_edge, clear=Clearance(NEAR_EDGE.edge_m, 0.08))
+    place(room, bowl, Placement(bowl_at, at=bowl_edge, clear=NEAR_EDGE))
+    place(room, apple, Placement(apple_at, at=apple_edge, clear=Clearance(NEAR_EDGE.edge_m, 0.08)))
     leave_out = ("red_apple", "plate")
     clutter(room, apple_at, apple.id, int(room.rng.integers(1, 4)), leave_out)
     clutter(room, bowl_at, bowl.id, int(room.rng.integers(1, 4)), leave_out)
@@ -431,7 +432,7 @@ def _cup_kitchen(room: Room) -> None:
     model, name = ("tumbler", "glass_0") if chance(room, 0.5) else ("cup", "cup_0")
     cup = room.draw(model, name, target=True)
     table = _cabinet_kitchen(room)
-    place(room, cup, _CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE)
+    place(room, cup, Placement(_CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE))
     leave_out = ("mug", "cup")
     clutter(room, _CABINET, cup.id, int(room.rng.integers(1, 4)), leave_out)
     clutter(room, table.table_id, None, int(room.rng.integers(1, 4)), leave_out)
@@ -439,7 +440,6 @@ def _cup_kitchen(room: Room) -> None:
 
 
 def _cabinet_kitchen(room: Room) -> Table:
-    """Stands the cabinet, its neighbours and the table, and returns the table."""
     units = Units.drawn(room)
     cabinet = units.draw(room, one_of(room, *CABINETS), _CABINET)
     return furnish(room, units, cabinet, hinge="left", front_m=CABINET_FRONT_M)

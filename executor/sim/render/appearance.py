@@ -279,7 +279,6 @@ def perturb_cameras(rng: np.random.Generator, cameras: Iterable[Camera], scene: 
     Args:
         rng: Random numbers; each camera has its own, independent of which others there are.
         cameras: The unperturbed cameras.
-        scene: The concrete scene.
     """
     base = int(rng.integers(2**62))
     return tuple(

@@ -9,25 +9,149 @@ or a piece of furniture. Rays to the targets measure the visible share past ever
 
 Source: the paper's appendix on its three camera views. Its global camera copies a photograph's pose; a scene that comes
 without a photograph gets one that is computed here.
+
+Every collision shape counts as one oriented box: itself where it is a box, the box around it where it is not. So
+"inside" errs on the safe side, and furniture, which is made of boxes, is exact: with its doors where they stand.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from executor.assets.asset_geometry import joint_transform
 from executor.assets.library import asset_for
+from executor.assets.model import Asset, Shape
+from executor.assets.parameters import number
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.sim.render.solids import Solids, joints_at_start, link_frames
 from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
 from oag import Scene, SceneObject, Task
 from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
+
+_NOTHING: Mapping[str, ArrayLike] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Solids:
+    """Boxes, N of them.
+
+    Attributes:
+        owners: (N,) the object that each belongs to.
+        axes: (N, 3, 3) orientations in the world, one axis a column.
+        middles: (N, 3) in metres.
+        halves: (N, 3) half extents in metres.
+    """
+
+    owners: NDArray[np.str_]
+    axes: Array
+    middles: Array
+    halves: Array
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        joints: Mapping[str, ArrayLike] = _NOTHING,
+        poses: Mapping[str, ArrayLike] = _NOTHING,
+    ) -> Solids:
+        """Return the solid parts of a scene.
+
+        Args:
+            joints: Id of an articulated object -> its joints [rad] or [m], in the asset's order; by default those of
+                the scene.
+            poses: Id of an object -> (7,) position and quaternion w x y z of its root; by default those of the scene.
+        """
+        owners: list[str] = []
+        boxes: list[tuple[Array, Array]] = []
+        for name, thing in scene.objects.items():
+            asset = asset_for(thing)
+            pose = np.asarray(poses.get(name, (*thing.position, *thing.orientation)), dtype=float)
+            T_world_root = transform_from_quaternion(pose[:3], pose[3:])
+            frames = link_frames(asset, joints[name] if name in joints else joints_at_start(thing))
+            for link in asset.links:
+                for shape in link.shapes:
+                    if shape.collides:
+                        T_shape_box, half = _box_around(shape)
+                        boxes.append((T_world_root @ frames[link.name] @ T_shape_box, half))
+                        owners.append(name)
+        poses_of = np.array([T for T, _ in boxes]).reshape(-1, 4, 4)
+        halves = np.array([half for _, half in boxes]).reshape(-1, 3)
+        return cls(np.array(owners, dtype=np.str_), poses_of[:, :3, :3], poses_of[:, :3, 3], halves)
+
+    def without(self, owners: Collection[str]) -> Solids:
+        """Return the solids without those of some objects."""
+        keep = ~np.isin(self.owners, list(owners))
+        return Solids(self.owners[keep], self.axes[keep], self.middles[keep], self.halves[keep])
+
+    def with_box(self, owner: str, T_world_box: Array, half: ArrayLike) -> Solids:
+        """Return the solids with one more box."""
+        return Solids(
+            np.append(self.owners, owner),
+            np.concatenate([self.axes, T_world_box[None, :3, :3]]),
+            np.concatenate([self.middles, T_world_box[None, :3, 3]]),
+            np.concatenate([self.halves, np.asarray(half, dtype=float)[None]]),
+        )
+
+    def gap_m(self, point_m: ArrayLike) -> float:
+        """Return how far a point (3,) is from the nearest solid or the floor; negative inside one."""
+        point = np.asarray(point_m, dtype=float)
+        beyond = np.abs(np.einsum("nji,nj->ni", self.axes, point - self.middles)) - self.halves
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        inside = np.minimum(beyond.max(axis=1, initial=-np.inf), 0.0)
+        return float(min((outside + inside).min(initial=np.inf), point[2]))
+
+    def hidden(self, eye_m: ArrayLike, points_m: ArrayLike) -> NDArray[np.bool_]:
+        """Return (P,) whether something solid is between an eye (3,) and each of some points (P, 3)."""
+        eye, points = np.asarray(eye_m, dtype=float), np.atleast_2d(np.asarray(points_m, dtype=float))
+        start = np.einsum("nji,nj->ni", self.axes, eye - self.middles)[:, None]
+        ray = np.einsum("nji,pj->npi", self.axes, points - eye)
+        ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
+        half = self.halves[:, None]
+        first, second = (-half - start) / ray, (half - start) / ray
+        enter = np.minimum(first, second).max(axis=2)
+        leave = np.maximum(first, second).min(axis=2)
+        # What a ray only reaches at its end is what is looked at.
+        return np.asarray(((enter < leave) & (leave > 0.0) & (enter < 0.999)).any(axis=0))
+
+
+def joints_at_start(thing: SceneObject, asset: Asset | None = None) -> list[float]:
+    """Return the joints of an object when its scene is built, [rad] or [m], in the asset's order.
+
+    Args:
+        asset: Its asset, where it is built already.
+    """
+    fraction = number(thing, "open_fraction", 0.0, 0.0, 1.0)
+    return [joint.position(fraction) for joint in (asset or asset_for(thing)).joints]
+
+
+def link_frames(asset: Asset, joints: ArrayLike | Sequence[float]) -> dict[str, Array]:
+    """Return link name -> (4, 4) pose in the root's frame, its joints somewhere (rad or m, in the asset's order)."""
+    positions = np.asarray(joints, dtype=float)
+    moved = {j.child: joint_transform(j, float(p)) for j, p in zip(asset.joints, positions, strict=True)}
+    return {link.name: moved.get(link.name, np.eye(4)) for link in asset.links}
+
+
+def _box_around(shape: Shape) -> tuple[Array, Array]:
+    """Return a shape's box: (4, 4) pose of its middle in the link's frame and (3,) half extents."""
+    T = transform_from_quaternion(shape.position_m, shape.orientation)
+    if shape.kind == "box":
+        return T, np.asarray(shape.size_m, dtype=float)
+    if shape.kind == "sphere":
+        return T, np.full(3, shape.size_m[0])
+    if shape.kind == "cylinder":
+        radius, half_length = shape.size_m
+        return T, np.array([radius, radius, half_length])
+    points = np.asarray(shape.vertices_m, dtype=float)
+    low, high = points.min(axis=0), points.max(axis=0)
+    T[:3, 3] += T[:3, :3] @ ((low + high) / 2)
+    return T, (high - low) / 2
+
 
 VIEWS = ("global", "head", "wrist")
 
@@ -168,7 +292,6 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
     without subtasks is about all of them.
 
     Args:
-        scene: The concrete scene.
         aspect: Width of the pictures over their height.
         task: What it is to show.
     """
@@ -202,7 +325,6 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
     """Return (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures.
 
     Args:
-        scene: The scene.
         about: The objects that matter, with room for the robot around items; by default all, without that.
     """
     parts = [_robot_corners(scene)]
@@ -243,9 +365,7 @@ def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> 
     """Return (P, 3) world points spread over the room behind a door or drawer; none where it encloses nothing.
 
     Args:
-        scene: The concrete scene.
         object_id: What has the joint.
-        joint: The joint.
         position: Position of the joint, [rad] or [m]; what slides with it moves, too.
     """
     thing = scene.objects[object_id]
@@ -263,7 +383,6 @@ def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> 
 
 
 def _view_targets(scene: Scene, task: Task | None) -> Iterator[_ViewTarget]:
-    """Yield the view targets of a scene."""
     about = None if task is None else _objects_of(task)
     opened = None if task is None else {part.target for part in task.subtasks}
     closed = Solids.of(scene)
@@ -341,7 +460,6 @@ def _robot_corners(scene: Scene) -> Array:
 
 
 def _objects_of(task: Task) -> frozenset[str]:
-    """Return the objects that a task's simple tasks are about."""
     roles = ((part.target, part.support_init, part.support_goal) for part in task.subtasks)
     return frozenset(name for names in roles for name in names if name is not None)
 
@@ -390,7 +508,6 @@ def _side_view_score(scene: Scene, about: Collection[str], eye: Array) -> float:
 
 
 def _box(thing: SceneObject) -> tuple[Array, Array]:
-    """Return an object's bounding box: (4, 4) pose of its centre and (3,) half extents."""
     return transform_from_quaternion(thing.position, thing.orientation), np.asarray(thing.extent_m) / 2
 
 

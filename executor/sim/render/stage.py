@@ -99,11 +99,9 @@ class Stage:
 
     Args:
         world: A world that was built with `visual=True`.
-        cameras: The cameras to mount.
         sizes: Camera name -> width and height of its pictures.
         shadows: Whether the sun throws shadows.
         shadow_map_px: Side of the shadow map; it is drawn again for each camera.
-        lights: Its lights.
         materials: Makes the floor; by default it has tiles in two tones.
         panorama: (H, W, 3) linear RGB of the background over all directions: rows from straight up to straight down,
             columns around; by default the colour of the ambient light.

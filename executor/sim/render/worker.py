@@ -9,8 +9,6 @@ many rollouts.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TextIO
 
@@ -18,54 +16,14 @@ import numpy as np
 from numpy.lib.format import open_memmap
 
 from executor.sim.render.cameras import Camera
-from executor.sim.render.frames import frames_path, view_size
+from executor.sim.render.frames import JOB_CAMERAS, JOB_SCENE, JOB_STATES, frames_path
 from executor.sim.render.stage import Stage, warm_up
 from executor.sim.world import World
 from executor.system import vulkan
 from executor.system.workers import answer, requests, take_stdout
 from oag import Scene
 
-_SCENE, _STATES, _CAMERAS = "scene.json", "states.npy", "cameras.json"
 _REPORT_EVERY = 10  # Pictures from one answer to the next.
-
-
-def write_job(
-    folder: Path,
-    scene: Scene,
-    cameras: Sequence[Camera],
-    states: Sequence[bytes],
-    size: tuple[int, int],
-    *,
-    shadows: bool,
-) -> None:
-    """Write a job, and empty arrays for its pictures, into a folder.
-
-    Args:
-        folder: It exists.
-        scene: The concrete scene.
-        cameras: What to draw with.
-        states: Packed physical states, one a picture.
-        size: Width and height of the robot's own views.
-        shadows: Whether to draw shadows.
-
-    Raises:
-        ValueError: When there are no states, or they differ in length.
-    """
-    lengths = {len(state) for state in states}
-    if len(lengths) != 1:
-        raise ValueError(f"expected packed states of one length, got {sorted(lengths) or 'none'}")
-    np.save(folder / _STATES, np.frombuffer(b"".join(states), dtype=np.uint8).reshape(len(states), -1))
-    (folder / _SCENE).write_text(json.dumps(scene.to_json()), encoding="utf-8")
-    described = {
-        "shadows": shadows,
-        "cameras": [{**asdict(camera), "T_mount_camera": camera.T_mount_camera.tolist()} for camera in cameras],
-        "sizes": {camera.name: view_size(camera.name, size) for camera in cameras},
-    }
-    (folder / _CAMERAS).write_text(json.dumps(described), encoding="utf-8")
-    for camera in cameras:
-        width, height = view_size(camera.name, size)
-        shape = (len(states), height, width, 3)
-        open_memmap(frames_path(folder, camera.name), mode="w+", dtype=np.uint8, shape=shape)
 
 
 def main() -> None:
@@ -90,12 +48,12 @@ def main() -> None:
 
 def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> None:
     """Draw the states first, first + step, ... of a job, leaving out the `skip` ones that are there already."""
-    described = json.loads((folder / _CAMERAS).read_text(encoding="utf-8"))
+    described = json.loads((folder / JOB_CAMERAS).read_text(encoding="utf-8"))
     cameras = [Camera(**{**c, "T_mount_camera": np.array(c["T_mount_camera"])}) for c in described["cameras"]]
     pictures = {camera.name: open_memmap(frames_path(folder, camera.name), mode="r+") for camera in cameras}
-    states = np.load(folder / _STATES)
+    states = np.load(folder / JOB_STATES)
     rows = range(first, len(states), step)[skip:]
-    with World(Scene.from_json(folder / _SCENE), visual=True) as world:
+    with World(Scene.from_json(folder / JOB_SCENE), visual=True) as world:
         stage = Stage(world, cameras, described["sizes"], shadows=described["shadows"])
         for done, row in enumerate(rows, start=1):
             for name, picture in stage.show(states[row].tobytes()).items():

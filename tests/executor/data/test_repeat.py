@@ -10,7 +10,7 @@ from executor.data import samples
 from executor.data.store import EpisodeStore
 from executor.records import FailureKind
 from executor.rollouts.recording import repeat
-from executor.rollouts.rollout import rollout
+from executor.rollouts.rollout import Conditions, rollout
 from executor.sim.engine import Physics
 
 pytestmark = pytest.mark.physics
@@ -46,7 +46,13 @@ def test_what_is_stored_says_what_was_done(made_store: EpisodeStore) -> None:
 def test_a_motion_that_was_ended_early_is_done_again_as_it_was(made_store: EpisodeStore) -> None:
     # A weak hand loses the handle: the motion ends early, stops, and is settled.
     weak, (episode, *_) = Physics(grip_force=0.1), made_store.demonstrations()
-    done = rollout(oag.compose(episode.task, scene=episode.scene), episode.scene, 62990, vary=False, physics=weak)
+    done = rollout(
+        oag.compose(episode.task, scene=episode.scene),
+        episode.scene,
+        62990,
+        vary=False,
+        conditions=Conditions(physics=weak),
+    )
     assert done.failure is not None and done.failure.kind is FailureKind.SLIPPED
     told = [record.commands for record in done.subtasks]
     assert repeat(done.task, done.scene, told, done.record_hz, physics=weak).state_hash == done.state_hash

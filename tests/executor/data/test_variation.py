@@ -11,7 +11,7 @@ from executor.assets.footprint import yaw_of
 from executor.data.generation import series_of
 from executor.data.units import UNVARIED, DemoUnit
 from executor.data.work import drawn_values, prepare_unit
-from executor.scenes.generators.by_name import scene_name_for_seed
+from executor.scenes.generators.families import scene_name_for_seed
 from oag import Scene
 from oag.sizes import PAPER_GRIPPER
 

@@ -92,7 +92,7 @@ def test_the_mocked_detector_is_as_bad_as_it_says() -> None:
 
 def test_only_one_module_knows_the_simulator_s_ids() -> None:
     """Who reconstructs sees pictures and boxes; of the benchmark, one module reads what body a pixel is of."""
-    simulator = ("executor.world", "executor.sim.render.stage", "executor.sim.render.pool", "executor.robot")
+    simulator = ("executor.world", "executor.sim.render.stage", "executor.sim.render.frames", "executor.robot")
     knowing = set()
     for name, path in modules("executor").items():
         if not name.startswith(("executor.photo", "executor.bench.photo")):

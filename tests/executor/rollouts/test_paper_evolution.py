@@ -7,6 +7,7 @@ import pytest
 from benchmarks.evolution_episode import faults_of, task_of
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
+from executor.rollouts.rollout import Conditions
 from oag import compose, flow_to_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -15,7 +16,9 @@ pytestmark = [pytest.mark.physics, pytest.mark.slow]
 def evolved(name: str, fault: str, seed: int) -> Evolution:
     """Return the evolution of one of the paper's tasks under a fault."""
     task, scene = task_of(name)
-    return evolve(compose(task, scene=scene), scene, seed, faults=faults_of(fault, task, seed) or ())
+    return evolve(
+        compose(task, scene=scene), scene, seed, conditions=Conditions(faults=faults_of(fault, task, seed) or ())
+    )
 
 
 @pytest.mark.parametrize("fault", ["pose", "grip"])

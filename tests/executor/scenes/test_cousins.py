@@ -16,9 +16,9 @@ from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import LIBRARY, asset_for
 from executor.scenes.digital_cousins import from_cousins
 from executor.scenes.file import load_scene
-from executor.scenes.layout import WALKWAY_M, robot_footprint
 from executor.scenes.library import holds_cousins
-from executor.scenes.reconstruction import FLAT, NoMatchingModel, category_of, model_for, shaped, written_category
+from executor.scenes.models import FLAT, NoMatchingModel, category_of, model_for, shaped, written_category
+from executor.scenes.placement import WALKWAY_M, robot_footprint
 from executor.scenes.validation import settle
 from llm import propose
 from tests.executor.scenes.reconstructions import CAMERA_M, kitchen, thing, write

@@ -17,7 +17,7 @@ import llm
 from executor.cli import app
 from executor.scenes import library
 from executor.scenes.file import load_scene, scene_for
-from executor.scenes.generators import by_name
+from executor.scenes.generators import families
 from executor.scenes.validation import issues
 from executor.sim.render import stage
 from executor.system.vulkan import Renderer, RendererNotFound
@@ -301,8 +301,8 @@ def test_a_name_that_no_scene_has(name: str) -> None:
     [("kitchen02-b", "kitchen02-13000-b"), ("kitchen02-13001-b", "kitchen02-13001-b"), ("t3-7", "t3_000007")],
 )
 def test_a_drawn_scene_is_had_by_its_name(name: str, called: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert by_name.draw_named(name) == library.load(called)
+    assert families.draw_named(name) == library.load(called)
     assert app.run(["scenes", name, "--check"]) == 0
-    query = next((one.query for one in by_name.rooms() if one.name == name), None)
+    query = next((one.query for one in families.rooms() if one.name == name), None)
     if query is not None:
         assert app.run(["plan", query, "--scene", name]) == 0

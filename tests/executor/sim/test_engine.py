@@ -15,7 +15,7 @@ SCRIPT = """
 import warnings
 from executor.system import vulkan
 from executor.scenes import library
-from executor.scenes.layout import *
+from executor.scenes.room import *
 from executor.sim.world import World
 with World(library.load("kitchen_t1")) as world:
     world.step()

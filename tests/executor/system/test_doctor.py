@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from executor.system import doctor, extras, self_check, vulkan
+from executor.system import doctor, extras, vulkan
 from executor.system.doctor import Finding
 from executor.system.vulkan import Renderer
 
@@ -15,7 +15,7 @@ from executor.system.vulkan import Renderer
 @pytest.fixture(autouse=True)
 def simulator(monkeypatch: pytest.MonkeyPatch) -> None:
     """A simulator that works, and needs no seconds for it."""
-    monkeypatch.setattr(self_check, "problem_with", lambda check: "")
+    monkeypatch.setattr(doctor, "problem_with", lambda check: "")
 
 
 def by_topic() -> dict[str, Finding]:
@@ -60,7 +60,7 @@ def test_without_a_renderer_the_cameras_are_the_problem(monkeypatch: pytest.Monk
 def test_a_simulator_that_fails_is_a_problem_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extras, "installed_version", lambda name: "1.0")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: Renderer("system", "a card"))
-    monkeypatch.setattr(self_check, "problem_with", lambda check: f"{check} broke")
+    monkeypatch.setattr(doctor, "problem_with", lambda check: f"{check} broke")
     found = by_topic()
     assert found["physics"].status == found["rendering"].status == "problem"
     assert "physics broke" in found["physics"].detail and "drawing broke" in found["rendering"].detail

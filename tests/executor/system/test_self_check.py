@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from executor.system import self_check
+from executor.system import doctor
 
 
 @pytest.mark.render
 def test_a_box_is_drawn() -> None:
-    assert self_check.problem_with("drawing") == ""
+    assert doctor.problem_with("drawing") == ""

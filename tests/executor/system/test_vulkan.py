@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.system import self_check, vulkan
+from executor.system import doctor, vulkan
 from executor.system.vulkan import Device, Renderer
 
 NO_DEVICE = ((), "no Vulkan driver is installed")
@@ -136,4 +136,4 @@ def test_the_probe_answers_without_a_loader() -> None:
 
 @pytest.mark.physics
 def test_a_box_falls_to_the_ground() -> None:
-    assert self_check.problem_with("physics") == ""
+    assert doctor.problem_with("physics") == ""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.sim.render.frames import Frames, shrink, view_size
-from executor.sim.render.pool import BadPictureSize, check_size
+from executor.sim.render.frames import BadPictureSize, Frames, check_size, shrink, view_size
 
 
 def test_shrinking_averages_whole_blocks() -> None:

@@ -16,8 +16,15 @@ from executor.scenes.generators import household
 from executor.scenes.generators.families import indices_of
 from executor.scenes.generators.long_horizon import draw
 from executor.scenes.vary import vary
-from executor.sim.render.cameras import LENS_GAP_M, Camera, global_camera, head_camera, inside_points, wrist_camera
-from executor.sim.render.solids import Solids
+from executor.sim.render.cameras import (
+    LENS_GAP_M,
+    Camera,
+    Solids,
+    global_camera,
+    head_camera,
+    inside_points,
+    wrist_camera,
+)
 from oag import RobotPose, Scene
 from oag.model.symbols import Kind
 from tests.executor.helpers import scene_object

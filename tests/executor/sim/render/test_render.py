@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from executor.records import Rollout
-from executor.sim.render.pool import RenderFailed, RenderPool, render
+from executor.sim.render.frames import RenderFailed, RenderPool, render
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]

@@ -16,12 +16,14 @@ from executor.sim.robot.description import (
     JOINT_NAMES,
     MOUNT_HEIGHT_M,
     TCP_LINK,
+    ColoredPart,
     RobotDataMissing,
+    read_collada,
     robot_urdf,
     robot_xml,
+    simplified,
 )
 from executor.sim.robot.kinematics import ArmChain
-from executor.sim.robot.meshes import ColoredPart, read_collada, simplified
 from oag import Primitive, RobotPose
 from oag.model.scene import FULL_SCALE, PAPER_SCALE
 from oag.sizes import Gripper, longest_motion_m
