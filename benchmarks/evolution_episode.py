@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from executor.scenes import library
 from executor.sim.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from executor.system.workers import serve
@@ -82,7 +82,7 @@ def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | N
         seed,
         supervisor=supervisor,
         limit=limit,
-        conditions=Conditions(faults=faults),
+        conditions=RunConditions(faults=faults),
     )
     if memory is not None:
         memory.learn(told.original, told.rollout.scene, [story.history for story in told.stories], foreseen)

@@ -26,7 +26,7 @@ from benchmarks.audit import units
 from executor.bench.units import Unit
 from executor.bench.work import prepare
 from executor.campaign.versions import outcome_version
-from executor.rollouts.rollout import Conditions, failure_of, rollout
+from executor.rollouts.rollout import RunConditions, failure_of, rollout
 from executor.scenes.generators.families import FAMILIES
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from oag import clopper_pearson
@@ -78,7 +78,7 @@ def run(folder: Path, factors: list[str], per_family: int, seed: int) -> None:
                 continue
             pair, graph = prepared(unit)
             began = time.perf_counter()
-            done = rollout(graph, pair.scene, unit.seed, vary=False, conditions=Conditions(physics=physics_of(cell)))
+            done = rollout(graph, pair.scene, unit.seed, vary=False, conditions=RunConditions(physics=physics_of(cell)))
             failure = None if done.succeeded else failure_of(done)
             kept = {
                 "version": version,

@@ -20,7 +20,13 @@ from typing import Any
 # Run as a script, this folder is where Python looks first.
 from reference_goals import ANSWERS, Lookup, Thing
 
-from bddl.activity import Conditions, get_goal_conditions, get_ground_goal_state_options, get_object_scope, get_reward
+from bddl.activity import (
+    RunConditions,
+    get_goal_conditions,
+    get_ground_goal_state_options,
+    get_object_scope,
+    get_reward,
+)
 
 
 class Rewarded:
@@ -31,7 +37,7 @@ class Rewarded:
         self.options: list[Any] = []
         self.error: str | None = None
         self.seconds = float("inf")
-        conditions = Conditions(activity, 0, "omnigibson")
+        conditions = RunConditions(activity, 0, "omnigibson")
         scope = {name: Thing(name) for name in get_object_scope(conditions)}
         for _ in range(3):
             begin = time.perf_counter()

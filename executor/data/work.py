@@ -40,13 +40,13 @@ from executor.records import Rollout, StepRecord, SubtaskRecord, Trajectory, act
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.recording import repeat_subtask
-from executor.rollouts.rollout import Conditions, rollout
+from executor.rollouts.rollout import RunConditions, rollout
 from executor.rollouts.run_record import attempt_after, describe_rollout, filled_task, pairs
 from executor.scenes.file import scene_for
 from executor.scenes.generators.families import pair_of, scene_name_for_seed, varies_with_seed, with_paper_flows
 from executor.scenes.generators.long_horizon import PANTRY
 from executor.scenes.pair import LayoutChanges, NotDrawn
-from executor.scenes.placement import Clearance, Placement, place
+from executor.scenes.placement import Clearance, PlaceSpec, place
 from executor.scenes.room import NoRoom, Perturbation, Room
 from executor.scenes.vary import vary
 from executor.sim.engine import STANDARD, Physics
@@ -93,7 +93,7 @@ def with_distractors(scene: Scene, task: Task, most: int, rng: np.random.Generat
         thing = room.draw(str(model), f"{PREFIX}{len(added)}")
         for support in rng.permutation(tops):
             try:
-                added[place(room, thing, Placement(str(support), clear=_CLEAR))] = str(support)
+                added[place(room, thing, PlaceSpec(str(support), clear=_CLEAR))] = str(support)
                 break
             except NoRoom:
                 continue
@@ -275,7 +275,7 @@ def make_unit(unit: DemoUnit) -> Made:
     todo = prepare_unit(unit)
     graph = todo.graph
     rate_hz = float(unit.recording.rate_hz)
-    conditions = Conditions(rate_hz, physics=physics_of(unit), noise=noise_of(unit), stances=unit.stances)
+    conditions = RunConditions(rate_hz, physics=physics_of(unit), noise=noise_of(unit), stances=unit.stances)
     if unit.evolve:
         story = evolve(graph, graph.scene, unit.seed, vary=False, conditions=conditions)
         return Made(todo, graph, story.rollout, story)

@@ -13,7 +13,7 @@ from executor.records import FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import AttemptFrames, Evolution, EvolutionInterrupted, SubtaskStory
 from executor.rollouts.goals import StepWatch
-from executor.rollouts.rollout import USUAL, Conditions, Run, start_run
+from executor.rollouts.rollout import USUAL, Run, RunConditions, start_run
 from llm.evolve import AttemptObservation, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolve.diagnosis import diagnose
 from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
@@ -33,7 +33,7 @@ def evolve(
     listen: Listener = ignore,
     vary: bool = True,
     frames: AttemptFrames | None = None,
-    conditions: Conditions = USUAL,
+    conditions: RunConditions = USUAL,
 ) -> Evolution:
     """Execute a task, revise the flows that fail, and return how it evolved.
 

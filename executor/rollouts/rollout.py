@@ -136,7 +136,7 @@ RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class RunConditions:
     """How an episode is executed and recorded.
 
     Attributes:
@@ -154,7 +154,7 @@ class Conditions:
     stances: int = 1
 
 
-USUAL = Conditions()
+USUAL = RunConditions()
 
 
 class Run:
@@ -185,7 +185,7 @@ class Run:
         scene: Scene,
         seed: int,
         listen: Listener = ignore,
-        conditions: Conditions = USUAL,
+        conditions: RunConditions = USUAL,
     ) -> None:
         self.record_hz, self.faults = conditions.record_hz, conditions.faults
         self.physics, self.noise, self.stances = conditions.physics, conditions.noise, conditions.stances
@@ -454,7 +454,7 @@ def rollout(
     *,
     listen: Listener = ignore,
     vary: bool = True,
-    conditions: Conditions = USUAL,
+    conditions: RunConditions = USUAL,
 ) -> Rollout:
     """Execute a task's flows by physics and return the record.
 
@@ -484,7 +484,7 @@ def start_run(
     scene: Scene | None,
     seed: int,
     listen: Listener,
-    conditions: Conditions,
+    conditions: RunConditions,
     *,
     vary: bool,
 ) -> tuple[Run, Scene]:
@@ -517,7 +517,7 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
-    run = Run(graph, earlier.scene, earlier.seed, listen, Conditions(earlier.record_hz))
+    run = Run(graph, earlier.scene, earlier.seed, listen, RunConditions(earlier.record_hz))
     run.subtasks = list(earlier.subtasks[:subtask])
     if [one.name for one in graph.task.subtasks] == [one.name for one in earlier.task.subtasks]:
         run.detours = earlier.detours

@@ -26,7 +26,7 @@ from executor.scenes.digital_cousins import SceneWithNotes, from_cousins
 from executor.scenes.library import file_of, holds_cousins
 from executor.scenes.library import load as load_named
 from executor.scenes.models import NoDefaultSize, complete_object, implausible_object_size
-from executor.scenes.placement import EDGE_M, AtEdge, Clearance, Placement, place, robot_has_room, robot_near
+from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, robot_has_room, robot_near
 from executor.scenes.room import CLOSED, NoRoom, Room
 from executor.scenes.support_relations import (
     derive_support_relations,
@@ -292,7 +292,7 @@ class _SceneCompletion:
                     refused = refused or f"found no free place on {support} ({region.name})"
                     continue
                 try:
-                    place(self._room, one, Placement(support, region.name, at, yaw_rad=turn_rad, clear=clear))
+                    place(self._room, one, PlaceSpec(support, region.name, at, yaw_rad=turn_rad, clear=clear))
                     return
                 except NoRoom as problem:
                     refused = refused or str(problem).partition(": ")[2]

@@ -1,9 +1,9 @@
 """Find free places: for things on and in furniture, for things near a given pose, and for the robot on the floor.
 
-    place(room, room.draw("tumbler"), Placement(table, at=AtEdge("+y", (0.08, 0.16))))   # on its top, near an edge
-    place(room, room.draw("can"), Placement(fridge.id, region="door_shelf_1"))           # inside, on a shelf
-    scatter(room, ["can", "carton", "book_lying"], Placement(table), count=3)            # clutter, without overlap
-    place(room, microwave, Placement(right.id, at=(0.0, 0.0), yaw_rad=0.0))              # on the counter
+    place(room, room.draw("tumbler"), PlaceSpec(table, at=AtEdge("+y", (0.08, 0.16))))   # on its top, near an edge
+    place(room, room.draw("can"), PlaceSpec(fridge.id, region="door_shelf_1"))           # inside, on a shelf
+    scatter(room, ["can", "carton", "book_lying"], PlaceSpec(table), count=3)            # clutter, without overlap
+    place(room, microwave, PlaceSpec(right.id, at=(0.0, 0.0), yaw_rad=0.0))              # on the counter
     stand_robot(room)                                                                    # free floor, faces the room
 
 Every search examines candidates in turn, by `first_free`; random ones are drawn from the room's generator.
@@ -107,7 +107,7 @@ AMPLE = Clearance()
 
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class PlaceSpec:
     """What is asked of a place on or in another thing.
 
     Attributes:
@@ -138,7 +138,7 @@ class _Spot:
     footprint: Footprint
 
 
-def place(room: Room, obj: SceneObject, asked: Placement) -> str:
+def place(room: Room, obj: SceneObject, asked: PlaceSpec) -> str:
     """Put a thing, not yet placed, on or in another, at a place drawn from the constraints, and return its id.
 
     Raises:
@@ -185,7 +185,7 @@ def place(room: Room, obj: SceneObject, asked: Placement) -> str:
     return obj.id
 
 
-def scatter(room: Room, models: Sequence[str], asked: Placement, count: int) -> tuple[str, ...]:
+def scatter(room: Room, models: Sequence[str], asked: PlaceSpec, count: int) -> tuple[str, ...]:
     """Put up to `count` different things of the given models at places, and return their ids.
 
     Things without a free place are left out, since clutter needs none in particular.
@@ -201,7 +201,7 @@ def scatter(room: Room, models: Sequence[str], asked: Placement, count: int) -> 
     return tuple(found)
 
 
-def _region(room: Room, obj: SceneObject, asked: Placement) -> Region:
+def _region(room: Room, obj: SceneObject, asked: PlaceSpec) -> Region:
     support, regions = asked.support, asset_for(room.objects[asked.support]).regions
     if asked.region is not None:
         named = [space for space in regions if space.name == asked.region]

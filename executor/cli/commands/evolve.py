@@ -238,7 +238,7 @@ def _episodes(
     from executor.cli.evolution_setup import EvolutionSetup
     from executor.cli.execution import RolloutProgress
     from executor.reports.run_folder import RunFolder, episode_folder
-    from executor.rollouts.rollout import Conditions
+    from executor.rollouts.rollout import RunConditions
     from executor.rollouts.run_record import evolution_json
 
     seeds = range(options.seed, options.seed + options.episodes)
@@ -270,7 +270,7 @@ def _episodes(
             began = time.perf_counter()
             drawn = tuple(words.drawn(seed) for words in faults)
             done = judging.evolve(
-                graph, seed=seed, limit=options.limit, listen=progress, conditions=Conditions(faults=drawn)
+                graph, seed=seed, limit=options.limit, listen=progress, conditions=RunConditions(faults=drawn)
             )
             stopped = "" if done.succeeded else judging.stopped
             episode_result = evolution_json(done) | {"wall_s": time.perf_counter() - began, "stopped": stopped}

@@ -211,7 +211,7 @@ def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     """Execute the plan; Ctrl-C keeps the finished part."""
     from executor.cli.execution import RolloutProgress
     from executor.records import RolloutInterrupted
-    from executor.rollouts.rollout import Conditions, rollout
+    from executor.rollouts.rollout import RunConditions, rollout
 
     began = time.perf_counter()
     interrupted = False
@@ -222,7 +222,7 @@ def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
                 record.graph.scene,
                 options.seed,
                 listen=progress,
-                conditions=Conditions(record_hz=options.record_hz),
+                conditions=RunConditions(record_hz=options.record_hz),
             )
     except RolloutInterrupted as stop:
         done, interrupted = stop.partial, True
@@ -241,7 +241,7 @@ def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunR
     from executor.cli.evolution_setup import EvolutionSetup
     from executor.cli.execution import RolloutProgress
     from executor.rollouts.evolution_record import EvolutionInterrupted
-    from executor.rollouts.rollout import Conditions
+    from executor.rollouts.rollout import RunConditions
 
     began = time.perf_counter()
     interrupted = False
@@ -257,7 +257,7 @@ def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunR
                 seed=options.seed,
                 limit=options.limit,
                 listen=progress,
-                conditions=Conditions(record_hz=options.record_hz),
+                conditions=RunConditions(record_hz=options.record_hz),
             )
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True

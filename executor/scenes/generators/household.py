@@ -49,7 +49,7 @@ import llm
 from executor.assets import library
 from executor.assets.library import asset_for
 from executor.scenes.pair import UNCHANGED, LayoutChanges, Misplanned, ScenePair, draw_first_valid
-from executor.scenes.placement import EDGE_M, AtEdge, Clearance, Placement, place, scatter, stand_robot
+from executor.scenes.placement import EDGE_M, AtEdge, Clearance, PlaceSpec, place, scatter, stand_robot
 from executor.scenes.room import Room, Units, build_walls, row, row_length_m, stand, wall_length_m
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
@@ -368,7 +368,7 @@ def _arranged(layout: Layout, variation: int, seed: int, attempt: int, changes: 
     build_walls(room)
     for support, items in layout.on.items():
         for count in (item for item in items if isinstance(item, int)):
-            scatter(room, _clutter(layout), Placement(support, clear=Clearance(other_m=CLUTTER_CLEAR_M)), count)
+            scatter(room, _clutter(layout), PlaceSpec(support, clear=Clearance(other_m=CLUTTER_CLEAR_M)), count)
     x, y, _ = room.objects[layout.wishes[variation].target].position
     stand_robot(room, facing_m=(x, y), spread_rad=ROBOT_SPREAD_RAD)
     return room
@@ -443,7 +443,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     turn = 0.0 if thing.kind == "microwave" else _turn(room, obj)
     region = next((word for word in thing.words if word not in SIDES), None)
     if "middle" in words:
-        asked = Placement(support, region, (0.0, 0.0), yaw_rad=turn or 0.0, clear=Clearance(0.0, 0.0))
+        asked = PlaceSpec(support, region, (0.0, 0.0), yaw_rad=turn or 0.0, clear=Clearance(0.0, 0.0))
         place(room, obj, asked)
         return
     width = room.objects[support].extent_m[1]
@@ -454,7 +454,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     inset_m = (max(FRONT_INSET_M[0], least_m), max(FRONT_INSET_M[1], least_m + 0.02))
     edge = "-x" if "front" in words else "+x" if "back" in words else None
     at = AtEdge(edge, inset_m, side) if edge is not None else None
-    place(room, obj, Placement(support, region=region, at=at, yaw_rad=turn, clear=Clearance(other_m=THING_CLEAR_M)))
+    place(room, obj, PlaceSpec(support, region=region, at=at, yaw_rad=turn, clear=Clearance(other_m=THING_CLEAR_M)))
 
 
 def _turn(room: Room, obj: SceneObject) -> float | None:

@@ -28,7 +28,16 @@ from executor.assets.footprint import Footprint
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair, draw_first_valid
-from executor.scenes.placement import AtEdge, Clearance, NextTo, Placement, first_free, place, scatter, stand_robot
+from executor.scenes.placement import (
+    AtEdge,
+    Clearance,
+    NextTo,
+    PlaceSpec,
+    first_free,
+    place,
+    scatter,
+    stand_robot,
+)
 from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units, against, build_walls, row, row_length_m
 from oag import SceneObject
 from oag.model.scene import FULL_SCALE, PAPER_SCALE
@@ -223,12 +232,12 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     placed: tuple[str, ...] = ()
     if target is not None:
         near, clear = NextTo(target, (0.05, 0.16)), Clearance(other_m=0.035)
-        placed = scatter(room, models, Placement(support, next_to=near, clear=clear), near_count)
+        placed = scatter(room, models, PlaceSpec(support, next_to=near, clear=clear), near_count)
     used = {room.objects[name].model for name in placed}
     scatter(
         room,
         [m for m in models if m not in used],
-        Placement(support, clear=Clearance(other_m=0.05)),
+        PlaceSpec(support, clear=Clearance(other_m=0.05)),
         count - len(placed),
     )
 
@@ -271,7 +280,9 @@ def _on_units(room: Room, leave_out: tuple[str, ...]) -> None:
         if what == "microwave":
             try:
                 place(
-                    room, room.draw("microwave_side_hinge"), Placement(unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0)
+                    room,
+                    room.draw("microwave_side_hinge"),
+                    PlaceSpec(unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0),
                 )
             except NoRoom:
                 continue
@@ -374,7 +385,9 @@ def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str,
     gap_m = _HINGE_GAP_M.get(fridge.model, 0.0)
     table = furnish(room, units, fridge, hinge=hinge, front_m=FRIDGE_FRONT_M, hinge_gap_m=gap_m)
     place(
-        room, target, Placement(table.table_id, at=AtEdge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
+        room,
+        target,
+        PlaceSpec(table.table_id, at=AtEdge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE),
     )
     clutter(room, table.table_id, target.id, int(room.rng.integers(2, 7)), leave_out)
     _stock(room, fridge)
@@ -400,7 +413,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
     for _ in range(int(room.rng.integers(0, 4))):
         thing = room.draw(one_of(room, *_STOCK))
         try:
-            place(room, thing, Placement(fridge.id, region=one_of(room, *shelves), at=AtEdge("+x", (0.06, 0.11))))
+            place(room, thing, PlaceSpec(fridge.id, region=one_of(room, *shelves), at=AtEdge("+x", (0.06, 0.11))))
         except NoRoom:
             continue
 
@@ -419,8 +432,8 @@ def _bowl_kitchen(room: Room) -> None:
         bowl_at, bowl_edge = _CABINET, AtEdge("-x", _BOWL_INSET_M)
     elif arrangement == "apple on cabinet":
         apple_at, apple_edge = _CABINET, AtEdge("-x", INSET_M)
-    place(room, bowl, Placement(bowl_at, at=bowl_edge, clear=NEAR_EDGE))
-    place(room, apple, Placement(apple_at, at=apple_edge, clear=Clearance(NEAR_EDGE.edge_m, 0.08)))
+    place(room, bowl, PlaceSpec(bowl_at, at=bowl_edge, clear=NEAR_EDGE))
+    place(room, apple, PlaceSpec(apple_at, at=apple_edge, clear=Clearance(NEAR_EDGE.edge_m, 0.08)))
     leave_out = ("red_apple", "plate")
     clutter(room, apple_at, apple.id, int(room.rng.integers(1, 4)), leave_out)
     clutter(room, bowl_at, bowl.id, int(room.rng.integers(1, 4)), leave_out)
@@ -432,7 +445,7 @@ def _cup_kitchen(room: Room) -> None:
     model, name = ("tumbler", "glass_0") if chance(room, 0.5) else ("cup", "cup_0")
     cup = room.draw(model, name, target=True)
     table = _cabinet_kitchen(room)
-    place(room, cup, Placement(_CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE))
+    place(room, cup, PlaceSpec(_CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE))
     leave_out = ("mug", "cup")
     clutter(room, _CABINET, cup.id, int(room.rng.integers(1, 4)), leave_out)
     clutter(room, table.table_id, None, int(room.rng.integers(1, 4)), leave_out)

@@ -15,7 +15,7 @@ import pytest
 import oag
 from executor.cli import app
 from executor.scenes.library import load
-from executor.scenes.placement import Placement, place
+from executor.scenes.placement import PlaceSpec, place
 from executor.scenes.room import Room, against, stand
 from executor.sim.world import World
 from executor.system.files import write_json
@@ -46,7 +46,7 @@ def high_shelf(tmp_path: Path) -> Path:
     stand(room, room.draw("table_four_legs"), -0.8, 0.0)
     shelf = room.draw("shelf_open", extent_m={"z": 1.5})
     against(room, "north", shelf, 0.0)
-    place(room, room.draw("can"), Placement(shelf.id, region="top"))
+    place(room, room.draw("can"), PlaceSpec(shelf.id, region="top"))
     return write_json(tmp_path / "room.json", room.scene().to_json())
 
 

@@ -10,7 +10,7 @@ from executor.data import samples
 from executor.data.store import EpisodeStore
 from executor.records import FailureKind
 from executor.rollouts.recording import repeat
-from executor.rollouts.rollout import Conditions, rollout
+from executor.rollouts.rollout import RunConditions, rollout
 from executor.sim.engine import Physics
 
 pytestmark = pytest.mark.physics
@@ -51,7 +51,7 @@ def test_a_motion_that_was_ended_early_is_done_again_as_it_was(made_store: Episo
         episode.scene,
         62990,
         vary=False,
-        conditions=Conditions(physics=weak),
+        conditions=RunConditions(physics=weak),
     )
     assert done.failure is not None and done.failure.kind is FailureKind.SLIPPED
     told = [record.commands for record in done.subtasks]

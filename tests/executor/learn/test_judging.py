@@ -34,7 +34,7 @@ from executor.learn.evaluation import (
 )
 from executor.learn.observations import subtask_of
 from executor.learn.scores import Curve, by_training, diagram, loss_curve
-from executor.rollouts.rollout import Conditions, rollout
+from executor.rollouts.rollout import RunConditions, rollout
 from llm import propose
 from tests.executor.learn.conftest import KITCHEN, PLAN
 from tests.executor.learn.test_commands import TINY, last_json
@@ -153,7 +153,7 @@ def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alon
     assert unit.stances == 2 and unit.to_json()["stances"] == 2
     assert "stances" not in replace(unit, stances=1).to_json()
     graph = prepare_unit(unit).graph
-    hashes = [rollout(graph, seed=seed, vary=False, conditions=Conditions(stances=2)).state_hash for seed in (0, 7)]
+    hashes = [rollout(graph, seed=seed, vary=False, conditions=RunConditions(stances=2)).state_hash for seed in (0, 7)]
     assert hashes[0] == hashes[1] != rollout(graph, seed=7, vary=False).state_hash
 
 

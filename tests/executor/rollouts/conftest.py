@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from executor.records import Rollout, ignore
-from executor.rollouts.rollout import Conditions, Run
+from executor.rollouts.rollout import Run, RunConditions
 from executor.scenes import library
 from executor.scenes.vary import vary
 from executor.skills.session import Session
@@ -37,7 +37,7 @@ class Components:
 def watched() -> tuple[Rollout, Components]:
     """T1 run step by step under observation."""
     scene = vary(library.load("kitchen_t1").with_scales(PAPER_SCALES["kitchen_t1"]), 15000)
-    run = Run(t1(), scene, 15000, ignore, Conditions(50.0))
+    run = Run(t1(), scene, 15000, ignore, RunConditions(50.0))
     components = Components()
     checkpoint = run.begin()
     for index in range(4):

@@ -8,7 +8,7 @@ import pytest
 
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from executor.sim.faults import BlockedDoor, Fault, WeakGrip, WrongScale
 from oag import flow_to_json
 from tests.executor.rollouts.tasks import T1_PAPER_FLOWS, T1_ROLES, graph, t1
@@ -22,7 +22,7 @@ def opened(*faults: Fault) -> Evolution:
     """Return the evolution of opening the refrigerator."""
     flow: list[Any] = [1, 2, 3, {"4": None}, 5]
     task = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {})
-    return evolve(task, seed=SEED, conditions=Conditions(faults=faults))
+    return evolve(task, seed=SEED, conditions=RunConditions(faults=faults))
 
 
 def test_fingers_with_half_their_force_pull_the_door_open() -> None:
@@ -45,7 +45,7 @@ def test_a_door_that_something_stops_ajar_is_opened_to_there() -> None:
 
 
 def test_a_thing_believed_wider_than_the_hand_ends_it_before_it_is_touched() -> None:
-    told = evolve(t1(), seed=SEED, conditions=Conditions(faults=(WrongScale("glass_0", 1.3),)))
+    told = evolve(t1(), seed=SEED, conditions=RunConditions(faults=(WrongScale("glass_0", 1.3),)))
     assert not told.succeeded and told.revisions == 0
     gave_up = told.stories[-1].gave_up
     assert gave_up is not None and "its size measured anew" in gave_up.needed
@@ -54,7 +54,9 @@ def test_a_thing_believed_wider_than_the_hand_ends_it_before_it_is_touched() -> 
 
 @pytest.mark.slow
 def test_a_glass_does_not_get_past_such_a_door() -> None:
-    told = evolve(t1(T1_PAPER_FLOWS), seed=SEED, conditions=Conditions(faults=(BlockedDoor("refrigerator_0", 0.04),)))
+    told = evolve(
+        t1(T1_PAPER_FLOWS), seed=SEED, conditions=RunConditions(faults=(BlockedDoor("refrigerator_0", 0.04),))
+    )
     assert not told.succeeded and [story.solved for story in told.stories] == [True, True, False]
     gave_up = told.stories[-1].gave_up
     assert gave_up is not None and "a free door" in gave_up.needed

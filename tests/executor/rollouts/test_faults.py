@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from executor.sim.belief import BelievedWorld
 from executor.sim.faults import NavigationOffset, PoseError
 from oag.measurements import UnmeantContact, first_of
@@ -43,7 +43,7 @@ def test_only_the_named_item_is_believed_elsewhere(make_world: MakeWorld) -> Non
 @pytest.mark.slow
 @pytest.mark.physics
 def test_an_item_that_is_elsewhere_is_taken_after_a_slide_by_what_was_measured() -> None:
-    evolution = evolve(t3(), seed=7002, conditions=Conditions(faults=(PoseError.drawn("apple_0", 0.02, 7002),)))
+    evolution = evolve(t3(), seed=7002, conditions=RunConditions(faults=(PoseError.drawn("apple_0", 0.02, 7002),)))
     assert evolution.succeeded and evolution.revisions == 1
     revision = evolution.stories[0].history.revisions[0]
     assert revision.cause == "the fingers missed"
@@ -58,7 +58,7 @@ def test_an_item_that_is_elsewhere_is_taken_after_a_slide_by_what_was_measured()
 @pytest.mark.slow
 @pytest.mark.physics
 def test_a_base_that_ended_beside_its_goal_drives_again() -> None:
-    evolution = evolve(t1(), seed=7002, conditions=Conditions(faults=(NavigationOffset(0.0, 0.15),)))
+    evolution = evolve(t1(), seed=7002, conditions=RunConditions(faults=(NavigationOffset(0.0, 0.15),)))
     assert evolution.succeeded and evolution.revisions <= 2
     critique = evolution.stories[2].history.iterations[0].attempt.critiques[1]
     met = first_of(critique.evidence.failure_measurements, UnmeantContact)

@@ -7,7 +7,7 @@ import pytest
 import oag
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from executor.sim.faults import Fault, PoseError, WeakGrip
 from oag.measurements import measurements_json
 from tests.executor.rollouts.tasks import T1_ROLES, graph, into_an_open_refrigerator
@@ -22,7 +22,7 @@ TAKEN_BADLY: tuple[Fault, ...] = (PoseError.drawn("glass_0", 0.02, SEED), WeakGr
 @pytest.fixture(scope="module")
 def carried() -> Evolution:
     """A glass that was taken badly, and slips when it is carried."""
-    return evolve(into_an_open_refrigerator(), seed=SEED, conditions=Conditions(faults=TAKEN_BADLY))
+    return evolve(into_an_open_refrigerator(), seed=SEED, conditions=RunConditions(faults=TAKEN_BADLY))
 
 
 def test_what_slips_in_the_next_subtask_is_taken_anew(carried: Evolution) -> None:
@@ -56,7 +56,11 @@ def test_attempts_after_going_back_start_from_elsewhere(carried: Evolution) -> N
 def test_what_was_evolved_runs_by_itself_to_the_same_states(carried: Evolution) -> None:
     scene = into_an_open_refrigerator().scene
     alone = evolve(
-        oag.compose(carried.evolved, scene=scene), scene, SEED, conditions=Conditions(faults=TAKEN_BADLY), limit=0
+        oag.compose(carried.evolved, scene=scene),
+        scene,
+        SEED,
+        conditions=RunConditions(faults=TAKEN_BADLY),
+        limit=0,
     )
     assert alone.succeeded_at_once and alone.rollout.state_hash == carried.rollout.state_hash
 

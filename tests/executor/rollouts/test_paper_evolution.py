@@ -7,7 +7,7 @@ import pytest
 from benchmarks.evolution_episode import faults_of, task_of
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from oag import compose, flow_to_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -17,7 +17,7 @@ def evolved(name: str, fault: str, seed: int) -> Evolution:
     """Return the evolution of one of the paper's tasks under a fault."""
     task, scene = task_of(name)
     return evolve(
-        compose(task, scene=scene), scene, seed, conditions=Conditions(faults=faults_of(fault, task, seed) or ())
+        compose(task, scene=scene), scene, seed, conditions=RunConditions(faults=faults_of(fault, task, seed) or ())
     )
 
 

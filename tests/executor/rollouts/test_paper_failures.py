@@ -9,7 +9,7 @@ import pytest
 
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
-from executor.rollouts.rollout import Conditions
+from executor.rollouts.rollout import RunConditions
 from executor.sim.faults import Fault, NavigationOffset, PoseError
 from oag.measurements import measurements_json
 from tests.executor.rollouts.tasks import T1_PAPER_FLOWS, into_an_open_refrigerator, t3
@@ -21,7 +21,9 @@ def inserted_beside(seed: int, left_m: float) -> Evolution:
     """Evolves the insertion into a narrow refrigerator before which the base does not stop where it should."""
     faults: tuple[Fault, ...] = (NavigationOffset(0.0, left_m),)
     return evolve(
-        into_an_open_refrigerator(T1_PAPER_FLOWS[1:3], width_m=0.46), seed=seed, conditions=Conditions(faults=faults)
+        into_an_open_refrigerator(T1_PAPER_FLOWS[1:3], width_m=0.46),
+        seed=seed,
+        conditions=RunConditions(faults=faults),
     )
 
 
@@ -53,7 +55,7 @@ def test_a_robot_that_runs_into_the_open_door_goes_another_way() -> None:
 @pytest.mark.parametrize(("seed", "dx_m", "dy_m"), [(16002, 0.0, 0.035), (16001, 0.03, -0.03)])
 def test_an_apple_beside_its_bowl_is_moved_by_the_exact_offset(seed: int, dx_m: float, dy_m: float) -> None:
     """Case 2: "the VLM attempts to correct the drift, but lacks the precision to calculate the exact offset"."""
-    told = evolve(t3(), seed=seed, conditions=Conditions(faults=(PoseError("bowl_0", dx_m, dy_m),)))
+    told = evolve(t3(), seed=seed, conditions=RunConditions(faults=(PoseError("bowl_0", dx_m, dy_m),)))
     assert first_failure(told, 1)["other"] == "bowl_0"
     assert told.succeeded and told.revisions == 1
     revision = told.stories[1].history.revisions[0]

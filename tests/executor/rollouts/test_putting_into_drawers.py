@@ -8,7 +8,7 @@ import pytest
 import executor
 import llm
 import oag
-from executor.scenes.placement import AtEdge, Placement, place, stand_robot
+from executor.scenes.placement import AtEdge, PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, against, stand
 from oag.measurements import JointMotion, first_of
 
@@ -22,7 +22,7 @@ def test_a_drawer_that_serves_is_opened_not_the_lowest() -> None:
     against(room, "east", cabinet, 0.3)
     table = stand(room, room.draw("table_four_legs", extent_m={"z": 0.7}), -0.6, -1.1, yaw_rad=0.0)
     glass = room.draw("tumbler", extent_m={"x": 0.07, "y": 0.07, "z": 0.12})
-    place(room, glass, Placement(table, at=AtEdge("+y", (0.08, 0.16))))
+    place(room, glass, PlaceSpec(table, at=AtEdge("+y", (0.08, 0.16))))
     stand_robot(room)
     scene = room.scene()
     done = executor.rollout(oag.compose(llm.propose("put the glass into the cabinet", scene).task), scene)

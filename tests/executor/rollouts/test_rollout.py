@@ -12,7 +12,7 @@ import pytest
 
 import oag
 from executor.records import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
-from executor.rollouts.rollout import Conditions, resume, rollout
+from executor.rollouts.rollout import RunConditions, resume, rollout
 from executor.scenes import library
 from oag.measurements import measurements_json
 from tests.executor.rollouts.tasks import (
@@ -34,7 +34,7 @@ FASTEST_OBJECT_M_S = 2.0
 @pytest.fixture(scope="module")
 def t3_rollout() -> Iterator[Rollout]:
     """One run of T3, recorded at 20 Hz."""
-    yield rollout(t3(), seed=1, conditions=Conditions(record_hz=20.0))
+    yield rollout(t3(), seed=1, conditions=RunConditions(record_hz=20.0))
 
 
 def test_t1_succeeds_and_says_how(t1_rollout: Rollout) -> None:
@@ -84,9 +84,9 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout) 
 
 def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     code = (
-        "from executor.rollouts.rollout import Conditions, rollout\n"
+        "from executor.rollouts.rollout import RunConditions, rollout\n"
         "from tests.executor.rollouts.tasks import t3\n"
-        "print(rollout(t3(), seed=1, conditions=Conditions(record_hz=20.0)).state_hash)\n"
+        "print(rollout(t3(), seed=1, conditions=RunConditions(record_hz=20.0)).state_hash)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout.split()[-1] == t3_rollout.state_hash

@@ -11,7 +11,7 @@ import executor
 import llm
 import oag
 from executor.records import Rollout
-from executor.scenes.placement import AtEdge, Placement, place, stand_robot
+from executor.scenes.placement import AtEdge, PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, against, stand
 from oag import Scene, SceneObject, Task
 from tests.executor.helpers import on_a_shelf
@@ -44,7 +44,7 @@ def furnished(room: Room) -> Scene:
 
 def can_in_a_refrigerator() -> Scene:
     room = a_room()
-    place(room, small(room, "can", 0.09), Placement(refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT))
+    place(room, small(room, "can", 0.09), PlaceSpec(refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT))
     return furnished(room)
 
 
@@ -55,18 +55,22 @@ def die_in_a_drawer() -> Scene:
     place(
         room,
         room.draw("die", extent_m=dict.fromkeys("xyz", 0.04)),
-        Placement(cabinet.id, region="drawer_1", at=(0.0, 0.05)),
+        PlaceSpec(cabinet.id, region="drawer_1", at=(0.0, 0.05)),
     )
     return furnished(room)
 
 
 def apple_in_a_refrigerator_and_a_bowl_in_a_cabinet() -> Scene:
     room = a_room()
-    place(room, small(room, "red_apple", 0.05), Placement(refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT))
+    place(
+        room,
+        small(room, "red_apple", 0.05),
+        PlaceSpec(refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT),
+    )
     cabinet = room.draw("cabinet_one_door", parameters={"shelves": 0, "hinge": "left"})
     against(room, "east", cabinet, -0.9)
     bowl = room.draw("porcelain_bowl", extent_m={"x": 0.15, "y": 0.15, "z": 0.055})
-    place(room, bowl, Placement(cabinet.id, region="door_bottom", at=AtEdge("-x", (0.12, 0.16), (-0.05, 0.05))))
+    place(room, bowl, PlaceSpec(cabinet.id, region="door_bottom", at=AtEdge("-x", (0.12, 0.16), (-0.05, 0.05))))
     return furnished(room)
 
 

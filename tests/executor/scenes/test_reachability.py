@@ -12,7 +12,7 @@ from executor.geometry import hand_rotation, transform
 from executor.planning.stances import HandGoal
 from executor.records import MissingFlow
 from executor.scenes.generators.long_horizon import draw
-from executor.scenes.placement import Placement, place
+from executor.scenes.placement import PlaceSpec, place
 from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, ReachSearch, reach
 from executor.scenes.room import Room, against, stand
 from executor.sim.robot.kinematics import Kinematics
@@ -49,7 +49,7 @@ def test_a_thing_too_high_is_refused_for_the_arm() -> None:
     stand(room, room.draw("table_four_legs"), -0.8, 0.0)
     shelf = room.draw("shelf_open", extent_m={"z": 1.5})
     against(room, "north", shelf, 0.0)
-    place(room, room.draw("can"), Placement(shelf.id, region="top"))
+    place(room, room.draw("can"), PlaceSpec(shelf.id, region="top"))
     found = asked(room.scene(), "put the can on the table")
     assert not found.reachable
     assert found.reason.startswith("pick_up_can: can_0 ")
@@ -61,7 +61,7 @@ def test_a_thing_behind_furniture_is_refused_for_what_stands_in_the_way() -> Non
     room = a_room()
     counters = {"x": 1.2, "y": 1.2, "z": 0.75}
     stand(room, room.draw("counter_plain", extent_m=counters), 0.0, 0.0)
-    place(room, room.draw("can"), Placement("countertop_0", at=(0.0, 0.0)))
+    place(room, room.draw("can"), PlaceSpec("countertop_0", at=(0.0, 0.0)))
     against(room, "west", room.draw("nightstand"), 0.0)
     found = asked(room.scene(), "pick up the can")
     assert not found.reachable

@@ -15,7 +15,7 @@ from executor.scenes.placement import (
     WALKWAY_M,
     AtEdge,
     Clearance,
-    Placement,
+    PlaceSpec,
     place,
     robot_footprint,
     scatter,
@@ -62,10 +62,14 @@ def test_an_id_that_is_taken_changes_nothing_that_is_known_of_it() -> None:
     room = a_room(1)
     stand(room, room.draw("table_four_legs"), 0.0, 0.0)
     stand(room, room.draw("nightstand"), 1.2, 1.2)
-    place(room, room.draw("can"), Placement("table_0"))
+    place(room, room.draw("can"), PlaceSpec("table_0"))
     before = room.scene()
     with pytest.raises(NoRoom, match="a thing of this id already"):
-        place(room, room.draw("can", "can_0"), Placement("stand_0" if "stand_0" in room.objects else "nightstand_0"))
+        place(
+            room,
+            room.draw("can", "can_0"),
+            PlaceSpec("stand_0" if "stand_0" in room.objects else "nightstand_0"),
+        )
     assert room.scene() == before
 
 
@@ -139,9 +143,12 @@ def test_overlapping_furniture_is_refused_with_both_names() -> None:
 def test_things_on_a_table_stay_on_it_and_apart(seed: int) -> None:
     room = a_room(seed)
     table = stand(room, room.draw("table_four_legs"), -0.4, 0.2, yaw_rad=0.4)
-    place(room, room.draw("tumbler"), Placement(table, at=AtEdge("+y", (0.08, 0.16))))
+    place(room, room.draw("tumbler"), PlaceSpec(table, at=AtEdge("+y", (0.08, 0.16))))
     names = scatter(
-        room, ["can", "carton", "book_lying", "bottle", "mug"], Placement(table, clear=Clearance(other_m=0.03)), count=5
+        room,
+        ["can", "carton", "book_lying", "bottle", "mug"],
+        PlaceSpec(table, clear=Clearance(other_m=0.03)),
+        count=5,
     )
     assert names
     top = Footprint.of(room.objects[table])
@@ -159,21 +166,21 @@ def test_things_go_into_compartments_and_under_shelves_only_where_they_are_low_e
     room = a_room(6)
     fridge = room.draw("fridge_one_door", parameters={"shelves": 1})
     against(room, "east", fridge, 0.0)
-    place(room, room.draw("can"), Placement(fridge.id, region="door_shelf_1", at=AtEdge("-x", (0.06, 0.12))))
+    place(room, room.draw("can"), PlaceSpec(fridge.id, region="door_shelf_1", at=AtEdge("-x", (0.06, 0.12))))
     assert bddl.Atom("inside", ("can_0", fridge.id)) in room.scene().facts
     with pytest.raises(NoRoom, match="has no place 'attic'; it has door_bottom, door_shelf_1"):
-        place(room, room.draw("can"), Placement(fridge.id, region="attic"))
+        place(room, room.draw("can"), PlaceSpec(fridge.id, region="attic"))
     with pytest.raises(NoRoom, match=r"no place of .* is high enough"):
-        place(room, room.draw("can", extent_m={"z": 1.3}), Placement(fridge.id))
+        place(room, room.draw("can", extent_m={"z": 1.3}), PlaceSpec(fridge.id))
     with pytest.raises(NoRoom, match=r"refrigerator_0 \(door_shelf_1\)"):
-        place(room, room.draw("plate", extent_m={"x": 0.9, "y": 0.9}), Placement(fridge.id, region="door_shelf_1"))
+        place(room, room.draw("plate", extent_m={"x": 0.9, "y": 0.9}), PlaceSpec(fridge.id, region="door_shelf_1"))
 
 
 def test_facts_say_what_is_open_what_rests_where_and_which_room() -> None:
     room = a_room(7)
     against(room, "east", room.draw("counter_plain", "counter_0"), 0.0)
     against(room, "north", room.draw("cabinet_drawers", parameters={"open_fraction": 0.5}), 0.0)
-    place(room, room.draw("microwave_side_hinge"), Placement("counter_0", at=(0.0, 0.0), yaw_rad=0.0))
+    place(room, room.draw("microwave_side_hinge"), PlaceSpec("counter_0", at=(0.0, 0.0), yaw_rad=0.0))
     facts = {bddl.format(fact) for fact in room.scene().facts}
     assert {
         "(ontop microwave_0 counter_0)",
@@ -211,7 +218,7 @@ def test_equal_generators_and_calls_give_equal_rooms() -> None:
     def laid_out() -> object:
         room = a_room(9)
         row(room, "east", [room.draw("fridge_one_door"), room.draw("cabinet_two_doors")])
-        scatter(room, ["can", "bottle", "orange"], Placement("cabinet_0"), count=2)
+        scatter(room, ["can", "bottle", "orange"], PlaceSpec("cabinet_0"), count=2)
         stand_robot(room)
         return room.scene()
 

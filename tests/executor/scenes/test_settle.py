@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bddl
-from executor.scenes.placement import Placement, place, stand_robot
+from executor.scenes.placement import PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, against, row, stand
 from executor.scenes.validation import Unsettled, settle
 from oag import RobotPose, Scene
@@ -19,9 +19,9 @@ def a_kitchen() -> Scene:
     pieces = [room.draw("counter_plain"), room.draw("fridge_one_door", parameters={"hinge": "left", "shelves": 2})]
     row(room, "east", pieces)
     stand(room, room.draw("table_four_legs"), -1.0, -1.0)
-    place(room, room.draw("tumbler"), Placement("table_0"))
-    place(room, room.draw("porcelain_bowl"), Placement("table_0"))
-    place(room, room.draw("can"), Placement("refrigerator_0", region="door_shelf_1"))
+    place(room, room.draw("tumbler"), PlaceSpec("table_0"))
+    place(room, room.draw("porcelain_bowl"), PlaceSpec("table_0"))
+    place(room, room.draw("can"), PlaceSpec("refrigerator_0", region="door_shelf_1"))
     stand_robot(room)
     return room.scene()
 
