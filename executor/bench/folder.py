@@ -139,7 +139,7 @@ class BenchFolder:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             whole = False
         if not whole:
-            raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it anew")
+            raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it again")
         return found
 
     def _not_one(self, why: str) -> NotABench:

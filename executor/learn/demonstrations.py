@@ -107,7 +107,7 @@ def _unreadable_metadata(path: Path, what: str, problem: Exception) -> NotADatas
         words = f"it lacks {problem}" if isinstance(problem, KeyError) else str(problem)
     return NotADataset(
         f"{path} cannot be learned from: what it says {what} is not as it was written: {words}; "
-        "export it anew, or copy all of it"
+        "export it again, or copy all of it"
     )
 
 

@@ -172,7 +172,7 @@ class Trainer:
             raise TrainingDiverged(
                 f"the {what} of step {self.step + 1} is {found}, and has to be finite: no policy comes of these "
                 f"settings in {self._folder}. Try a learning_rate below {form.learning_rate:g} or a longer warm_up "
-                f"than {form.warm_up}, and --force, which begins anew"
+                f"than {form.warm_up}, and --force, which begins again"
             )
         self._whole = False
         self._optimiser.step()

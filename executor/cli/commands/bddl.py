@@ -37,7 +37,7 @@ class CheckOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class FmtOptions(CommonOptions):
-    """Lay out BDDL files anew; every word and every comment stays.
+    """Lay out BDDL files; every word and every comment stays.
 
     The exit code is 0 when all is well, 1 when a file has mistakes or, with --check, another layout.
     """
@@ -55,7 +55,7 @@ SubCommand = Annotated[CheckOptions, tyro.conf.subcommand("check")] | Annotated[
 
 @dataclass(frozen=True)
 class Options:
-    """Examine BDDL files, or lay them out anew."""
+    """Examine BDDL files, or lay them out."""
 
     command: SubCommand
 

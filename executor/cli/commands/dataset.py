@@ -63,7 +63,7 @@ class ExportOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class RenderOptions(CommonOptions):
-    """Draw the pictures of a store anew into another store, from its states and without simulating.
+    """Redraw the pictures of a store into another store, from its states and without simulating.
 
     Goes on where an earlier run with the same folder ended; the same request gives the same bytes.
     """

@@ -67,7 +67,7 @@ class Options(CommonOptions):
     distractors: int = 0
     """Most things added to a scene that the task has nothing to do with."""
     noise_m: float = 0.0
-    """Noise in what the hand is told, in metres; recorded actions are without it."""
+    """Noise in the commands of the hand [m]; recorded actions are without it."""
     views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...", help_behavior_hint="")] = ()
     """Cameras to draw: global, head, wrist; by default none."""
     size: tuple[int, int] = (128, 128)

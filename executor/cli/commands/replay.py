@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Options(CommonOptions):
     """Do demonstrations again, and count how many come out as they were.
 
-    By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
+    By default the recorded commands are repeated, and the states have to be the same bit by bit; the exit code is 1
     when those of one are not. What was exported has no log of commands, but actions: `--through env`.
     (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
     """

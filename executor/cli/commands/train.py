@@ -41,7 +41,7 @@ class Options(CommonOptions):
     threads: int = 2
     """How many threads the CPU's part has; other numbers round otherwise."""
     force: Flag = False
-    """Begin anew, and replace the policy that the folder has."""
+    """Begin again, and replace the policy that the folder has."""
 
 
 def execute(options: Options) -> int:
@@ -128,4 +128,4 @@ def _make_room(options: Options, record: PolicyRecord) -> None:
     if options.force:
         shutil.rmtree(out, ignore_errors=True)
     elif (out / ABOUT).exists() and read_record(out).key != record.key:
-        raise BadOption("--out", out, "a policy of these settings, this data and this seed; --force begins anew")
+        raise BadOption("--out", out, "a policy of these settings, this data and this seed; --force begins again")

@@ -170,7 +170,7 @@ def _broken(path: Path, problem: Exception) -> NotADataset:
         words = f"{problem.filename}: {problem.strerror}"
     elif isinstance(problem, KeyError):
         words = f"it lacks {problem}"
-    return NotADataset(f"{path} cannot be read as what was exported: {words}; export it anew, or copy all of it")
+    return NotADataset(f"{path} cannot be read as what was exported: {words}; export it again, or copy all of it")
 
 
 def _with_progress(episodes: Iterator[Episode], total: int, on_progress: OnProgress) -> Iterator[Episode]:

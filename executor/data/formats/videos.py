@@ -132,7 +132,7 @@ class VideoWriter:
                 self._stream.codec_context.bit_rate = 0
                 self._heads = heads
             elif heads != self._heads:
-                raise VideoFailed(f"{clip.path} was encoded otherwise than the episodes before it; generate it anew")
+                raise VideoFailed(f"{clip.path} was encoded otherwise than the episodes before it; generate it again")
             each = 1.0 / self._rate_hz / float(packet.time_base)
             packet.pts = packet.dts = round(self.pictures * each)
             packet.duration = round((self.pictures + 1) * each) - packet.pts

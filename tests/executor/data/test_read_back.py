@@ -108,7 +108,7 @@ def test_what_is_broken_is_one_clear_message(
         list(open_set(folder).episodes())
     assert run(["train", "state", "--data", str(folder), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
-    assert str(folder) in said and "export it anew" in said and "Traceback" not in said
+    assert str(folder) in said and "export it again" in said and "Traceback" not in said
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
 
 

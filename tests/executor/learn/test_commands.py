@@ -99,7 +99,7 @@ def test_train_goes_on_and_evaluate_counts(
     capsys.readouterr()
     assert (out / "weights.safetensors").read_bytes() == before
     assert run([*train, "--seed", "1"]) == 2
-    assert "--force begins anew" in str(last_json(capsys)["error"])
+    assert "--force begins again" in str(last_json(capsys)["error"])
 
     monkeypatch.setattr("executor.learn.evaluation.MOST_S", 0.5)
     results = tmp_path / "r"
