@@ -181,7 +181,7 @@ class PhotoInputs:
     camera_height_m: Maybe[float] = None
     """Without depth: how high above the floor the camera was."""
     find_more: Flag = False
-    """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""
+    """Also detect objects without a box, from depth; needed where no boxes are given."""
 
 
 @dataclass(frozen=True)

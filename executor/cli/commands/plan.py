@@ -27,7 +27,7 @@ class Options(CommonOptions):
     query: Sentence
     scene: SceneName
     seed: int = 0
-    """What the widths of what the gripper takes are drawn from, as `run` draws them."""
+    """Seed of the random size adjustment of items, as in `run`."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
 
