@@ -382,11 +382,9 @@ class PixelEvidence:
         )
         costs += float(self.claim[own].sum())
         of_colours = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
-        return (
-            of_colours
-            if self.edges is None
-            else of_colours + self.edges.border_cost(np.where(own, group, _OTHER_FACES - self.other))
-        )
+        if self.edges is None:
+            return of_colours
+        return of_colours + self.edges.border_cost(np.where(own, group, _OTHER_FACES - self.other))
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost of the outline against the box; hidden parts may reach beyond the box."""
