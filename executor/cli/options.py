@@ -116,6 +116,23 @@ Sentence = tyro.conf.Positional[
         ),
     ]
 ]
+OptionalSentence = tyro.conf.Positional[
+    Annotated[
+        str,
+        tyro.conf.arg(
+            help='What the robot is to do, such as "put the glass into the refrigerator".',
+            help_behavior_hint="",
+        ),
+        # Without quotes a shell passes the words one by one.
+        tyro.constructors.PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="QUERY",
+            instance_from_str=" ".join,
+            is_instance=lambda value: isinstance(value, str),
+            str_from_instance=lambda value: [value],
+        ),
+    ]
+]
 MaxTokens = Annotated[Maybe[int], option_help("Most tokens that the model may use.")]
 MaxCost = Annotated[Maybe[float], option_help("Most US dollars that the model may cost, where its price is known.")]
 MaxTime = Annotated[Maybe[float], option_help("Most seconds that the model may take.")]
