@@ -30,7 +30,7 @@ class Options(CommonOptions):
     """With --pictures: folder with pictures.toml, and annotations/ID.json of each picture."""
     half: Maybe[Literal["tuning", "judging"]] = None
     """With --pictures: one half; by default both."""
-    only: tuple[str, ...] = ()
+    only: Maybe[tuple[str, ...]] = None
     """With --pictures: ids of some pictures; by default all."""
     limit_s: float = 300.0
     """With --pictures: most CPU seconds of a picture and its sentences."""
@@ -68,7 +68,7 @@ def _execute_pictures(options: Options, folder: Path) -> int:
     check(not options.transfer, "--transfer", "", "no --pictures beside it, of which the true rooms are not known")
     check(options.detector is None, "--detector", options.detector, "no --pictures beside it, which have boxes")
     check(1.0 <= options.limit_s <= 1e6, "--limit-s", options.limit_s, "seconds from 1 to 1000000")
-    chosen = read_pictures(options.annotations, folder, options.half, options.only)
+    chosen = read_pictures(options.annotations, folder, options.half, options.only or ())
     options.out.mkdir(parents=True, exist_ok=True)
     told = _silent if options.json else _tell_picture
     done = list(measure_pictures(options.out, chosen, told, limit_s=options.limit_s, full_size=options.full_size))
