@@ -18,9 +18,9 @@ class Options(CommonOptions):
     """Measure how good reconstructions from photographs are, on real pictures or on rooms that are known.
 
     With --pictures: each picture is reconstructed with the boxes and names that a person gave it, and each of its
-    sentences is planned and executed in its scene. Otherwise rooms are drawn from a seed and seen by a camera; each
-    track gives the reconstruction something else, and its title says what of that is taken from the simulator. Goes on
-    where an earlier run with the same folder ended.
+    sentences is planned and executed in its scene. Otherwise rooms are drawn from a seed and seen by a camera. Each
+    track gives the reconstruction other inputs. Its title says which inputs come from the simulator. Goes on where an
+    earlier run with the same folder ended.
     """
 
     out: ResultsFolder
