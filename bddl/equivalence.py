@@ -92,7 +92,7 @@ def equivalent(
         raise FormulaTooLarge(MOST_PARTS)
     grounded = ground(And((first, second)), objects, pairs)
 
-    def told_apart(state: Callable[[Atom], bool]) -> Equivalence | None:
+    def distinguished(state: Callable[[Atom], bool]) -> Equivalence | None:
         values = [evaluate(goal, state, objects, pairs=pairs) for goal in (first, second)]
         if values[0] is values[1]:
             return None
@@ -100,7 +100,7 @@ def equivalent(
 
     # Most goals that differ do so in a simple state, and the solver takes a while to load.
     for guess in _guesses(grounded.atoms):
-        found = told_apart(guess)
+        found = distinguished(guess)
         if found is not None:
             return found
     # The root is a conjunction of the two; where both are one node, they have the same ground form.
@@ -117,7 +117,7 @@ def equivalent(
     if answer.status == "unknown":
         return Equivalence(None, reason=answer.reason)
     true = frozenset(atom for atom, name in zip(grounded.atoms, names, strict=True) if name in answer.true)
-    found = told_apart(true.__contains__)
+    found = distinguished(true.__contains__)
     if found is None:
         raise RuntimeError("the solver's state does not tell the goals apart")
     return found

@@ -154,8 +154,8 @@ def pixels_of_box(z_m: Array, camera: Intrinsics, box_px: Box, others: Sequence[
     x0, y0, x1, y1 = box_px
     wide, high = _RING_SHARE * (x1 - x0) + _RING_PX, _RING_SHARE * (y1 - y0) + _RING_PX
     around = within(z_m.shape, (x0 - wide, y0 - high, x1 + wide, y1 + high))
-    beside = [other for other in others if _area(other) < 4.0 * _area(box_px)]
-    ring = around & ~inside & (z_m > 0.0) & ~_any_of(z_m.shape, beside)
+    neighbours = [other for other in others if _area(other) < 4.0 * _area(box_px)]
+    ring = around & ~inside & (z_m > 0.0) & ~_any_of(z_m.shape, neighbours)
     points = points_in_camera(z_m, camera)
     plane = plane_of(points[ring])
     if plane is not None:

@@ -142,7 +142,7 @@ def read_pictures(annotations: Path, folder: Path, half: Half | None, only: Sequ
 def _picture_of(entry: Mapping[str, Any], annotations: Path, folder: Path) -> RealPicture:
     name, depth = str(entry["id"]), entry.get("depth")
     boxes = annotations / ANNOTATIONS / f"{name}.json"
-    said = read_json(boxes)
+    annotation = read_json(boxes)
     return RealPicture(
         name,
         entry["half"],
@@ -152,8 +152,8 @@ def _picture_of(entry: Mapping[str, Any], annotations: Path, folder: Path) -> Re
         None if depth is None else float(depth["unit_m"]),
         entry.get("level", {}),
         boxes,
-        said["things"],
-        said.get("sentences", ()),
+        annotation["things"],
+        annotation.get("sentences", ()),
     )
 
 
@@ -234,8 +234,8 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
     made = {thing["thing"]: thing["made"] for thing in record["things"] if thing["made"]}
     scene = None if record["refused"] else folder / "scene.json"
     record["sentences"] = [
-        _asked(picture, said, scene, made, limit_s - (time.process_time() - began), full_size=full_size)
-        for said in picture.sentences
+        _asked(picture, request, scene, made, limit_s - (time.process_time() - began), full_size=full_size)
+        for request in picture.sentences
     ]
     return record
 
@@ -379,7 +379,7 @@ def _sizes(
 
 def _asked(
     picture: RealPicture,
-    said: Mapping[str, Any],
+    request: Mapping[str, Any],
     scene_file: Path | None,
     made: Mapping[str, str],
     left_s: float,
@@ -389,8 +389,8 @@ def _asked(
     """Return how far a sentence comes: planned, reachable, succeeded, and as asked; and where it ends."""
     began = time.process_time()
     record: dict[str, Any] = {
-        "sentence": said["sentence"],
-        "possible": bool(said["possible"]),
+        "sentence": request["sentence"],
+        "possible": bool(request["possible"]),
         **dict.fromkeys(("planned", "reachable", "succeeded", "as_asked"), False),
         "stage": "no scene",
         "why": "",
@@ -400,7 +400,7 @@ def _asked(
         return {**record, "cpu_s": 0.0}
     try:
         with cpu_limit(left_s):
-            _chain(picture, said, scene_file, made, record, full_size=full_size)
+            _chain(picture, request, scene_file, made, record, full_size=full_size)
     except OutOfTime:
         record |= {"stage": "time", "why": f"no CPU time is left after {record['stage']}"}
     except llm.QueryError as problem:
@@ -416,7 +416,7 @@ def _asked(
 
 def _chain(
     picture: RealPicture,
-    said: Mapping[str, Any],
+    request: Mapping[str, Any],
     scene_file: Path,
     made: Mapping[str, str],
     record: dict[str, Any],
@@ -425,10 +425,10 @@ def _chain(
 ) -> None:
     """Plan, prove, ask for reach and execute a sentence as `run` does, and write into its record."""
     record["stage"] = "scene"
-    scene = scene_for(said["sentence"], scene_file, full_size=full_size)
+    scene = scene_for(request["sentence"], scene_file, full_size=full_size)
     require_valid(scene)
     record["stage"] = "sentence"
-    graph = compose(llm.propose(said["sentence"], scene, sizing=Sizing(0)).task, scene=scene)
+    graph = compose(llm.propose(request["sentence"], scene, sizing=Sizing(0)).task, scene=scene)
     record |= {"stage": "plan", "scaled": dict(graph.task.scales)}
     report = graph.verify()
     if not report:
@@ -447,7 +447,7 @@ def _chain(
         stage = "execution" if found.reachable else "reach"
         record |= {"stage": f"{stage}: {failure.kind.value}", "why": failure.message}
         return
-    words = reached(said["goals"], [thing["id"] for thing in picture.things], made, done)
+    words = reached(request["goals"], [thing["id"] for thing in picture.things], made, done)
     record |= {"as_asked": not words, "stage": "goal" if words else "", "why": words}
 
 

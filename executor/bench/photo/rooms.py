@@ -92,7 +92,7 @@ def drawn(seed: int, rooms: int, of_kitchens: int) -> list[DrawnRoom]:
     return [room for turn in both for room in turn if room is not None]
 
 
-class Named(Protocol):
+class NamedRoom(Protocol):
     """Something that is measured once: a drawn room or a real picture."""
 
     @property
@@ -100,7 +100,7 @@ class Named(Protocol):
         """Fit for files."""
 
 
-_Subject = TypeVar("_Subject", bound=Named)
+_Subject = TypeVar("_Subject", bound=NamedRoom)
 
 
 def each_once(

@@ -70,8 +70,8 @@ def _execute_pictures(options: Options, folder: Path) -> int:
     check(1.0 <= options.limit_s <= 1e6, "--limit-s", options.limit_s, "seconds from 1 to 1000000")
     chosen = read_pictures(options.annotations, folder, options.half, options.only or ())
     options.out.mkdir(parents=True, exist_ok=True)
-    told = _silent if options.json else _tell_picture
-    done = list(measure_pictures(options.out, chosen, told, limit_s=options.limit_s, full_size=options.full_size))
+    on_picture = _silent if options.json else _tell_picture
+    done = list(measure_pictures(options.out, chosen, on_picture, limit_s=options.limit_s, full_size=options.full_size))
     parts: dict[str, dict[str, Any]] = {
         name: {"card": dict(picture_rows(some)), **causes(some)} for name, some in sections(done).items()
     }
