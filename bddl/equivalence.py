@@ -6,17 +6,17 @@ are regarded as independent: no physics and no knowledge of the start is assumed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bddl.ast import And, Atom, Formula, literals
 from bddl.dialects import Profile
 from bddl.errors import FormulaTooLarge
 from bddl.evaluation import evaluate
-from bddl.grounding import PairSemantics, check_pair_semantics, children, count_ground_parts, ground
+from bddl.grounding import GroundNode, PairSemantics, check_pair_semantics, children, count_ground_parts, ground
 from bddl.parser import read_formula
 from bddl.problem import Objects, categories_of
-from bddl.smt import DEFAULT_TIMEOUT_MS, Script, Solver
+from bddl.smt import DEFAULT_TIMEOUT_MS, Script, Solver, SolverAnswer
 
 # A pair of goals that grounds to more parts is refused, since its text would take minutes to write and to read.
 MOST_PARTS = 200_000
@@ -107,20 +107,28 @@ def equivalent(
     parts = children(grounded.root)
     if parts[0] is parts[-1]:
         return Equivalence(True)
-    script = Script()
-    names = [f"a{index}" for index in range(len(grounded.atoms))]
-    script.declare(*names)
-    script.require(f"(xor {' '.join(script.term(part, names.__getitem__) for part in parts)})")
-    answer = Solver(script.text(), timeout_ms=timeout_ms).check()
+    answer = _where_one_holds(parts, len(grounded.atoms), timeout_ms)
     if answer.status == "unsat":
         return Equivalence(True)
     if answer.status == "unknown":
         return Equivalence(None, reason=answer.reason)
-    true = frozenset(atom for atom, name in zip(grounded.atoms, names, strict=True) if name in answer.true)
+    true = frozenset(atom for index, atom in enumerate(grounded.atoms) if _variable(index) in answer.true)
     found = distinguished(true.__contains__)
     if found is None:
         raise RuntimeError("the solver's state does not tell the goals apart")
     return found
+
+
+def _where_one_holds(parts: Sequence[GroundNode], atom_count: int, timeout_ms: int) -> SolverAnswer:
+    """Ask the solver for values of the atoms with which exactly one of two parts holds."""
+    script = Script()
+    script.declare(*map(_variable, range(atom_count)))
+    script.require(f"(xor {' '.join(script.term(part, _variable) for part in parts)})")
+    return Solver(script.text(), timeout_ms=timeout_ms).check()
+
+
+def _variable(index: int) -> str:
+    return f"a{index}"
 
 
 def _are_alike(first: Formula, second: Formula) -> bool:
