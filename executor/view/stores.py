@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 import bddl
 from bddl.files import open_input
@@ -69,13 +70,13 @@ class StoreListing:
         for entry in _unit_folders(self.path / UNITS):
             modified_ns = entry.stat().st_mtime_ns
             line = known.get(entry.name)
-            if line is None or line["modified_ns"] != modified_ns:
-                line = {"modified_ns": modified_ns, **asdict(row_of(store.episode(entry.name)))}
+            if line is None or line.modified_ns != modified_ns:
+                line = _IndexLine(modified_ns, row_of(store.episode(entry.name)))
             lines[entry.name] = line
         if lines != known:
             with suppress(OSError):  # A store that can only be read is shown all the same.
-                write_text(self.path / INDEX, "".join(json.dumps(line) + "\n" for line in lines.values()))
-        return tuple(map(_row, lines.values()))
+                write_text(self.path / INDEX, "".join(json.dumps(asdict(line)) + "\n" for line in lines.values()))
+        return tuple(line.row for line in lines.values())
 
     def detail(self, name: str) -> EpisodeDetail:
         """Return everything about an episode."""
@@ -148,22 +149,23 @@ def _drawn(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, f
             yield label, round(float(value), 4)
 
 
-def _indexed(path: Path) -> dict[str, dict[str, Any]]:
+@dataclass(frozen=True, slots=True)
+class _IndexLine:
+    modified_ns: int
+    row: EpisodeRow
+
+
+_LINE = TypeAdapter(_IndexLine)
+
+
+def _indexed(path: Path) -> dict[str, _IndexLine]:
     """Return the lines of an index by episode; none where it is missing or of another form."""
-    found: dict[str, dict[str, Any]] = {}
     try:
         with open_input(path) as stream:
-            for raw in stream:
-                line = json.loads(raw)
-                _row(line)
-                found[line["name"]] = line
-    except (OSError, ValueError, TypeError, KeyError):
+            lines = [_LINE.validate_json(raw) for raw in stream]
+    except (OSError, ValidationError):
         return {}
-    return found
-
-
-def _row(line: Mapping[str, Any]) -> EpisodeRow:
-    return EpisodeRow(**{name: value for name, value in line.items() if name != "modified_ns"})
+    return {line.row.name: line for line in lines}
 
 
 @dataclass(frozen=True, slots=True)

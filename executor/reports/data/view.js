@@ -1,6 +1,6 @@
 // The table of episodes: filters, order, selection, and the details of one.
 "use strict";
-const PAGE_ROWS = 200;
+const PAGE_ROWS = 60;
 const data = JSON.parse(document.getElementById("data").textContent);
 const rows = data.rows.map((values) => Object.fromEntries(data.columns.map((name, k) => [name, values[k]])));
 const at = (id) => document.getElementById(id);
@@ -30,6 +30,9 @@ const drawn = drawnNames.length ? {
 if (drawn) at("drawn").append(drawn.name, drawn.low, drawn.high);
 at("words").addEventListener("input", refresh);
 at("more").addEventListener("click", () => { state.count += 5 * PAGE_ROWS; fill(); });
+
+at("table").tBodies[0].addEventListener("click", chooseRow);
+at("table").tBodies[0].addEventListener("keydown", (event) => { if (event.key === "Enter") chooseRow(event); });
 
 function inRange(row) {
   if (!drawn || !drawn.name.value) return true;
@@ -62,7 +65,7 @@ function fill() {
   const all = [...columns, ...extra];
   at("table").tHead.replaceChildren(element("tr", {}, ...all.map(([name, title]) => element("th", { "aria-sort": state.order === name ? (state.falling ? "descending" : "ascending") : false },
     element("button", { type: "button", onclick: () => { state.falling = state.order === name && !state.falling; state.order = name; refresh(); } }, title)))));
-  at("table").tBodies[0].replaceChildren(...state.matches.slice(0, state.count).map((row) => element("tr", { tabindex: 0, onclick: () => choose(row.name), onkeydown: (event) => { if (event.key === "Enter") choose(row.name); } },
+  at("table").tBodies[0].replaceChildren(...state.matches.slice(0, state.count).map((row) => element("tr", { tabindex: 0, "data-name": row.name },
     ...all.map(([name]) => cell(row, name)))));
   at("more").hidden = state.matches.length <= state.count;
   const good = state.matches.filter((row) => row.ended === "succeeded").length;
@@ -81,7 +84,10 @@ function cell(row, name) {
   return element("td", typeof value === "number" ? { class: "n" } : {}, String(value));
 }
 
-function choose(name) { location.hash = encodeURIComponent(name); }
+function chooseRow(event) {
+  const line = event.target.closest("tr");
+  if (line) location.hash = encodeURIComponent(line.dataset.name);
+}
 
 async function open() {
   const name = decodeURIComponent(location.hash.slice(1)), section = at("detail");
