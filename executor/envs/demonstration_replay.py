@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from executor.data import samples
 from executor.data.episode import DEMONSTRATION, Episode
 from executor.data.formats.export import open_set
+from executor.data.formats.selection import EVERYTHING, Selection
+from executor.data.formats.store_reader import traits_of
 from executor.data.store import INDEX, EpisodeStore, NotADataset, StoredEpisode, start_of
 from executor.data.units import DemoUnit
 from executor.data.work import noise_of, physics_of
@@ -54,14 +56,14 @@ class ReplayOutcome:
     problem: str = ""
 
 
-def count_demonstrations(path: Path, most: int | None = None) -> int:
+def count_demonstrations(path: Path, most: int | None = None, only: Selection = EVERYTHING) -> int:
     """Return the number of demonstrations that `iterate_replays` yields, up to `most`.
 
     Raises:
         NotADataset: It is no data set of this program.
     """
     if is_store(path):
-        return sum(1 for _ in islice(EpisodeStore.open(path).demonstrations(), most))
+        return sum(1 for _ in islice(_selected(path, only), most))
     found = open_set(path).found
     count = found.train + found.validation
     return count if most is None else min(count, most)
@@ -72,18 +74,28 @@ def is_store(path: Path) -> bool:
     return (path / INDEX).exists() or not path.is_dir()
 
 
-def iterate_replays(path: Path, mode: ReplayMode) -> Iterator[Callable[[], ReplayOutcome]]:
+def _selected(path: Path, only: Selection) -> Iterator[StoredEpisode]:
+    """Yield the selected demonstrations of a store."""
+    for episode in EpisodeStore.open(path).demonstrations():
+        if not only.chosen or only.takes(traits_of(episode, episode.meta.get("pictures"))):
+            yield episode
+
+
+def iterate_replays(
+    path: Path, mode: ReplayMode, only: Selection = EVERYTHING
+) -> Iterator[Callable[[], ReplayOutcome]]:
     """Yield a function per demonstration that replays it and returns the result.
 
     Args:
         path: A store, or an export of one.
         mode: As for `replay_episode`; an export has no command log.
+        only: Selected demonstrations of a store.
 
     Raises:
         NotADataset: Something of it is unreadable.
     """
     if is_store(path):
-        yield from (partial(replay_episode, episode, mode) for episode in EpisodeStore.open(path).demonstrations())
+        yield from (partial(replay_episode, episode, mode) for episode in _selected(path, only))
         return
     if mode == "exact":
         raise NotADataset(f"{path} has actions, and no commands: it can be done again through the environment only")
@@ -223,17 +235,18 @@ def _then_hold(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[N
 
 def main() -> None:
     """Replay the demonstrations of requests until standard input ends; those of a set come in order."""
-    at: tuple[str, ReplayMode, int] | None = None
+    at: tuple[str, ReplayMode, str, int] | None = None
     rest: Iterator[Callable[[], ReplayOutcome]] = iter(())
 
     def handle(request: dict[str, Any]) -> dict[str, Any]:
         nonlocal at, rest
         path, mode, place = str(request["set"]), request["way"], int(request["place"])
+        only = str(request["only"])
         before, at = at, None  # After an error the iteration cannot continue.
-        if before is None or before[:2] != (path, mode) or before[2] > place:
-            before, rest = (path, mode, 0), iterate_replays(Path(path), mode)
-        replay = next(islice(rest, place - before[2], None))
-        at = (path, mode, place + 1)
+        if before is None or before[:3] != (path, mode, only) or before[3] > place:
+            before, rest = (path, mode, only, 0), iterate_replays(Path(path), mode, Selection.parse(only))
+        replay = next(islice(rest, place - before[3], None))
+        at = (path, mode, only, place + 1)
         return asdict(replay())
 
     serve(handle)

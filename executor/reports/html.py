@@ -42,7 +42,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    functions = (style, value_text, data_uri, size_px, pluralize, readable, action_text, measurements_json)
+    functions = (style, script, value_text, data_uri, size_px, pluralize, readable, action_text, measurements_json)
     found.globals |= {function.__name__: function for function in functions}
     return found
 
@@ -50,6 +50,11 @@ def _templates() -> Environment:
 def style(*names: str) -> str:
     """Return style sheets of this package, one after the other: "page", "graph", "bench"."""
     return "\n".join((_FILES / "data" / f"{name}.css").read_text(encoding="utf-8") for name in names)
+
+
+def script(name: str) -> str:
+    """Return a script of this package: "episode", "view"."""
+    return (_FILES / "data" / f"{name}.js").read_text(encoding="utf-8")
 
 
 def in_light_colours(rules: str) -> str:

@@ -7,7 +7,7 @@ seed, and 130 after Ctrl-C.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -107,9 +107,10 @@ def execute(options: Options) -> int:
     from executor.campaign.engine import Campaign
     from executor.cli.execution import read_shard
     from executor.data.generation import WORKER
-    from executor.data.store import EpisodeStore
+    from executor.data.store import EpisodeStore, NotADataset
     from executor.data.views import check_drawable
     from executor.data.work import check_plannable, starts_alike
+    from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
     if any(one.first.recording.views for one in series):
@@ -121,9 +122,12 @@ def execute(options: Options) -> int:
         _warn_alike(alike)
     campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s)
     unvaried = {"unvaried": [one.first.origin.query for one in alike]}
-    return make_missing(
+    code = make_missing(
         campaign, series, _budget(options), shard=shard, again=options.again, more=unvaried, as_json=options.json
     )
+    with suppress(NotADataset):  # The index of `view`; a unit that cannot be read is for `dataset check`.
+        StoreListing(options.out).rows()
+    return code
 
 
 def make_missing(

@@ -41,6 +41,8 @@ class Options(CommonOptions):
     """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
     episodes: Maybe[int] = None
     """How many to do again, from the first on; by default all."""
+    only: Annotated[str, tyro.conf.arg(metavar="KEY=VALUE,...", help_behavior_hint="(default: all)")] = ""
+    """Which of a store's, such as seed=3+5 or episode=NAME, as `dataset export` takes them."""
     workers: int = 1
     """How many processes; one does them in this process."""
 
@@ -48,6 +50,7 @@ class Options(CommonOptions):
 def execute(options: Options) -> int:
     """Repeat demonstrations; return the exit code."""
     from executor.cli.execution import check_workers
+    from executor.data.formats.selection import Selection
     from executor.data.store import NotADataset
     from executor.envs.demonstration_replay import count_demonstrations, is_store
 
@@ -57,9 +60,15 @@ def execute(options: Options) -> int:
     check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
     if exact and not is_store(options.store):
         raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
-    total = count_demonstrations(options.store, options.episodes)
+    only = Selection.parse(options.only)
+    if only.chosen and not is_store(options.store):
+        raise BadOption("--only", options.only, "a store: what was exported has no such keys")
+    total = count_demonstrations(options.store, options.episodes, only)
     if not total:
-        raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
+        chosen = f" that is chosen by --only {only.text}" if only.chosen else ""
+        raise NotADataset(
+            f"{options.store} has no demonstration{chosen} whose motion was kept: nothing can be done again"
+        )
     found: list[ReplayOutcome] = []
     interrupted = False
     with bar("doing again", total, quiet=options.json) as show:
@@ -97,13 +106,19 @@ def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, inte
 
 def _redone(options: Options, mode: ReplayMode, total: int) -> Generator[ReplayOutcome, None, None]:
     """Yield the outcome of each demonstration, as they end."""
+    from executor.data.formats.selection import Selection
     from executor.envs.demonstration_replay import WORKER, iterate_replays
     from executor.system.workers import WorkerPool
 
     if options.workers == 1:
-        yield from (redo() for redo in islice(iterate_replays(options.store, mode), total))
+        yield from (
+            redo() for redo in islice(iterate_replays(options.store, mode, Selection.parse(options.only)), total)
+        )
         return
-    asked = [{"set": str(options.store.absolute()), "way": mode, "place": place} for place in range(total)]
+    asked = [
+        {"set": str(options.store.absolute()), "way": mode, "only": options.only, "place": place}
+        for place in range(total)
+    ]
     pool = WorkerPool(WORKER, min(options.workers, total), environment={"OMP_NUM_THREADS": "1"})
     with closing(pool.run(asked)) as outcomes:
         for outcome in outcomes:

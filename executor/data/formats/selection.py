@@ -1,7 +1,7 @@
 """Select the motions of a store that make one data set, and report what does not go together.
 
-A selection is a text of keys and values, such as "origin=T5+T6,views=head". Of several values, one has to hold. `views`
-differs: it selects motions with pictures of all these views, and the data set has these alone.
+A selection is a text of keys and values, such as "origin=T5+T6,views=head" or "seed=3+5". Of several values, one has to
+hold. `views` differs: it selects motions with pictures of all these views, and the data set has these alone.
 """
 
 from __future__ import annotations
@@ -10,12 +10,15 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from bddl import near_names
 from bddl.errors import Scene2DemoError
 from executor.data.views import DEPTH, SEGMENTATION
 
 NO_VIEWS = "none"
 SUCCEEDED, FAILED = "succeeded", "failed"
 _KEYS = {
+    "episode": "its folder's name, as `view` lists them",
+    "seed": "its seed",
     "origin": "family, or a sentence's label, as `dataset info` lists them",
     "ended": "how episodes ended",
     "rate": "samples a second",
@@ -24,6 +27,7 @@ _KEYS = {
     "size": "width x height of pictures",
     "channels": "kinds of pictures beside colours",
 }
+_EACH = ("episode", "seed")  # Of many values, so that they are not listed.
 _LEGAL = {"ended": (SUCCEEDED, FAILED), "channels": (DEPTH, SEGMENTATION)}
 """Legal values of keys, whatever the store."""
 
@@ -41,6 +45,8 @@ class Traits:
     """Properties of a motion that selections refer to.
 
     Attributes:
+        episode: Name of its unit's folder.
+        seed: Its seed.
         origin: Label of the origin of scene and task.
         ended: Ending of its unit.
         rate_hz: Samples per second.
@@ -49,6 +55,8 @@ class Traits:
         channels: View -> kinds of pictures besides colours.
     """
 
+    episode: str
+    seed: int
     origin: str
     ended: str
     rate_hz: float
@@ -65,9 +73,15 @@ class Traits:
             return {size_text(self.views[view]) for view in chosen}
         if key == "channels":
             return {kind for kind in _LEGAL["channels"] if chosen and all(kind in self.channels[v] for v in chosen)}
-        return {
-            {"origin": self.origin, "ended": self.ended, "rate": f"{self.rate_hz:g}", "robot": f"{self.scale:g}"}[key]
+        single = {
+            "episode": self.episode,
+            "seed": str(self.seed),
+            "origin": self.origin,
+            "ended": self.ended,
+            "rate": f"{self.rate_hz:g}",
+            "robot": f"{self.scale:g}",
         }
+        return {single[key]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +141,8 @@ class Selection:
         for key, values in self.chosen.items():
             legal = {value for one in found for value in one.values(key, None)} | {*_LEGAL.get(key, ())}
             if unknown := [value for value in values if value not in legal]:
-                words = ", ".join(sorted(legal - {NO_VIEWS})) or "nothing"
+                named = near_names(unknown[0], tuple(legal)) if key in _EACH else sorted(legal - {NO_VIEWS})
+                words = ", ".join(named) or ("other ones" if key in _EACH else "nothing")
                 also = f", or {NO_VIEWS}" if key == "views" else ""
                 raise BadSelection(f"{store} has no {key} {' or '.join(unknown)}: it has {words}{also}")
 
@@ -154,7 +169,8 @@ class Selection:
         listed = "; ".join(
             f"{key} {', '.join(f'{value} ({count})' for value, count in sorted(counts.items()))}"
             for key in _KEYS
-            if (counts := Counter(value for one in found for value in one.values(key, None) - {NO_VIEWS}))
+            if key not in _EACH
+            and (counts := Counter(value for one in found for value in one.values(key, None) - {NO_VIEWS}))
         )
         return BadSelection(
             f"no episode of {store} is chosen by --only {self.text}: its motions have {listed or 'nothing'}{words}"

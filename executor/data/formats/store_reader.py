@@ -94,22 +94,36 @@ class _MotionInfo:
         cls, part: str, episode: StoredEpisode, motion: _Motion, drawn: Mapping[str, Any] | None, key: str
     ) -> _MotionInfo:
         """Return a motion of a unit, with the description of its pictures."""
-        meta, folder = episode.meta, episode.path / motion.footage
-        views, channels = {}, {}
-        for view, known in ((drawn or {}).get("views") or {}).items():
-            if footage_path(folder, view).is_file():
-                views[view] = (int(known["size"][0]), int(known["size"][1]))
-                channels[view] = [kind for kind in CHANNELS if footage_path(folder, view, kind).is_file()]
-        traits = Traits(
-            origin=DemoUnit.from_json(meta["unit"]).origin.label,
-            ended=str(meta["ended"]),
-            rate_hz=_rate_hz(float(meta["record_hz"])),
-            scale=float(meta["robot"]["scale"]),
-            views=views,
-            channels=channels,
-        )
+        traits = traits_of(episode, drawn, motion.footage)
         shapes = episode.shapes(motion.file)
         return cls(part, motion, traits, shapes["object_poses"][1], shapes["joint_positions"][1], key)
+
+
+def traits_of(episode: StoredEpisode, drawn: Mapping[str, Any] | None, footage: str | PurePath = "") -> Traits:
+    """Return the traits of a motion of a unit for selection.
+
+    Args:
+        episode: The unit.
+        drawn: Description of the motion's pictures.
+        footage: Folder of its pictures, relative to the unit's folder.
+    """
+    meta, folder = episode.meta, episode.path / footage
+    views, channels = {}, {}
+    for view, known in ((drawn or {}).get("views") or {}).items():
+        if footage_path(folder, view).is_file():
+            views[view] = (int(known["size"][0]), int(known["size"][1]))
+            channels[view] = [kind for kind in CHANNELS if footage_path(folder, view, kind).is_file()]
+    unit = DemoUnit.from_json(meta["unit"])
+    return Traits(
+        episode=episode.name,
+        seed=unit.seed,
+        origin=unit.origin.label,
+        ended=str(meta["ended"]),
+        rate_hz=_rate_hz(float(meta["record_hz"])),
+        scale=float(meta["robot"]["scale"]),
+        views=views,
+        channels=channels,
+    )
 
 
 def stream_of(store: EpisodeStore, include: Collection[Extra] = (), only: Selection = EVERYTHING) -> EpisodeStream:
