@@ -22,6 +22,7 @@ CONFIG = "config.json"
 PLAIN_PROCESSOR = "ViTImageProcessorPil"
 """Scales a picture to one size and normalises it. The networks' own classes for that need torchvision."""
 
+_SCALING = ("size", "image_mean", "image_std")
 _LOCAL = {"local_files_only": True, "trust_remote_code": False}
 _FILES = (
     ("weights in safetensors (model.safetensors)", ("*.safetensors",)),
@@ -150,13 +151,19 @@ def loaded(folder: Path, kind: NetworkClass) -> Network:
             network, loading_info = getattr(transformers, kind.model).from_pretrained(
                 folder, use_safetensors=True, output_loading_info=True, **_LOCAL
             )
-            processor = getattr(transformers, kind.processor).from_pretrained(folder, **_LOCAL)
+            processor_class = getattr(transformers, kind.processor)
+            written, _ = processor_class.get_image_processor_dict(folder, **_LOCAL)
+            processor = processor_class.from_pretrained(folder, **_LOCAL)
         except Exception as error:
             # The libraries raise some ten kinds of errors for faulty weights.
             raise unusable(folder, f"its weights cannot be read ({first_line(error)})") from error
     missing = loading_info.get("missing_keys") or loading_info.get("mismatched_keys")
     if missing:
         raise unusable(folder, f"lacks {len(missing)} of the network's weights, such as {min(map(str, missing))}")
+    # The plain class has other defaults than the networks' own.
+    unsaid = [name for name in _SCALING if kind.processor == PLAIN_PROCESSOR and name not in written]
+    if unsaid:
+        raise unusable(folder, f"its preprocessing does not have {', '.join(unsaid)}")
     return Network(network.eval(), processor, folder, torch, transformers)
 
 

@@ -29,7 +29,16 @@ from executor.photo.networks.masks import box_masks
 from executor.photo.perception import FoundBox, to_detections
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, read_inputs
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
-from tests.executor.photo.tiny_networks import depth_pro, grounding_dino, sam2, sam3, sam3_tracker, zoedepth
+from tests.executor.photo.tiny_networks import (
+    depth_pro,
+    grounding_dino,
+    sam2,
+    sam2_video,
+    sam3,
+    sam3_tracker,
+    sam3_video,
+    zoedepth,
+)
 
 WIDTH, HEIGHT = 160, 120
 NOISE = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
@@ -285,6 +294,31 @@ def test_masks_are_those_of_the_network(transformers: Any, tmp_path: Path, write
         assert around is None or (around[2] - around[0]) * (around[3] - around[1]) < 0.5 * inside.sum()
     else:
         assert (thing.mask != wanted).mean() < 0.01
+
+
+@pytest.mark.slow
+def test_networks_load_from_the_video_models_that_are_published(transformers: Any, tmp_path: Path) -> None:
+    sam2_video(transformers, tmp_path / "2")
+    sam3_video(transformers, tmp_path / "3")
+    assert [json.loads((tmp_path / one / "config.json").read_text())["model_type"] for one in "23"] == [
+        "sam2_video",
+        "sam3_video",
+    ]
+    for one in "23":
+        # No weights are missing, or it would be refused.
+        (thing,) = box_masks(tmp_path / one)(PICTURE, Detections((_mug((20, 30, 120, 100)),))).things
+        assert thing.label == "mug"
+    assert detector_in(tmp_path / "3", 0.0, ["cup"])(PICTURE).things[0].source == "sam3_video in 3"
+
+
+@pytest.mark.slow
+def test_preprocessing_that_is_not_all_written_is_refused(transformers: Any, tmp_path: Path) -> None:
+    depth_pro(transformers, tmp_path)
+    written = json.loads((tmp_path / "preprocessor_config.json").read_text())
+    del written["image_mean"]
+    (tmp_path / "preprocessor_config.json").write_text(json.dumps(written))
+    with pytest.raises(PhotoRefused, match="does not have image_mean"):
+        guessed_depth(tmp_path)(PICTURE, None)
 
 
 @pytest.mark.slow

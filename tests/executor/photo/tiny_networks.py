@@ -300,6 +300,50 @@ def sam3(transformers: Any, folder: Path) -> Any:
     return network
 
 
+_MEMORY = {
+    "memory_attention_hidden_size": 32,
+    "memory_attention_num_layers": 1,
+    "memory_attention_feed_forward_hidden_size": 16,
+    "memory_attention_rope_feat_sizes": [4, 4],
+    "memory_encoder_hidden_size": 32,
+    "memory_encoder_output_channels": 16,
+    "mask_downsampler_embed_dim": 32,
+    "memory_fuser_num_layers": 1,
+    "memory_fuser_embed_dim": 32,
+    "memory_fuser_intermediate_dim": 16,
+}
+_PARTS = ("vision_config", "prompt_encoder_config", "mask_decoder_config")
+
+
+def sam2_video(transformers: Any, folder: Path) -> Any:
+    """Write the video model that a SAM 2 is published as, and return the SAM 2 with random weights of its own."""
+    network = sam2(transformers, folder)
+    written = network.config.to_dict()
+    config = transformers.Sam2VideoConfig(**{one: written[one] for one in _PARTS}, image_size=64, **_MEMORY)
+    transformers.Sam2VideoModel(config).save_pretrained(folder)
+    return network
+
+
+def sam3_video(transformers: Any, folder: Path) -> None:
+    """Write the video model that a SAM 3 is published as: one that looks for names, and one that takes boxes."""
+    tracker = sam3_tracker(transformers, folder).config.to_dict()
+    detector = sam3(transformers, folder).config.to_dict()
+    parts = {one: tracker[one] for one in _PARTS}
+    config = transformers.Sam3VideoConfig(
+        detector_config=detector,
+        tracker_config={"model_type": "sam3_tracker_video", **parts, "image_size": 56, **_MEMORY},
+    )
+    transformers.Sam3VideoModel(config).save_pretrained(folder)
+    safetensors = __import__("safetensors.torch").torch
+    file = folder / "model.safetensors"
+    # The library writes one prefix twice; the published file has it once.
+    once = {
+        key.replace("tracker_model.tracker_model.", "tracker_model."): value
+        for key, value in safetensors.load_file(file).items()
+    }
+    safetensors.save_file(once, file, {"format": "pt"})
+
+
 def coco_ssd(folder: Path, kind: int) -> None:
     """Write an SSD in the form of TensorFlow's zoo: one box in the middle, of a class where the picture is red.
 
