@@ -178,7 +178,7 @@ class PhotoInputs:
     boxes: Maybe[Path] = None
     """Beside a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
     detector: Maybe[Path] = None
-    """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/networks.md says which)."""
+    """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/photo.md says which)."""
     least_score: Maybe[float] = None
     """With --detector: how sure it has to be of a box, 0 to 1; by default what is usual for it."""
     names: Maybe[str] = None

@@ -46,7 +46,7 @@ class Options(CommonOptions):
     D: boxes and the camera's height, no depth. E: the same with depth as bent as a network's. F: noisy depth and what
     --detector finds. G: B with foreign shapes. S: B with the depth noise of real sensors."""
     detector: Maybe[Path] = None
-    """Of track F: folder with a detector's weights (docs/networks.md says which)."""
+    """Of track F: folder with a detector's weights (docs/photo.md says which)."""
     transfer: Flag = False
     """Plan in the reconstructions and execute in the true rooms, with and without self-evolution."""
 
