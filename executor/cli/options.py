@@ -181,6 +181,10 @@ class PhotoInputs:
     """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/photo.md says which)."""
     least_score: Maybe[float] = None
     """With --detector: how sure it has to be of a box, 0 to 1; by default what is usual for it."""
+    names: Maybe[str] = None
+    """With --detector or --model: what is looked for, such as "mug, bowl"; by default all that the library has."""
+    mask_model: Maybe[Path] = None
+    """Folder with the weights of a network that finds the pixels of each box, such as SAM 2's."""
     depth: Maybe[Path] = None
     """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy, .npz or .exr; a recording has its own."""
     depth_model: Maybe[Path] = None

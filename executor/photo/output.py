@@ -8,6 +8,7 @@ scene_1.json        the room with the second best models, scene_2.json with the 
 photo.json          every intermediate number: camera, floor, walls, fits and their alternatives
 overlay.png         the photograph with the outlines of the fits
 report.html         a page with all of it
+boxes.json          the boxes and names that a detector or a model found, to be corrected and given back by --boxes
 conversation.json   the exchange with a model that was asked for boxes; exchanges.jsonl is the recording that replays it
 
 In Digital Cousins' files objects are posed relative to the camera. Quaternions are x y z w there, and an object's front
@@ -175,6 +176,7 @@ SCHEMA = "scene2demo-photo/1"
 _VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
 _COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
 EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
+BOXES = "boxes.json"
 FILES = (
     "scene.json",
     "scene_refused.json",
@@ -183,6 +185,7 @@ FILES = (
     "photo.json",
     "overlay.png",
     "report.html",
+    BOXES,
     EXCHANGES,
     CONVERSATION,
 )
@@ -194,7 +197,7 @@ def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
     Args:
         path: The folder.
         force: Whether earlier results may be removed.
-        keep: A file that is not removed: the recording that is replayed or resumed.
+        keep: A file that is not removed: the recording that is replayed or resumed, or corrected boxes.
 
     Raises:
         ResultsExist: It has results, and `force` is not given.
@@ -235,6 +238,17 @@ def reusable_scene(folder: Path, given: PhotoInput) -> Path | None:
     return scene if same and scene.is_file() else None
 
 
+def write_boxes(folder: Path, given: PhotoInput) -> None:
+    """Write what a detector found as a file of boxes; what a person gave is theirs, and stays as it is."""
+    found = [one for one in given.detections if one.provenance == "detector"]
+    if not found:
+        return
+    things = [{"label": one.label, "box": list(one.box_px), "score": one.score} for one in found]
+    left_out = [{"label": one.label, "box": list(one.box_px), "reason": one.reason} for one in given.left_out]
+    size_px = list(given.picture.size_px)
+    write_json(folder / BOXES, {"source": found[0].source, "size_px": size_px, "things": things, "left_out": left_out})
+
+
 def write_result(folder: Path, result: PhotoResult) -> None:
     """Write all files of a reconstruction."""
     if result.made.scene is not None:
@@ -271,7 +285,11 @@ def result_json(result: PhotoResult) -> dict[str, object]:
         "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
         "depth": None
         if result.given.depth is None
-        else {"source": result.given.depth.source, "noise": result.observation.noise.to_json()},
+        else {
+            "source": result.given.depth.source,
+            "guessed": result.given.depth.depth_distortion > 0.0,
+            "noise": result.observation.noise.to_json(),
+        },
         "camera": result.given.camera.to_json(),
         "floor": result.floor.to_json(),
         "walls": [wall.to_json() for wall in result.found.walls],
@@ -311,6 +329,7 @@ def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
         "label_source": thing.detection.source,
         "label_provenance": thing.detection.provenance,
         "score": thing.detection.score,
+        "mask_pixels": None if thing.detection.mask is None else int(thing.detection.mask.sum()),
         "told": {
             "doors": thing.detection.doors,
             "drawers": thing.detection.drawers,

@@ -36,6 +36,7 @@ from executor.photo.inputs.annotations import Detection, Detections, Detector, L
 from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import Depth, DepthSource, is_capture, read_capture
 from executor.photo.inputs.picture import Intrinsics, Photograph, read_camera, read_picture
+from executor.photo.networks.masks import Masker
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
 
@@ -119,12 +120,14 @@ class AuxiliaryInputs:
     Attributes:
         detect: Detector: a file, a network or a model; optional with depth.
         depth: Source of the depth; None for a recording, which has its own, and without depth.
-        camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration or the picture's EXIF.
+        camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration, the picture's EXIF, or what
+            a network guesses with the depth.
         frame: Frame of a recording.
         length, board: Sources of the scale, see `executor.photo.geometry.level`.
         camera_height_m: Height of the camera above the floor. It gives the scale to a picture without depth, or to
             depth that a network guesses.
         find_more: Whether objects without a box are searched for; needed with depth if no boxes are given.
+        masks: Adds masks to detections.
     """
 
     detect: Detector | None = None
@@ -135,6 +138,7 @@ class AuxiliaryInputs:
     board: str | None = None
     camera_height_m: float | None = None
     find_more: bool = False
+    masks: Masker | None = None
 
 
 def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
@@ -177,6 +181,8 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     if auxiliary.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
+    if auxiliary.masks is not None:
+        found = auxiliary.masks(shown, found)
     if level is None:
         floor = _levelled(shown, intrinsics, found.things, auxiliary)
         level = flat_observation(shown, intrinsics, floor), floor
@@ -216,8 +222,15 @@ def _sensed(picture: Path, auxiliary: AuxiliaryInputs) -> tuple[Photograph, Dept
     if auxiliary.frame is not None:
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    intrinsics = read_camera(auxiliary.camera, shown)
-    return shown, None if auxiliary.depth is None else auxiliary.depth(shown), intrinsics
+    try:
+        intrinsics = read_camera(auxiliary.camera, shown)
+    except PhotoRefused:
+        # Where nothing tells the camera, a network that guesses depth may guess it.
+        depth = auxiliary.depth(shown, None) if auxiliary.depth is not None and auxiliary.camera is None else None
+        if depth is None or depth.camera is None:
+            raise
+        return shown, depth, depth.camera
+    return shown, None if auxiliary.depth is None else auxiliary.depth(shown, intrinsics), intrinsics
 
 
 def reconstruct_scene(

@@ -104,7 +104,7 @@ def _execute_rooms(options: Options) -> int:
     from executor.bench.photo.rooms import HOUSEHOLD, MOST_ROOMS, drawn
     from executor.bench.photo.score import PRINTED, card_rows
     from executor.bench.photo.tracks import TITLES, MockedDetector
-    from executor.photo.perception import detector_in
+    from executor.photo.networks.detect import detector_in
 
     check(options.seed >= 0, "--seed", options.seed, "a whole number from 0")
     check(0 <= options.rooms <= MOST_ROOMS, "--rooms", options.rooms, f"0 to {MOST_ROOMS}")

@@ -66,6 +66,7 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
         asked: The model that is asked for boxes, where there is one.
     """
     from executor.photo.geometry.observation import HEIGHTS_M
+    from executor.photo.networks.masks import box_masks
     from executor.photo.pipeline import AuxiliaryInputs, read_inputs
 
     height_m, (low, high) = inputs.camera_height_m, HEIGHTS_M
@@ -82,27 +83,40 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
             inputs.board,
             inputs.camera_height_m,
             inputs.find_more,
+            None if inputs.mask_model is None else box_masks(inputs.mask_model),
         ),
     )
 
 
 def _detector(picture: Path, inputs: PhotoInputs, asked: Detector | None) -> Detector | None:
     from executor.photo.inputs.annotations import boxes_in
-    from executor.photo.perception import detector_in
+    from executor.photo.networks.detect import detector_in
 
     boxes, folder, least = inputs.boxes, inputs.detector, inputs.least_score
     sources = [one for one in (boxes, folder, asked) if one is not None]
     check(len(sources) < 2, "--boxes", boxes or folder, "one of --boxes, --detector and --model, not two")
     check(least is None or folder is not None, "--least-score", least, "--detector beside it")
     check(least is None or 0.0 <= least <= 1.0, "--least-score", least, "a number from 0 to 1")
+    names = wanted_names(inputs)
+    check(names is None or boxes is None, "--names", inputs.names, "--detector or --model beside it, not --boxes")
+    check(names is None or len(sources) == 1, "--names", inputs.names, "--detector or --model beside it")
     if folder is not None:
-        return detector_in(folder, least)
+        return detector_in(folder, least, names)
     return asked if boxes is None else boxes_in(boxes, picture.name)
+
+
+def wanted_names(inputs: PhotoInputs) -> list[str] | None:
+    """Return the names that a detector looks for; None where none were typed."""
+    if inputs.names is None:
+        return None
+    names = [name for part in inputs.names.split(",") if (name := " ".join(part.lower().replace("_", " ").split()))]
+    check(len(names) > 0, "--names", inputs.names, "names with commas between them, such as 'mug, bowl'")
+    return list(dict.fromkeys(names))
 
 
 def _depth(inputs: PhotoInputs) -> DepthSource | None:
     from executor.photo.inputs.depth import depth_in
-    from executor.photo.perception import guessed_depth
+    from executor.photo.networks.depth import guessed_depth
 
     unit_m = inputs.depth_unit_m
     check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
@@ -123,15 +137,16 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
         quiet: Whether to print no progress.
     """
     from executor.photo.errors import RoomRefused
-    from executor.photo.output import prepared, remove_empty_folder, reusable_scene, write_result
+    from executor.photo.output import prepared, remove_empty_folder, reusable_scene, write_boxes, write_result
     from executor.photo.pipeline import reconstruct_scene
 
     given = read_photograph(picture, inputs)
     kept = reusable_scene(folder, given)
     if kept is not None:
         return kept
-    prepared(folder, force=True)
+    prepared(folder, force=True, keep=inputs.boxes)
     with remove_empty_folder(folder):
+        write_boxes(folder, given)
         result = reconstruct_scene(given, tell_progress(quiet))
     write_result(folder, result)
     if result.made.refused:
@@ -141,7 +156,7 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
 
 def execute(options: Options) -> int:
     """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction."""
-    from executor.photo.output import prepared, remove_empty_folder, result_json, write_result
+    from executor.photo.output import prepared, remove_empty_folder, result_json, write_boxes, write_result
     from executor.photo.pipeline import reconstruct_scene
 
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
@@ -151,8 +166,10 @@ def execute(options: Options) -> int:
         asked = _asked(options, spent, counted)
         given = read_photograph(options.picture, options.photo_inputs, asked)
     # Where a model was asked, the folder has the conversation already.
-    folder = options.out if options.model is not None else prepared(options.out, force=options.force)
+    boxes = options.photo_inputs.boxes
+    folder = options.out if options.model is not None else prepared(options.out, force=options.force, keep=boxes)
     with remove_empty_folder(folder):
+        write_boxes(folder, given)
         result = reconstruct_scene(given, tell_progress(options.json))
     write_result(folder, result)
     code = FAILED if result.made.refused else DONE
@@ -185,7 +202,7 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
     model = connect_model(options, None)
     if options.model is None or model is None:
         return None
-    name = options.model
+    name, names = options.model, wanted_names(options.photo_inputs)
     replayed = Path(name.removeprefix(REPLAY)) if name.startswith(REPLAY) else None
 
     def detect(picture: Photograph) -> Detections:
@@ -203,7 +220,7 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
         subject = f"what is in {picture.source.name}"
         conversation = Conversation(name, subject, picture.source.stem, listen=spending.add_round)
         try:
-            return model_detector(asked, conversation)(picture)
+            return model_detector(asked, conversation, names)(picture)
         finally:
             write_json(folder / CONVERSATION, conversation.to_json())
 

@@ -70,20 +70,30 @@ class Depth:
         depth_distortion: Relative error that varies slowly over the picture, if a network guessed the depth: flat
             surfaces
             are bent. 0 for measured depth.
+        camera: Intrinsics that the depth is for, if a network guessed them from the picture as well.
     """
 
     z_m: Array
     source: str
     depth_distortion: float = 0.0
+    camera: Intrinsics | None = None
 
 
-DepthSource: TypeAlias = Callable[[Photograph], Depth]
-"""Gives a picture its depth; a file is one as well as a network. Raises PhotoRefused where it cannot."""
+DepthSource: TypeAlias = Callable[[Photograph, Intrinsics | None], Depth]
+"""Gives a picture its depth; a file is one as well as a network. Raises PhotoRefused where it cannot.
+
+Its second argument has the intrinsics, None if they are unknown.
+"""
 
 
 def depth_in(path: Path, unit_m: float | None) -> DepthSource:
     """Return the source that reads depth from a file, see `read_depth`."""
-    return lambda picture: read_depth(path, picture.size_px, unit_m)
+
+    def depth(picture: Photograph, camera: Intrinsics | None) -> Depth:
+        """Read the depth of a picture; a file needs no intrinsics."""
+        return read_depth(path, picture.size_px, unit_m)
+
+    return depth
 
 
 def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None) -> Depth:

@@ -15,11 +15,13 @@ from executor.assets.library import LIBRARY
 from executor.cli.app import run
 from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.perception import detector_in, guessed_depth, packaged, zero_shot
+from executor.photo.networks.depth import guessed_depth
+from executor.photo.networks.detect import detector_in, zero_shot
+from executor.photo.perception import packaged
 from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.executor.photo.tiny_networks import coco_ssd, depth_anything, grounding_dino, owlv2
 
-CUP = 47
+CUP, DINING_TABLE = 47, 67
 NOISE = np.random.default_rng(0).integers(0, 255, (120, 160, 3), dtype=np.uint8)
 PICTURE = Photograph(Path("noise.png"), NOISE, Exif(None, None, ""))
 
@@ -91,7 +93,7 @@ class _Decodes:
 
 @pytest.mark.slow
 def test_depths_are_those_of_the_network_in_the_pictures_size(weights: Path) -> None:
-    found = guessed_depth(weights / "depth")(PICTURE)
+    found = guessed_depth(weights / "depth")(PICTURE, None)
     assert found.z_m.shape == (120, 160) and found.source == "guessed from the picture by depth"
     assert found.z_m == pytest.approx(np.full((120, 160), 10.0), abs=1.0), "half of what it can say at most"
 
@@ -118,11 +120,17 @@ def _deeper(folder: Path) -> None:
 
 CHANGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "another network": (_other_kind, "of the kind 'bert'; expected depth_anything"),
-    "no weights": (lambda f: (f / "model.safetensors").rename(f / "pytorch_model.bin"), "no weights in safetensors"),
+    "no weights": (
+        lambda f: (f / "model.safetensors").rename(f / "pytorch_model.bin"),
+        "lacks weights in safetensors (model.safetensors); pytorch_model.bin can run code",
+    ),
     "cut off": (lambda f: (f / "model.safetensors").write_bytes(b"x" * 999), "weights cannot be read"),
     "weights of another": (_deeper, "of the network's weights, such as"),
-    "no configuration": (lambda f: (f / "config.json").unlink(), "config.json cannot be read"),
-    "no preprocessing": (lambda f: (f / "preprocessor_config.json").unlink(), "weights cannot be read"),
+    "no configuration": (lambda f: (f / "config.json").unlink(), "lacks config.json; expected what"),
+    "no preprocessing": (
+        lambda f: (f / "preprocessor_config.json").unlink(),
+        "lacks preprocessor_config.json; expected",
+    ),
 }
 
 
@@ -132,7 +140,7 @@ def test_a_folder_that_cannot_be_used_says_why(weights: Path, tmp_path: Path, na
     change, words = CHANGES[name]
     folder = _folder(weights, tmp_path, change)
     with pytest.raises(PhotoRefused) as caught:
-        guessed_depth(folder)(PICTURE)
+        guessed_depth(folder)(PICTURE, None)
     assert caught.value.kind == "weights" and words in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -175,7 +183,8 @@ def test_the_command_line_takes_folders_and_refuses_others(tmp_path: Path, capsy
     ends = {
         ("--detector", "ssd", "--camera-height-m", "1.5"): "nothing in it was recognised",
         ("--detector", "none"): "is no folder",
-        ("--depth-model", "ssd"): "config.json cannot be read",
+        ("--depth-model", "ssd"): "lacks config.json, weights in safetensors",
+        ("--detector", "ssd", "--names", "dining tabel"): "expected dining table",
         ("--detector", "ssd", "--boxes", "b.json"): "one of --boxes, --detector and --model",
         ("--depth-model", "ssd", "--depth", "d.png"): "one of --depth and --depth-model",
         ("--detector", "ssd", "--least-score", "7"): "0 to 1",
@@ -189,23 +198,47 @@ def test_the_command_line_takes_folders_and_refuses_others(tmp_path: Path, capsy
 
 
 @pytest.mark.slow
-def test_a_room_is_read_with_networks_alone(weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_network_finds_can_be_corrected_and_given_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The network has a known answer: what random weights name need not be anything that explains its pixels."""
+    pytest.importorskip("cv2")
+    coco_ssd(tmp_path / "ssd", DINING_TABLE)
     seen, _ = seen_from_above(TABLE, BOWL)
-    Image.fromarray(seen.rgb).save(tmp_path / "room.png")
+    red = np.zeros_like(seen.rgb)
+    red[..., 0] = 200
+    Image.fromarray(red).save(tmp_path / "room.png")
     np.save(tmp_path / "depth.npy", seen.z_m)
     K = [[seen.K.fx, 0.0, seen.K.cx], [0.0, seen.K.fy, seen.K.cy], [0.0, 0.0, 1.0]]
     (tmp_path / "camera.json").write_text(json.dumps({"K": K}))
-    picture = Photograph(tmp_path / "room.png", seen.rgb, Exif(None, None, ""))
-    scores = sorted((one.score for one in zero_shot(weights / "owl", 0.0)(picture).things), reverse=True)
-    words = ["photo", tmp_path / "room.png", "--camera", tmp_path / "camera.json", "--detector", weights / "owl"]
-    words += ["--least-score", scores[1] - 1e-6, "--json"]
-    command = [*map(str, words), "--out"]
-    # What random weights name may be anything, and need not be there, but what becomes of both boxes is told.
-    assert run([*command, str(tmp_path / "out"), "--depth", str(tmp_path / "depth.npy")]) in (0, 1)
-    told = json.loads(capsys.readouterr().out)
-    named = [one for one in told["things"].values() if one["label_source"] == "owlv2 in owl"]
-    assert all(one["score"] == pytest.approx(scores[0], abs=0.2) for one in named)
-    assert len(named) + len([one for one in told["left_out"] if one["label"]]) == 2
+    out = tmp_path / "out"
+    command = ["photo", tmp_path / "room.png", "--camera", tmp_path / "camera.json", "--depth", tmp_path / "depth.npy"]
+    words = [*map(str, command), "--out", str(out), "--json"]
+    assert run([*words, "--detector", str(tmp_path / "ssd"), "--names", "dining table"]) in (0, 1)
+    answer = json.loads(capsys.readouterr().out)
+    (table,) = answer["things"].values()
+    assert (table["label"], table["label_provenance"], table["mask_pixels"]) == ("dining table", "detector", None)
+    assert answer["depth"]["guessed"] is False
+    written = json.loads((out / "boxes.json").read_text())
+    (thing,) = written["things"]
+    assert thing["label"] == "dining table" and thing["box"] == table["box_px"]
+    assert written["size_px"] == list(seen.size_px) and written["source"] == table["label_source"]
+    # A person corrects the name, and gives the file back where it lies.
+    corrected = json.dumps({**written, "things": [{**thing, "label": "desk"}]})
+    (out / "boxes.json").write_text(corrected)
+    assert run([*words, "--boxes", str(out / "boxes.json"), "--force"]) in (0, 1)
+    (desk,) = json.loads(capsys.readouterr().out)["things"].values()
+    assert (desk["label"], desk["label_provenance"]) == ("desk", "person")
+    assert (out / "boxes.json").read_text() == corrected
+
+
+@pytest.mark.slow
+def test_a_network_that_guesses_no_room_is_refused(
+    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Image.fromarray(NOISE).save(tmp_path / "noise.png")
+    (tmp_path / "boxes.json").write_text(json.dumps({"things": [{"label": "mug", "box": [10, 10, 60, 50]}]}))
+    words = ["photo", tmp_path / "noise.png", "--camera", "hfov=60", "--boxes", tmp_path / "boxes.json", "--json"]
     # Ten metres everywhere, as this network guesses, are no room.
-    assert run([*command, str(tmp_path / "flat"), "--depth-model", str(weights / "depth")]) == 2
+    assert run([*map(str, words), "--out", str(tmp_path / "flat"), "--depth-model", str(weights / "depth")]) == 2
     assert "no floor is seen" in json.loads(capsys.readouterr().out)["error"]["message"]
