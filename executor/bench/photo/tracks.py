@@ -20,7 +20,8 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from executor.assets.library import LIBRARY
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array
-from executor.photo.geometry.level import find_upright, flat_observation, level_by_height, observe_by_height
+from executor.photo.geometry.level import flat_observation, level_by_height, observe_by_height
+from executor.photo.geometry.lines import find_upright
 from executor.photo.geometry.observation import observe
 from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.annotations import Detection, Detector

@@ -18,13 +18,12 @@ from executor.photo.errors import PhotoRefused
 from executor.photo.geometry.level import (
     BoardPose,
     KnownLength,
-    VerticalDirection,
-    find_upright,
     flat_observation,
     level_by_board,
     level_by_height,
     level_by_length,
 )
+from executor.photo.geometry.lines import VerticalDirection, find_upright
 from executor.photo.geometry.observation import level_rotation
 from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 
