@@ -24,9 +24,9 @@ from executor.photo.geometry.level import (
     level_by_board,
     level_by_height,
     level_by_length,
-    observe_by_height,
     read_length,
     scale_by_board,
+    scale_by_height,
     scale_by_length,
 )
 from executor.photo.geometry.lines import VerticalDirection, find_upright
@@ -38,7 +38,7 @@ from executor.photo.geometry.observation import (
     tilt_deg,
     unnamed_top,
 )
-from executor.photo.geometry.planes import LevelPlanes, level_planes
+from executor.photo.geometry.planes import level_planes
 from executor.photo.geometry.walls import find_walls
 from executor.photo.inputs.annotations import Detection, Detections, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
@@ -168,36 +168,36 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         measured = scale_by_board(measured, find_board(auxiliary.board, shown, intrinsics))
     if measured is not None and auxiliary.length is not None:
         measured = scale_by_length(measured, intrinsics, read_length(auxiliary.length))
-    # A network is slow and a model costs: all other inputs have been read by now, and with depth the floor has been
+    # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
     # found.
-    level: tuple[Observation, FloorPlane] | None = None
-    planes: LevelPlanes | None = None
-    if measured is not None and measured.depth_distortion and facts.height_m is not None:
-        measured, observation, floor = observe_by_height(shown, measured, intrinsics, facts.height_m, facts.up)
-        level = observation, floor
-    elif measured is not None:
-        planes = level_planes(measured, intrinsics, facts.up)
+    planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
+    if measured is not None:
         floor_below(picture, planes, facts=facts)
     found = Detections(()) if auxiliary.detect is None else auxiliary.detect(shown)
     if auxiliary.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
     things = found.things
-    if measured is not None and level is None:
-        floor = floor_below(picture, planes, things, facts)
-        level = levelled(shown, measured, intrinsics, floor), floor
+    if measured is None:
+        floor = _levelled(shown, intrinsics, things, auxiliary, facts)
+        observation = flat_observation(shown, intrinsics, floor)
+    else:
+        is_guess = measured.depth_distortion > 0.0
+        if is_guess and planes is not None and facts.height_m is not None:
+            measured, floor = scale_by_height(measured, floor_below(picture, planes, things), facts.height_m)
+        else:
+            floor = floor_below(picture, planes, things, facts)
+        observation = levelled(shown, measured, intrinsics, floor)
         top = unnamed_top(planes, floor, things)
         things = things if top is None else (*things, top)
-    elif level is None:
-        floor = _levelled(shown, intrinsics, things, auxiliary, facts)
-        level = flat_observation(shown, intrinsics, floor), floor
     return PhotoInput(
         picture.stem,
         shown,
         measured,
         intrinsics,
         things,
-        *level,
+        observation,
+        floor,
         found.left_out,
         auxiliary.find_more,
         (*doubts, *found.doubts),

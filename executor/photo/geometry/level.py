@@ -1,8 +1,6 @@
 """Floor and metric scale of pictures without metric depth.
 
-A measured length, a board or the camera's height gives the scale. Depth that a network guesses is correct up to a
-factor and a shift, and is distorted slowly over the picture. On the floor the camera's height and the vertical give the
-true depth (metric depth from a ground plane: Xue et al. 2020).
+A measured length, a board or the camera's height gives the scale, also of depth that a network guesses.
 """
 
 from __future__ import annotations
@@ -12,21 +10,18 @@ import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.lines import VerticalDirection, find_upright, heading_of_lines
+from executor.photo.geometry.lines import VerticalDirection, heading_of_lines
 from executor.photo.geometry.observation import (
     TYPICAL,
     FloorPlane,
     Observation,
     level_rotation,
-    levelled,
     tilt_deg,
 )
-from executor.photo.geometry.planes import STEEPEST_RAD, level_planes
+from executor.photo.geometry.planes import STEEPEST_RAD
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import HEIGHTS_M, Intrinsics, Photograph
 from executor.system.extras import require
@@ -239,148 +234,27 @@ def _floor(up: Array, height_m: float, spread_share: float, source: str) -> Floo
     return FloorPlane(up, height_m, 0.0, tilt_deg(up), 0.0, source, spread_share)
 
 
-_DOWN = 0.08  # Of a ray's length, which the floor's rays go down at least: nearer to the horizon nothing is known.
-_FARTHEST_M = 8.0
-_SAMPLES, _TRIALS = 6000, 500
-_POINTS, _SHIFT_M = 20, 0.06  # Straight points that a distorted floor is worth; usual shift of depth.
-_APART_M = 0.4  # Between the two floor points of a trial.
-_FLOOR_FACTORS, _MOST_SHIFT_M = (0.2, 5.0), 1.0
-_ON, _BELOW, _BELOW_WEIGHT = 0.03, 0.08, 3.0  # Shares of the distance. Nothing is below a floor.
-_STRAIGHT = 0.005  # Depth with less distortion on the floor, without noise, was measured: that has 0.002 at most.
-_LEAST_FLOOR_SHARE = 0.03  # Of the pixels below the horizon, that are floor.
-_SMOOTH_PX, _TRUST = (80.0, 40.0, 40.0, 20.0), 0.05
-"""Widths of the smoothing of distortion, decreasing; weight of unknown pixels in it."""
-
-
-def observe_by_height(
-    picture: Photograph, depth: Depth, camera: Intrinsics, height_m: float, up: Array | None = None
-) -> tuple[Depth, Observation, FloorPlane]:
-    """Return corrected depth, and the picture in the level frame, for a known camera height.
+def scale_by_height(depth: Depth, floor: FloorPlane, height_m: float) -> tuple[Depth, FloorPlane]:
+    """Scale depth, and the floor that was found in it, so that the camera's height is correct.
 
     Args:
-        picture, camera: The input.
-        depth: Correct up to a factor, a shift, and slow distortion.
+        depth: Correct up to a factor, as networks guess it.
+        floor: The floor by its level planes. Below a top it is assumed, and that part is not scaled.
         height_m: Of the camera above the floor.
-        up: (3,) the vertical, if it is given.
 
     Raises:
-        PhotoRefused: Nothing gives the vertical, or no floor is visible at that distance.
-        MissingExtra: OpenCV is not installed.
+        PhotoRefused: The factor is absurd.
     """
-    upright = VerticalDirection(up, 0, given=True) if up is not None else _find_upright_about(picture, depth, camera)
-    depth = scale_by_floor(depth, camera, upright, height_m)
-    floor = level_by_height(upright, height_m)
-    observation = levelled(picture, depth, camera, floor)
-    heading_rad = heading_of_lines(picture, camera, observation.R_camera_level.T)
-    return depth, replace(observation, heading_rad=heading_rad), floor
-
-
-def _find_upright_about(picture: Photograph, depth: Depth, camera: Intrinsics) -> VerticalDirection:
-    """Return the vertical by lines, near that of the depth, which is distorted."""
-    planes = level_planes(depth, camera)
-    return find_upright(picture, camera, None if planes is None else planes.up)
-
-
-def scale_by_floor(
-    depth: Depth, camera: Intrinsics, upright: VerticalDirection, height_m: float, seed: int = 0
-) -> Depth:
-    """Return depth in which the floor is flat and at its true distance, with its distortion.
-
-    Args:
-        depth: Correct up to a factor, a shift, and slow distortion.
-        camera: The picture's.
-        upright: The vertical.
-        height_m: Of the camera above the floor.
-        seed: Of the random pairs of floor points that are tried.
-
-    Raises:
-        PhotoRefused: No floor is visible at that distance.
-    """
-    rows, columns = depth.z_m.shape
-    down = -(camera.rays((columns, rows)) @ upright.up)
-    floor_m = height_m / np.maximum(down, 1e-6)
-    below = (down > _DOWN) & (floor_m < _FARTHEST_M) & (depth.z_m > 0.0)
-    z, true = depth.z_m[below], floor_m[below]
-    found = _line(z, true, np.random.default_rng(seed)) if len(z) > _SAMPLES // 10 else None
-    on = np.zeros(0, dtype=bool) if found is None else _is_on(found, z, true)
-    if found is None or on.sum() < _LEAST_FLOOR_SHARE * len(z):
-        problem = f"no floor is seen in it that would be {height_m:.2f} m below the camera"
-        raise PhotoRefused("scale", depth.source, problem, "is the camera's height right, and is enough floor seen?")
-    factor, shift_m = found
-    straight = np.maximum(factor * depth.z_m + shift_m, 0.0)
-    floor = np.zeros(depth.z_m.shape, dtype=bool)
-    floor[below] = on
-    bent = _slowly(np.where(floor, floor_m / np.maximum(straight, 1e-6) - 1.0, 0.0), floor, _SMOOTH_PX[-1], 1e-6)
-    depth_distortion = 1.4826 * float(np.median(np.abs(bent[floor])))
-    z_m = correct_depth(straight, np.where(below, floor_m, np.inf), floor)
-    description = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
-    return replace(
-        depth,
-        z_m=np.where(depth.z_m > 0.0, z_m, 0.0),
-        source=description,
-        depth_distortion=depth_distortion if depth_distortion > _STRAIGHT else 0.0,
+    assumed_m = 0.0 if floor.above_top_m is None else floor.height_m - floor.above_top_m
+    factor = (height_m - assumed_m) / (floor.height_m - assumed_m)
+    above_top_m = None if floor.above_top_m is None else floor.above_top_m * factor
+    scaled = replace(
+        floor,
+        height_m=height_m,
+        visible_m2=floor.visible_m2 * factor**2,
+        residual_m=floor.residual_m * factor,
+        source=f"{floor.source}; the camera's height as given",
+        spread_share=_HELD_SHARE,
+        above_top_m=above_top_m,
     )
-
-
-def correct_depth(z_m: Array, known_m: Array, is_known: NDArray[np.bool_] | None = None) -> Array:
-    """Correct depth (H, W) where it is known, blending into the uncorrected depth elsewhere.
-
-    Args:
-        z_m: Slowly distorted.
-        known_m: True depth, infinite if unknown.
-        is_known: Pixels to begin with; by default those near their known depth.
-    """
-    for round_px in _SMOOTH_PX:
-        if is_known is None:
-            is_known = np.isfinite(known_m) & (np.abs(z_m / known_m - 1.0) < _ON)
-        bent = np.where(is_known, known_m / np.maximum(z_m, 1e-6) - 1.0, 0.0)
-        z_m = z_m * (1.0 + _slowly(bent, is_known, round_px, _TRUST))
-        is_known = None
-    return z_m
-
-
-def _slowly(bent: Array, is_known: NDArray[np.bool_], round_px: float, trust: float) -> Array:
-    """Return (H, W) smoothed distortion, 0 where nothing is known; shrunk where little is known."""
-    return np.asarray(gaussian_filter(bent, round_px) / (gaussian_filter(is_known.astype(float), round_px) + trust))
-
-
-def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float] | None:
-    """Return factor and shift with most pixels on the floor and fewest below it."""
-    some = rng.choice(len(z), min(_SAMPLES, len(z)), replace=False)
-    z, true = z[some], true[some]
-    best, most = None, 0.0
-    for first, second in rng.integers(0, len(z), (_TRIALS, 2)):
-        if abs(true[first] - true[second]) < _APART_M or abs(z[first] - z[second]) < 1e-6:
-            continue
-        factor = float((true[first] - true[second]) / (z[first] - z[second]))
-        line = factor, float(true[first] - factor * z[first])
-        if not _FLOOR_FACTORS[0] <= factor <= _FLOOR_FACTORS[1] or abs(line[1]) > _MOST_SHIFT_M:
-            continue
-        score = float(_is_on(line, z, true).sum() - _BELOW_WEIGHT * _is_below(line, z, true).sum())
-        if score > most:
-            best, most = line, score
-    for _ in range(3 if best is not None else 0):
-        on = _is_on(best, z, true)
-        best = _likely_line(z[on], true[on])
-    return best
-
-
-def _likely_line(z: Array, true: Array) -> tuple[float, float]:
-    """Return factor and shift of floor points; a distorted floor weighs no more than a few straight points.
-
-    Without that, everything nearer than the visible floor would be far off.
-    """
-    # Errors of depth grow with the distance.
-    sides = np.stack([z / true, 1.0 / true], axis=1) / _ON * math.sqrt(_POINTS / len(z))
-    targets = np.full(len(z), 1.0 / _ON) * math.sqrt(_POINTS / len(z))
-    factor, shift_m = np.linalg.solve(sides.T @ sides + np.diag([0.0, _SHIFT_M**-2]), sides.T @ targets)
-    return float(factor), float(shift_m)
-
-
-def _is_on(line: tuple[float, float] | None, z: Array, true: Array) -> NDArray[np.bool_]:
-    factor, shift = line or (0.0, 0.0)
-    return np.asarray(np.abs((factor * z + shift) / true - 1.0) < _ON)
-
-
-def _is_below(line: tuple[float, float], z: Array, true: Array) -> NDArray[np.bool_]:
-    return np.asarray((line[0] * z + line[1]) / true > 1.0 + _BELOW)
+    return _scaled(depth, factor, _HELD_SHARE, "the camera's height"), scaled

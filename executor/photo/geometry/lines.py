@@ -130,7 +130,7 @@ class _Lines:
         return float(np.angle(np.sum(weight[on] * np.exp(4j * turns[on]))) / 4)
 
 
-def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = None) -> VerticalDirection:
+def find_upright(picture: Photograph, camera: Intrinsics) -> VerticalDirection:
     """Return the vertical by the picture's vertical and level lines.
 
     Candidates are the vanishing points of vertical lines, and verticals of a level camera. The one is chosen for which
@@ -139,15 +139,12 @@ def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = 
     Args:
         picture: The picture.
         camera: Its camera.
-        about: (3,) the vertical within some degrees, if depth gives it.
 
     Raises:
-        PhotoRefused: Nothing else gives it, and too few lines go in such directions.
+        PhotoRefused: Too few lines go in such directions.
         MissingExtra: OpenCV is not installed.
     """
     lines = _Lines.of(picture, camera)
-    if about is not None:
-        return _squared(lines, about)[0]
     squared = [_squared(lines, up) for up in _likely(lines)] if len(lines.length) else []
     rated = [(lines.aligned_px(directions, _LINE_RAD), found) for found, directions in squared]
     aligned_px, best = max(rated, key=lambda one: one[0], default=(0.0, None))
@@ -188,8 +185,6 @@ def _squared(lines: _Lines, up: Array) -> tuple[VerticalDirection, Array]:
     down; level ones do.
     """
     directions = lines.directions(up)
-    if not len(lines.length):
-        return VerticalDirection(up, 0), directions
     turned = Rotation.identity()
     for most_rad in _ON_RAD:
         which, on = _nearest(lines, turned.apply(directions), most_rad)

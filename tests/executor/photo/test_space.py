@@ -13,7 +13,7 @@ from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis
-from executor.photo.geometry.observation import levelled, observe
+from executor.photo.geometry.observation import observe
 from executor.photo.geometry.residuals import BoxView, VisibilityCheck
 from executor.photo.geometry.walls import depth_of_empty, find_walls, find_walls_again
 from executor.photo.inputs.annotations import Detection
@@ -92,20 +92,6 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
     assert len(find_walls(observe(PICTURE, drawn(left_m=0.05), CAMERA)[0], nothing)) == 1
     everything = Detection("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     assert find_walls(seen, (everything,)) == ()
-
-
-def test_a_wall_of_bent_depths_goes_along_the_lines_of_the_room_and_is_as_far_as_its_foot() -> None:
-    flat = drawn()
-    _, floor = observe(PICTURE, flat, CAMERA)
-    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
-    # Bent by 6 % above and to the right, and hardly where floor is seen.
-    bent = 1.0 + 0.06 * np.clip(1.0 - rows / 60.0, 0.0, 1.0) * columns / SIZE[0]
-    seen = levelled(PICTURE, replace(flat, z_m=flat.z_m * bent, depth_distortion=0.02), CAMERA, floor)
-    (askew,) = find_walls(seen, ())
-    (wall,) = find_walls(replace(seen, heading_rad=0.0), ())
-    assert abs(askew.normal[1]) > 0.02 and askew.offset_m < -4.06
-    assert wall.normal == pytest.approx([-1.0, 0.0], abs=1e-9)
-    assert wall.offset_m == pytest.approx(-4.0, abs=0.045)
 
 
 def test_a_wall_that_is_looked_over_is_no_higher_where_another_one_crosses_its_plane() -> None:
