@@ -289,7 +289,8 @@ def _support(thing: Mapping[str, Any]) -> str:
 def _compared(
     picture: RealPicture, kept: Sequence[Mapping[str, Any]], given: PhotoInput, result: PhotoResult
 ) -> dict[str, Any]:
-    level = level_scores(picture.level, given.floor.up, given.floor.height_m)
+    # Without depth, tilt and height are given.
+    level = None if given.depth is None else level_scores(picture.level, given.floor.up, given.floor.height_m)
     scene = result.made.scene
     if scene is None or result.made.refused:
         return {**_refused(picture, result.made.refused, "scene"), "level": level, "took_s": dict(result.took_s)}
