@@ -43,7 +43,7 @@ from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.inputs.annotations import Detection, boxes_in, category_named
 from executor.photo.inputs.depth import depth_in
-from executor.photo.inputs.picture import read_picture
+from executor.photo.inputs.picture import CameraFacts, read_picture
 from executor.photo.output import prepared, visible_surfaces, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
@@ -241,11 +241,13 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
 
 
 def _auxiliary(picture: RealPicture, boxes: Path) -> AuxiliaryInputs:
-    """Return what a user gives beside the picture; a measured depth has the scale, so that no height is needed."""
-    depth = None if picture.depth is None else depth_in(picture.depth, picture.depth_unit_m)
-    height_m = picture.level.get("height_m") if picture.depth is None else None
+    """Return what a user gives beside the picture: without depth, the camera's tilt and height as well."""
     detect = boxes_in(boxes, picture.color.name)
-    return AuxiliaryInputs(detect, depth, str(picture.camera), camera_height_m=height_m)
+    if picture.depth is not None:
+        return AuxiliaryInputs(detect, depth_in(picture.depth, picture.depth_unit_m), str(picture.camera))
+    level = picture.level
+    facts = CameraFacts(level.get("tilt_deg"), level.get("roll_deg"), level.get("height_m"))
+    return AuxiliaryInputs(detect, camera=str(picture.camera), facts=facts)
 
 
 def _readable_boxes(picture: RealPicture, folder: Path) -> tuple[Path, list[Mapping[str, Any]], PhotoRefused | None]:
@@ -287,7 +289,8 @@ def _support(thing: Mapping[str, Any]) -> str:
 def _compared(
     picture: RealPicture, kept: Sequence[Mapping[str, Any]], given: PhotoInput, result: PhotoResult
 ) -> dict[str, Any]:
-    level = level_scores(picture.level, given.floor.up, given.floor.height_m)
+    # Without depth, tilt and height are given.
+    level = None if given.depth is None else level_scores(picture.level, given.floor.up, given.floor.height_m)
     scene = result.made.scene
     if scene is None or result.made.refused:
         return {**_refused(picture, result.made.refused, "scene"), "level": level, "took_s": dict(result.took_s)}

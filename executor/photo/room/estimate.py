@@ -26,7 +26,6 @@ from executor.photo.fitting.likelihood import (
     stands_in,
 )
 from executor.photo.fitting.starts import LEAST_POINTS, foot_of, points_of
-from executor.photo.geometry.level import correct_depth
 from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import VisibilityCheck, box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
@@ -279,16 +278,6 @@ class RoomEstimate:
     def look_for_walls(self) -> None:
         """Search for walls inside boxes too, now that the pixels of objects are known."""
         self._layers.look_for_walls([one for index, one in enumerate(self.detections) if index not in self.fits])
-
-    def correct_distortion(self) -> None:
-        """Correct distorted depth by everything known, as by the floor before."""
-        if not self.observation.depth_distortion:
-            return
-        unboxed = self.observation.measured & ~self._in_boxes(range(len(self.detections)))
-        self.observation = replace(
-            self.observation, z_m=correct_depth(self.observation.z_m, np.where(unboxed, self.depth_m, np.inf))
-        )
-        self._rgb_first = replace(self.observation, prefer_rgb=True)
 
     def drop_contained_fits(self) -> None:
         """Drop unboxed fits contained in another fit, which were fitted better since.

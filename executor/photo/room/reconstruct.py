@@ -220,7 +220,6 @@ def _fit_furniture(
             on_progress(fitter.fit_again(index, hidden_by=carried))
     if is_exact:
         refit_pairs(fitter, standing, on_progress)
-    room.correct_distortion()
     for index in standing:
         on_progress(fitter.refine_fully(index))
 
