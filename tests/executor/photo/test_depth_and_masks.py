@@ -234,7 +234,7 @@ def test_a_camera_that_nothing_tells_is_the_networks(tmp_path: Path) -> None:
     assert asked[0] is None and asked[1] is not None
     with pytest.raises(PhotoRefused) as caught:
         _with(tmp_path, lambda picture, camera: Depth(seen.z_m, "measured"))
-    assert caught.value.kind == "camera"
+    assert caught.value.kind == "missing"
 
 
 # Networks with random weights
