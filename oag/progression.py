@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import bddl
 from oag.model.actions import ActionFlow
+from oag.model.codec import brief
 from oag.model.scene import Scene
 from oag.model.symbols import (
     EMPTY,
@@ -154,6 +155,9 @@ class Obligation(NamedTuple):
     grade: Grade
     links: tuple[CausalLink, ...]
     cases: tuple[Fact | None, ...] | None = None
+
+    def __repr__(self) -> str:
+        return brief(f"<Obligation {self.grade.value} at {self.place}: {', '.join(c.text() for c, *_ in self.links)}>")
 
     @property
     def place(self) -> str:
