@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 # First of all: a foreign `bddl` package ends here, in one sentence.
 from oag import model as model  # isort: skip
 
-# `task` is a function here, and the module of that name is imported as `from oag.task import ...`.
 from oag.authoring import close, open, pick, place, scene, task
 from oag.certificate.recheck import recheck
 from oag.flows import complete
@@ -29,7 +28,7 @@ from oag.model.actions import Action
 from oag.model.diagnostics import Diagnostic, OagError, SceneError, TaskError
 from oag.model.scene import Scene, SceneObject
 from oag.model.symbols import Primitive
-from oag.task import SimpleTask, Task
+from oag.tasks import SimpleTask, Task
 from oag.verify.edits import Fix
 from oag.verify.verify import Report, Verdict
 

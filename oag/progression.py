@@ -53,7 +53,7 @@ from oag.primitives.table import (
     placement_of,
     with_consequences,
 )
-from oag.task import SimpleTask, label
+from oag.tasks import SimpleTask, label
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,10 +116,6 @@ def test_what_has_moved_says_where_it_is(name: str) -> None:
     assert name not in oag.__all__
 
 
-def test_a_function_and_its_module_share_a_name_without_harm() -> None:
-    assert callable(oag.task) and importlib.import_module("oag.task").Task is oag.Task
-
-
 def test_records_of_the_core_show_themselves_in_two_hundred_characters() -> None:
     long = "x" * 150
     objects = {f"{long}_{number}": "apple" for number in range(3)} | {f"{long}_table": "table", f"{long}_d": "drawer"}

@@ -51,7 +51,7 @@ from oag.measurements import GoalReading, SupportDrive, first_of
 from oag.model.actions import ActionFlow, flow_from_json
 from oag.model.codec import shown
 from oag.model.symbols import GRIPPER
-from oag.task import required_scene
+from oag.tasks import required_scene
 
 MORE = 2
 """How many subtasks are inserted: the thing is set down, and taken again."""
