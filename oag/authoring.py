@@ -51,7 +51,7 @@ def scene(
 
     Raises:
         SceneError: An id, a category or a fact cannot be used. A category that is no household noun needs a box, from
-            which its kind is told.
+            which its kind follows.
 
     Example:
         >>> import oag
@@ -82,7 +82,7 @@ def _object(key: str, given: object) -> SceneObject:
         raise SceneError(problem, source=_ARGUMENT, place=place)
     if not is_known(given):
         hint = "give a SceneObject with a bbox_extent [m], or a category that ends in a known noun, such as toy_box"
-        problem = f"the category {shown(given)} is no known noun, so its kind cannot be told without a box"
+        problem = f"the category {shown(given)} is no known noun, so its kind is not known without a box"
         raise SceneError(problem, source=_ARGUMENT, place=place, hint=hint)
     return SceneObject(key, given, given, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), NO_BOX)
 

@@ -1,4 +1,4 @@
-"""Stability of a decomposition: one query decomposed again and again, said and shown otherwise, and what comes of it.
+"""Stability of a decomposition: one query decomposed again and again, rephrased and in changed scenes.
 
     found = oag.stability(my_planner, "put the apple into the drawer", scene, n=20)
     print(found)           # forms with counts, verdicts, one example and the edits from the first form
@@ -242,7 +242,7 @@ def stability(
     refusals: tuple[type[Exception], ...] = (Exception,),
     listen: Callable[[int, int], None] | None = None,
 ) -> Stability:
-    """Decompose a query again and again, said and shown otherwise, and count the forms of the results.
+    """Decompose a query again and again, rephrased and in changed scenes, and count the forms of the results.
 
     The first run is of the query and the scene as they are. Later ones change one thing each, in turn, then all
     together; without changes they repeat the first.

@@ -98,16 +98,16 @@ def _aligned(
     best: dict[tuple[int, int], tuple[_Cost, int]] = {(rows, columns): ((0, 0), _KEEP)}
     for i in range(rows, -1, -1):
         for j in range(columns, -1, -1):
-            ways: list[tuple[_Cost, int]] = []
+            moves: list[tuple[_Cost, int]] = []
             if i < rows and j < columns:
                 fields = _difference(first[i], second[j], flows)
-                ways.append((_plus(best[i + 1, j + 1][0], int(fields > 0), fields), _CHANGE if fields else _KEEP))
+                moves.append((_plus(best[i + 1, j + 1][0], int(fields > 0), fields), _CHANGE if fields else _KEEP))
             if i < rows:
-                ways.append((_plus(best[i + 1, j][0], 1, len(_FIELDS)), _DELETE))
+                moves.append((_plus(best[i + 1, j][0], 1, len(_FIELDS)), _DELETE))
             if j < columns:
-                ways.append((_plus(best[i, j + 1][0], 1, len(_FIELDS)), _INSERT))
-            if ways:
-                best[i, j] = min(ways)
+                moves.append((_plus(best[i, j + 1][0], 1, len(_FIELDS)), _INSERT))
+            if moves:
+                best[i, j] = min(moves)
     found: list[tuple[int, SimpleTask | None, SimpleTask | None]] = []
     i = j = 0
     while (i, j) != (rows, columns):

@@ -35,7 +35,7 @@ _SIDES = {"left": "right", "right": "left"}
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A query in a scene, changed in some ways.
+    """A query in a scene, with some changes.
 
     Attributes:
         kinds: What was changed, in the order of `PERTURBATIONS`.
@@ -66,7 +66,7 @@ def checked(kinds: Iterable[str]) -> tuple[Perturbation, ...]:
 def perturbed(
     query: str, scene: Scene, kinds: Collection[Perturbation], rng: Random, wordings: Sequence[str]
 ) -> Setting:
-    """Return a query in its scene, changed in some ways; wordings are other sentences for the query."""
+    """Return a query in its scene, with some changes; wordings are other sentences for the query."""
     names = {key: key for key in scene.objects}
     changed = judged = scene
     if "paraphrase" in kinds and wordings:
@@ -161,7 +161,7 @@ def _distractor(key: str, noun: str, support: SceneObject | None, scene: Scene, 
 def mirrored(scene: Scene) -> Scene:
     """Return a scene with left and right of the robot exchanged: every box reflected at the plane that it faces along.
 
-    A part of an object that is said to be on its left or right, such as a hinge, changes sides with it.
+    A part of an object that is named as left or right, such as a hinge, changes sides with it.
     """
     objects = {key: _mirrored(thing, scene.robot) for key, thing in scene.objects.items()}
     return replace(scene, objects=objects, variation={})

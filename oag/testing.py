@@ -131,9 +131,9 @@ def _next_steps(scene: Scene, steps: Sequence[Step]) -> Iterator[Step]:
 
 
 def wordings(task: Task) -> Strategy[Task]:
-    """Return a strategy of other ways to write a task, which have its canonical form.
+    """Return a strategy of other texts for a task, which have its canonical form.
 
-    Names and descriptions differ, conjuncts stand in another order, are said twice or denied twice, and ids are spelled
+    Names and descriptions differ, conjuncts stand in another order, are repeated or denied twice, and ids are spelled
     as models spell them. The task carries its scene.
     """
     return _wordings(task)
@@ -141,7 +141,7 @@ def wordings(task: Task) -> Strategy[Task]:
 
 @st.composite
 def _wordings(draw: st.DrawFn, task: Task) -> Task:
-    def said(formula: bddl.Formula) -> bddl.Formula:
+    def reworded(formula: bddl.Formula) -> bddl.Formula:
         parts: list[bddl.Formula] = draw(st.permutations(bddl.conjuncts(formula)))
         twice, denied = draw(st.booleans()), draw(st.booleans())
         if parts and twice:
@@ -154,10 +154,10 @@ def _wordings(draw: st.DrawFn, task: Task) -> Task:
     for number, subtask in enumerate(task.subtasks, 1):
         verb = draw(st.sampled_from(_VERBS))
         # Of several places for a target the first one counts.
-        goal = said(subtask.goal) if len(bddl.conjuncts(subtask.goal)) == 1 else subtask.goal
+        goal = reworded(subtask.goal) if len(bddl.conjuncts(subtask.goal)) == 1 else subtask.goal
         name, detail = f"{verb}_{number}", f"{verb.title()} it."
-        subtasks.append(replace(subtask, name=name, detail=detail, init=said(subtask.init), goal=goal))
-    worded = replace(task, name=draw(st.sampled_from(_VERBS)), subtasks=tuple(subtasks), goal=said(task.goal))
+        subtasks.append(replace(subtask, name=name, detail=detail, init=reworded(subtask.init), goal=goal))
+    worded = replace(task, name=draw(st.sampled_from(_VERBS)), subtasks=tuple(subtasks), goal=reworded(task.goal))
     if task.scene is None:
         return worded
     resolve = resolver(task.scene)
@@ -166,9 +166,9 @@ def _wordings(draw: st.DrawFn, task: Task) -> Task:
 
 
 def _spellings(key: str, resolve: Callable[[str], str]) -> list[str]:
-    """Return the ways to write an id that mean it alone, itself first."""
-    ways = (key, key.upper(), key.capitalize(), key.replace("_", "-"), key.rsplit("_", 1)[0])
-    return [way for way in dict.fromkeys(ways) if resolve(way) == key or key == FLOOR == way]
+    """Return the spellings of an id that mean it alone, itself first."""
+    spellings = (key, key.upper(), key.capitalize(), key.replace("_", "-"), key.rsplit("_", 1)[0])
+    return [text for text in dict.fromkeys(spellings) if resolve(text) == key or key == FLOOR == text]
 
 
 def mistakes(task: Task) -> Strategy[Task]:

@@ -1,4 +1,4 @@
-"""What a report says of a plan beside its verdict: the state at a boundary between subtasks, and what is missing."""
+"""What a report has of a plan besides: the state at a boundary between subtasks, and what is missing."""
 
 from __future__ import annotations
 

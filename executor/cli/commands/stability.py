@@ -1,4 +1,4 @@
-"""`scene2demo stability`: decompose a sentence again and again, said and shown otherwise, and count the forms."""
+"""`scene2demo stability`: decompose a sentence again and again, in changed words and scenes, and count the forms."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options(CommonOptions):
-    """Decompose a sentence again and again, said and shown otherwise, and count the forms of the plans.
+    """Decompose a sentence again and again, rephrased and in changed scenes, and count the forms of the plans.
 
     Nothing moves. The first run is of the sentence and the scene as they are; later ones change one thing each, in
     turn, then all together. Names are taken back before plans are compared. The exit code is 0 when all forms are one.
@@ -106,7 +106,7 @@ def execute(options: Options) -> int:
 
 
 def _decomposer(model: Metered | None, name: str) -> Callable[[str, Scene], Task]:
-    """Return what decomposes: the offline planner, or a model that is asked anew each time."""
+    """Return what decomposes: the offline planner, or a model that is asked each time."""
     from llm import ModelProposer, propose
 
     if model is None:
