@@ -148,3 +148,20 @@ class FormulaTooLarge(ValueError):
             f"With every quantifier expanded, the formulas have more than {self.most} parts: give fewer objects, or "
             "fewer nested quantifiers."
         )
+
+
+def install_command(extra: str) -> str:
+    """Return the command that brings an extra into this environment, to be run in the checkout."""
+    return f"pip install -e '.[{extra}]'"
+
+
+class MissingExtra(Scene2DemoError, ImportError):
+    """An optional library is not installed, or cannot be loaded."""
+
+    def __init__(self, module: str, extra: str, reason: str = "") -> None:
+        if reason:
+            words = f"{module} is installed but cannot be loaded: {reason}. In the checkout, run: make repair"
+        else:
+            command = install_command(extra)
+            words = f"This needs {module}, from the extra {extra!r}. In the checkout, run: {command}"
+        super().__init__(words, name=module)

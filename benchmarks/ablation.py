@@ -42,7 +42,8 @@ from executor.rollouts.evolution_record import Evolution
 from executor.sim.render.cameras import VIEWS
 from executor.system.files import write_json
 from llm.structured.conversation import Conversation, Spending
-from oag import ObjectActionGraph, clopper_pearson, compose
+from oag import ObjectActionGraph, compose
+from oag.measurements import clopper_pearson
 from oag.sizes import planned_resizings
 
 LOOK_BACKS = (0, 1, 2)

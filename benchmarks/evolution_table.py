@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from benchmarks.evolution_episode import FAULTS, SCENES
-from oag import clopper_pearson
+from oag.measurements import clopper_pearson
 
 # Source: the paper's main table, in percent: primitive-only, and with self-evolution.
 PAPER = {"T1": (0, 40), "T2": (0, 30), "T3": (40, 70), "T4": (0, 70)}

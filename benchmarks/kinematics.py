@@ -28,7 +28,8 @@ from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.sim.robot.kinematics import ARM, DOF, Kinematics
 from executor.sim.world import World
 from executor.system.extras import load_sapien
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 
 ROOT = Path(__file__).parent.parent
 PEERS = ROOT / ".venv-peers"

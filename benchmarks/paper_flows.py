@@ -20,7 +20,8 @@ from executor.rollouts.rollout import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
 from llm import propose
-from oag import ObjectActionGraph, Scene, Task, compose, flow_from_json
+from oag import ObjectActionGraph, Scene, Task, compose
+from oag.model.actions import flow_from_json
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 SCENES = {"T1": "kitchen_t1", "T2": "kitchen_t2", "T3": "kitchen_t3", "T4": "kitchen_t4"}

@@ -17,7 +17,8 @@ import numpy as np
 from executor.geometry import hand_rotation, transform
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 
 PITCHES_DEG = (-15, 0, 15, 30, 45, 60, 75)
 HEIGHTS_M = tuple(round(0.1 * k, 1) for k in range(1, 13))

@@ -29,7 +29,7 @@ from executor.campaign.versions import outcome_version
 from executor.rollouts.rollout import RunConditions, failure_of, rollout
 from executor.scenes.generators.families import FAMILIES
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
-from oag import clopper_pearson
+from oag.measurements import clopper_pearson
 
 USUAL = "usual"
 SEED = 62400

@@ -8,6 +8,7 @@ every state that fits what is known. The flows here are the paper's for "put the
 """
 
 import oag
+from oag.graph import to_mermaid
 
 SCENE = {
     "name": "kitchen",
@@ -80,6 +81,6 @@ if __name__ == "__main__":
     graph = oag.compose(oag.Task.from_json(TASK, scene=scene))
     report = graph.verify()
     print(report)
-    print(oag.to_mermaid(graph))
+    print(to_mermaid(graph))
     if not report:
         raise SystemExit(1)

@@ -10,13 +10,14 @@ import llm
 import oag
 from executor import rollout
 from executor.scenes import library
+from oag.model.actions import flow_to_json
 
 if __name__ == "__main__":
     scene = library.load("kitchen_t3")
     proposal = llm.propose("put the apple into the bowl", scene)
     done = rollout(oag.compose(proposal.task), seed=0)
     for subtask in done.subtasks:
-        print(f"{subtask.name}: {oag.flow_to_json(subtask.flow)}")
+        print(f"{subtask.name}: {flow_to_json(subtask.flow)}")
         for reading in subtask.readings:
             print(f"  {reading.literal} is {reading.value}")
     print(

@@ -18,8 +18,9 @@ from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.geometry import Array
 from executor.system.files import plain
-from oag import ActionFlow, Report, Scene, Task
+from oag import Report, Scene, Task
 from oag.measurements import GoalReading, Measurements, measurements_json
+from oag.model.actions import ActionFlow
 from oag.model.codec import as_number
 
 

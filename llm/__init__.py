@@ -33,7 +33,7 @@ from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdic
 from oag import Scene
 from oag.model.codec import shown
 from oag.sizes import TO_THE_AIM, Sizing
-from oag.task import required_scene
+from oag.tasks import required_scene
 
 if TYPE_CHECKING:
     from llm.client.recording import Recorder, Replay, connect

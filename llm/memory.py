@@ -32,8 +32,10 @@ from llm.memory_notes import (
     read_note,
     recall,
 )
-from oag import Action, ActionFlow, Attempt, History, Iteration, Revision, Scene, Task, admissible, change_between
+from oag import Action, Scene, Task
+from oag.model.actions import ActionFlow
 from oag.model.symbols import ARTICULATIONS, Parameter
+from oag.revision import Attempt, History, Iteration, Revision, admissible, change_between
 
 
 @dataclass(frozen=True, slots=True)

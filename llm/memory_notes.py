@@ -22,11 +22,13 @@ import bddl
 from llm.errors import LlmError
 from llm.evolve.diagnosis import CauseKind, diagnose
 from llm.structured.schema import without_control
-from oag import ActionFlow, Attempt, FlowError, Primitive, Scene, Task, flow_from_json, flow_to_json
+from oag import Primitive, Scene, Task
+from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
 from oag.model.codec import STRICT
+from oag.model.diagnostics import FlowError
 from oag.model.forms import first_mistake
 from oag.model.symbols import kind_of
-from oag.revision import MOST_STEPS
+from oag.revision import MOST_STEPS, Attempt
 
 SCHEMA = "scene2demo-skill/1"
 MOST_EVIDENCE = 200

@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import bddl
 from bddl.smt import FALSE, TRUE, Assumed, Script, Solver, SolverAnswer, conjunction, disjunction, negation, solve
+from oag.model.codec import short_repr
 from oag.model.scene import Scene
 from oag.model.symbols import ANY, EEF, HAND, NEAR, Condition, Fact, Value, condition_of, fact_text, satisfying_value
 from oag.primitives.state import START, State, scene_facts
 from oag.primitives.table import Clause, Needed, converse, with_consequences
 from oag.progression import Assumption, CompiledSubtask, Decision, Grade, Obligation, Step, Trace
-from oag.task import Task, label
+from oag.tasks import Task, label
 
 # Most assumed values in all questions about one plan: some seconds. Deciding for each unknown fact whether it is
 # needed takes as many questions as there are such facts, each about all of them.
@@ -347,6 +348,7 @@ class Moment(NamedTuple):
         return f"{label(self.step.subtask, self.step.position)} {self.step.primitive.name}: {text or 'no change'}"
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Counterexample:
     """A start state from which a plan fails, and the run up to the failure.

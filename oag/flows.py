@@ -23,6 +23,7 @@ import bddl
 from bddl.ast import Quantified
 from bddl.terminal import pluralize
 from oag.model.actions import Action, ActionFlow
+from oag.model.codec import short_repr
 from oag.model.diagnostics import Diagnostic
 from oag.model.scene import Scene
 from oag.model.symbols import (
@@ -42,7 +43,7 @@ from oag.model.symbols import (
 from oag.primitives.state import View, Window, assume_true, contradictions, facts_of, start_state, step, truth_of
 from oag.primitives.table import NAVIGATION, RESTING, Needed, needed, placement_of
 from oag.progression import CompiledSubtask, Trace, compile_plan, compile_subtask, facts_read
-from oag.task import SimpleTask, Task, chosen_scene, subtask_place
+from oag.tasks import SimpleTask, Task, chosen_scene, subtask_place
 from oag.wellformed import check
 
 # The flows that simple tasks have, their numbers open, by the paper's table of initial action flows. Departures: every
@@ -260,6 +261,7 @@ def _breadth_first(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, 
 MOST_OPTIONS = 5_000
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Completion:
     """A task with the flows that a search could add.
@@ -459,6 +461,7 @@ def narrow_goal(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
         return
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class NoFlow:
     """The proof that a subtask has no flow.

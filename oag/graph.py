@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bddl.terminal import pluralize
 from oag.flows import complete
 from oag.model.actions import Action
-from oag.model.codec import Source
+from oag.model.codec import Source, brief
 from oag.model.scene import Scene
 from oag.model.symbols import (
     EMPTY,
@@ -39,8 +39,9 @@ from oag.model.symbols import (
     gripping,
     holding,
 )
+from oag.picture import object_of
 from oag.primitives.table import Clause, Context, effect, requirements
-from oag.task import SimpleTask, Task, chosen_scene
+from oag.tasks import Task, chosen_scene
 from oag.verify.fixes import find_fixes
 from oag.verify.verify import Report, verify
 
@@ -64,6 +65,10 @@ class Node(NamedTuple):
     object: str
     parameter: Parameter
 
+    def __repr__(self) -> str:
+        action = Action(self.primitive, self.parameter)
+        return brief(f"<Node T{self.subtask + 1}.{self.t} {action} {self.object}>")
+
 
 class Edge(NamedTuple):
     """One edge; `kind` is "flow" within a subtask and "transfer" between two.
@@ -75,6 +80,10 @@ class Edge(NamedTuple):
     target: Node
     kind: str
     feasible: bool
+
+    def __repr__(self) -> str:
+        ends = " to ".join(f"T{n.subtask + 1}.{n.t} {n.primitive.name} {n.object}" for n in (self.source, self.target))
+        return brief(f"<Edge {self.kind}{'' if self.feasible else ', infeasible'}: {ends}>")
 
 
 class ObjectActionGraph:
@@ -90,13 +99,18 @@ class ObjectActionGraph:
         self.scene = scene
         self.searched = searched
         self.nodes = tuple(
-            Node(index, t, action.primitive, _object(subtask, action.primitive), action.parameter)
+            Node(index, t, action.primitive, object_of(subtask, action), action.parameter)
             for index, subtask in enumerate(task.subtasks)
             for t, action in enumerate(subtask.flow or (), 1)
         )
 
     def __repr__(self) -> str:
-        return f"<ObjectActionGraph of {self.task!r} in {self.scene!r}: {pluralize(len(self.nodes), 'step')}>"
+        counted = pluralize(len(self.nodes), "step")
+        return brief(f"<ObjectActionGraph of {counted} in {self.scene!r}, for {self.task!r}>")
+
+    def _repr_html_(self) -> str:
+        """Return the graph's picture with its verdict for a notebook."""
+        return self.verify()._repr_html_()
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -156,12 +170,6 @@ def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGrap
     chosen = chosen_scene(plan, scene)
     completion = complete(plan, chosen)
     return ObjectActionGraph(completion.task, chosen, completion.searched)
-
-
-def _object(subtask: SimpleTask, primitive: Primitive) -> str:
-    if primitive is Primitive.NAVIGATE_TO_SUPPORT and subtask.support_goal is not None:
-        return subtask.support_goal
-    return subtask.target
 
 
 @cache

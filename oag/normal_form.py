@@ -51,7 +51,7 @@ from oag.primitives.table import NAVIGATION, RESTING
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
 from oag.sizes import longest_motion_m
-from oag.task import SimpleTask, Task, chosen_scene, default_goal
+from oag.tasks import SimpleTask, Task, chosen_scene, default_goal
 from oag.verify.verify import follow
 from oag.wellformed import check
 
@@ -460,7 +460,11 @@ def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = Tr
 
     Without `flows`, decompositions alone are compared: the five-tuples of the subtasks.
     """
-    form = canonical(task, scene)
+    return digest_of_form(canonical(task, scene), flows=flows)
+
+
+def digest_of_form(form: Task, *, flows: bool = True) -> str:
+    """Return the digest of a task that is in canonical form."""
     rows = [content(subtask) for subtask in form.subtasks]
     if not flows:
         rows = [{key: value for key, value in row.items() if key != "flow"} for row in rows]

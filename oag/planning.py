@@ -22,6 +22,7 @@ from typing import Any, Literal, NamedTuple
 import bddl
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
+from oag.model.codec import brief
 from oag.model.diagnostics import TaskError
 from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import (
@@ -40,7 +41,7 @@ from oag.primitives.state import View, Window, contradictions, start_state, step
 from oag.primitives.table import RESTING, Needed, Placement, needed
 from oag.progression import CompiledSubtask, compile_plan, facts_read
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
-from oag.task import SimpleTask, Task, chosen_scene, formula_of, required_scene
+from oag.tasks import SimpleTask, Task, chosen_scene, formula_of, required_scene
 from oag.verify.fix_subtasks import closing, opening, picking, placing
 from oag.verify.verify import Report, Verdict, verify
 from oag.wellformed import check
@@ -83,6 +84,9 @@ class NoPlan:
     literals: tuple[str, ...] = ()
     states: int = 0
 
+    def __repr__(self) -> str:
+        return brief(f"<NoPlan {self.code}: {self.problem}>")
+
     def __str__(self) -> str:
         """Return the reason in one line."""
         return f"no plan ({self.code}): {self.problem}"
@@ -122,7 +126,7 @@ class Planned:
 
     def __repr__(self) -> str:
         found = repr(self.task) if self.task is not None else str(self.refusal)
-        return f"<Planned {found[:150]}>"
+        return brief(f"<Planned {found}>")
 
 
 def plan(

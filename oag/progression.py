@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import bddl
 from oag.model.actions import ActionFlow
+from oag.model.codec import brief
 from oag.model.scene import Scene
 from oag.model.symbols import (
     EMPTY,
@@ -52,7 +53,7 @@ from oag.primitives.table import (
     placement_of,
     with_consequences,
 )
-from oag.task import SimpleTask, label
+from oag.tasks import SimpleTask, label
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +155,9 @@ class Obligation(NamedTuple):
     grade: Grade
     links: tuple[CausalLink, ...]
     cases: tuple[Fact | None, ...] | None = None
+
+    def __repr__(self) -> str:
+        return brief(f"<Obligation {self.grade.value} at {self.place}: {', '.join(c.text() for c, *_ in self.links)}>")
 
     @property
     def place(self) -> str:

@@ -22,12 +22,12 @@ from bddl.terminal import pluralize
 from oag.graph import compose
 from oag.measurements import MeasuredEvidence, is_whole
 from oag.model.actions import Action, ActionFlow, flow_from_json
-from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, shown
+from oag.model.codec import ReadBy, Record, Source, expected, fields_json, index, load, short_repr, shown
 from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubtask, RecordError
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.primitives.table import NAVIGATION
-from oag.task import Task, chosen_scene, subtask_place, unreadable_step
+from oag.tasks import Task, chosen_scene, subtask_place, unreadable_step
 from oag.verify.verify import Report, Verdict
 
 Outcome = Literal["succeeded", "failed"]
@@ -55,6 +55,7 @@ _Flow = Annotated[ActionFlow, ReadBy(flow_from_json)]
 _Index = Annotated[int, ReadBy(index)]
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Critique(Record):
     """Judgement of an inspector on one executed step.
@@ -87,6 +88,7 @@ class Critique(Record):
         return self.motion_verified is False or self.state_reached is False or self.anomaly is not None
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Hindsight(Record):
     """Why an attempt that reached its goal counts as failed after all: a later subtask failed because of it.
@@ -102,6 +104,7 @@ class Hindsight(Record):
     message: str = ""
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Attempt(Record):
     """One execution of a subtask's flow from its saved initial state.
@@ -140,6 +143,7 @@ class Attempt(Record):
         return self.outcome == "succeeded"
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Revision:
     """A changed flow, and why it was changed.
@@ -185,6 +189,7 @@ SCHEMA = "scene2demo-history/2"
 MOST_REVISIONS = 5
 
 
+@short_repr
 class Iteration(NamedTuple):
     """One attempt, and the revision that was made because of it; None after the last.
 
@@ -195,6 +200,7 @@ class Iteration(NamedTuple):
     revision: Revision | None = None
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class History:
     """What was tried for one subtask so far.
@@ -355,9 +361,9 @@ def same_flow(one: ActionFlow, other: ActionFlow, tolerance: Tolerance | None = 
     such as a second navigation to the same place. An open number equals only another open one.
 
     Example:
-        >>> import oag
-        >>> one = oag.flow_from_json([18, {"13": 0.3}, 5])
-        >>> oag.same_flow(one, oag.flow_from_json([18, 18, {"13": 0.4}, {"14": 0.1}, 5]))
+        >>> from oag.model.actions import flow_from_json
+        >>> one = flow_from_json([18, {"13": 0.3}, 5])
+        >>> same_flow(one, flow_from_json([18, 18, {"13": 0.4}, {"14": 0.1}, 5]))
         True
     """
     within = tolerance or Tolerance()
@@ -416,6 +422,7 @@ MOST_STEPS = 40
 _ELSEWHERE = "the plan has this mistake with the flow as it was, too: mend it first, no revision of this subtask can"
 
 
+@short_repr
 @dataclass(frozen=True, slots=True)
 class Admission:
     """Decision whether a revised flow may run; true exactly when it may.

@@ -15,7 +15,7 @@ from typing import Self
 from oag.model.codec import Record
 from oag.model.scene import PAPER_SCALE, RobotPose, Scene, SceneObject, Vector3
 from oag.model.symbols import Primitive, has_rim
-from oag.task import Task
+from oag.tasks import Task
 
 GRIP_CLEARANCE_M = 0.003
 _SPARE_M = 0.001  # Extra clearance of the fingers for a scaled object.

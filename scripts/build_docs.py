@@ -144,17 +144,17 @@ def _options(panel: str) -> Iterator[tuple[str, str]]:
 
 def plan_codes_page() -> str:
     """Return the page of the codes of plans."""
-    import oag
+    from oag.model.diagnostics import CODES
 
     told = _data()["oag"]
     parts = [_PLAN_CODES_HEAD]
-    for chapter, codes in groupby(oag.CODES, key=lambda code: told[code]["chapter"]):
+    for chapter, codes in groupby(CODES, key=lambda code: told[code]["chapter"]):
         parts.append(f"## {chapter}")
         for code in codes:
-            info, more = oag.CODES[code], told[code]
+            info, more = CODES[code], told[code]
             label = more.get("eai", info.eai)
             eai = f" EAI label: {label}." if label else ""
-            advice = f"\n{more['advice']}" if more["advice"] else ""
+            advice = f" {more['advice']}" if more["advice"] else ""
             parts.append(f"### `{code}`\n{info.meaning} Severity: {more['severity']}.{eai}{advice}")
     return "\n\n".join(parts) + "\n"
 
@@ -198,7 +198,7 @@ _PLAN_CODES_HEAD = """\
 Where it applies, it has the literal that was needed, the step that wrote its value, and a start state that fails.
 An *error* refutes the plan. A *warning* and a *note* do not.
 The EAI label is the name of the same mistake in the taxonomy of the Embodied Agent Interface.
-This page is generated from `oag.CODES` and `docs/codes.toml`.
+This page is generated from `CODES` of `oag.model.diagnostics` and `docs/codes.toml`.
 
 Failures that only follow from a mistake are counted with it and not reported.
 Where one change at one place mends several errors, the report shows the first one and names the others under `also`.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import oag
 from executor.cli.app import run
+from oag.graph import to_dot, to_mermaid
 from tests.hostile_files import Mutant
 
 
@@ -41,7 +42,7 @@ def read_through(mutant: Mutant, folder: Path) -> str:
         report = graph.verify()
         _require(bool(str(report)) and bool(_again(report.to_json())), "nothing is said")
         _again(graph.task.to_json())
-        oag.to_mermaid(graph), oag.to_dot(graph)
+        to_mermaid(graph), to_dot(graph)
         for fix in report.fixes:
             fix.apply(report.task), fix.apply_to_scene(report.scene)
         wrong = report.verdict is oag.Verdict.REFUTED

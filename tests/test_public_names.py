@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+from dataclasses import replace
 
 import pytest
 
@@ -13,12 +14,13 @@ import oag
 from executor.data.episode import Episode
 from executor.rollouts.evolution_record import Evolution
 from executor.scenes.file import load_scene
+from oag.revision import Attempt, History, Revision
 from tests.executor.recordings import invented_rollout
 from tests.source_tree import PACKAGES, ROOT
 
 STABLE = {
     "bddl": {"parse", "parse_formula", "format", "evaluate", "BDDLError", "Problem", "Diagnostic"},
-    "oag": {"Scene", "Task", "compose", "recheck", "Verdict", "Primitive", "Action"},
+    "oag": {"Scene", "Task", "compose", "recheck", "canonical", "Verdict", "Primitive", "Action"},
     "llm": {"propose", "QueryError"},
     "executor": {"rollout"},
 }
@@ -99,3 +101,46 @@ def test_what_is_handed_out_shows_itself_in_a_short_line() -> None:
     assert f"{recorded.scene.name!r}: {len(recorded.scene.objects)} objects" in shown["Scene"]
     assert f"{report.verdict.value} of <Task {recorded.task.name!r}" in shown["Report"]
     assert "succeeded" in shown["Rollout"] and "failed" in repr(invented_rollout(failed=True))
+
+
+def test_the_core_offers_thirty_names_at_most_and_shows_no_others() -> None:
+    shown = [name for name in dir(oag) if not name.startswith("_")]
+    assert shown == sorted(oag.__all__) and len(shown) <= 30
+
+
+@pytest.mark.parametrize("name", oag._MOVED)
+def test_what_has_moved_says_where_it_is(name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"from {oag._MOVED[name]} import {name}"):
+        found = getattr(oag, name)
+    assert found is getattr(importlib.import_module(oag._MOVED[name]), name)
+    assert name not in oag.__all__
+
+
+def test_records_of_the_core_show_themselves_in_two_hundred_characters() -> None:
+    long = "x" * 150
+    objects = {f"{long}_{number}": "apple" for number in range(3)} | {f"{long}_table": "table", f"{long}_d": "drawer"}
+    facts = [f"(ontop {long}_{number} {long}_table)" for number in range(3)]
+    scene = oag.scene(objects, facts, "all", name=long)
+    steps = [oag.open(f"{long}_d"), oag.pick(f"{long}_0"), oag.place(f"{long}_0", inside=f"{long}_d")]
+    task = oag.task(scene, steps=steps, goal=f"(and (inside {long}_0 {long}_d) (not (open {long}_d)))", name=long)
+    graph = oag.compose(task)
+    report, right = graph.verify(), oag.compose(replace(task, goal=f"(open {long}_d)")).verify()
+    assert report.verdict is oag.Verdict.REFUTED and report.fixes and right
+    attempt = Attempt(task.subtasks[0].flow or (), "failed", failure=long)
+    revision = Revision(task.subtasks[1].flow or (), "sequence", long)
+    history = History(0).add(attempt, revision)
+    stable = oag.stability(lambda query, scene: task, long * 2, scene, 3)
+    records = [
+        scene, scene.objects[f"{long}_0"], task, *task.subtasks, *steps, graph, *graph.nodes, *graph.edges, report,
+        *report.diagnostics, *report.findings, *report.fixes, *report.obligations, *report.missing,
+        report.counterexample, right.certificate, right.state_after(2), oag.recheck(right.certificate),
+        oag.complete(task), oag.plan(scene, f"(open {long}_d)"), oag.plan(scene, f"(open {long}_table)"),
+        attempt, revision, history, stable, *stable.runs, *stable.forms, stable.runs[0].setting,
+        oag.Action(oag.Primitive.GRASP), oag.Primitive.GRASP, report.verdict,
+    ]  # fmt: skip
+    assert {type(record).__name__ for record in records} >= {
+        name for name in oag.__all__ if isinstance(getattr(oag, name), type) and not name.endswith("Error")
+    }
+    for record in records:
+        line = repr(record)
+        assert 0 < len(line) <= 200 and "\n" not in line and str(type(record).__name__) in line, line

@@ -31,7 +31,8 @@ from executor.assets.parameters import (
     Range,
 )
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE, with_resistance
-from oag import Kind, SceneObject, kind_of
+from oag import SceneObject
+from oag.model.symbols import Kind, kind_of
 
 _HANDLE = (*HANDLE_PARAMETERS, HANDLE_FORCE)
 _COLD = "electric_refrigerator.n.01"

@@ -162,7 +162,7 @@ class ModelEntry:
 
     Attributes:
         model: Name in a scene object's `model`.
-        category: Category of a scene object of this model; `oag.kind_of` reads its kind from it.
+        category: Category of a scene object of this model; `oag.model.symbols.kind_of` reads its kind from it.
         synset: BEHAVIOR's name of the category.
         build: The family's builder.
         length, width, height: Ranges of the extent along the object's own x, y and z.

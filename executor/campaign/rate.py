@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor
 
-from oag import clopper_pearson
+from oag.measurements import clopper_pearson
 
 
 @dataclass(frozen=True, slots=True)

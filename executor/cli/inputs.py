@@ -7,7 +7,8 @@ from pathlib import Path
 from executor.cli.errors import BadOption
 from executor.cli.output import tell_notes
 from executor.scenes.file import load_with_notes
-from oag import Scene, Task
+from oag import Scene, Task, TaskError
+from oag.model.codec import load
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
@@ -29,6 +30,12 @@ def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
     found = load_with_notes(scene if scene is not None else _default_scene(task_path))
     tell_notes(found.notes)
     return Task.from_json(task_path, scene=found.scene), found.scene
+
+
+def query_in(task_path: Path) -> str:
+    """Return the sentence that a task file was planned from, as proposals have it; empty where there is none."""
+    query = load(task_path, TaskError).at().get("query", "")
+    return query if isinstance(query, str) else ""
 
 
 def _default_scene(task_path: Path) -> Path:

@@ -16,7 +16,7 @@ from executor.data.store import EpisodeStore, StoredEpisode
 from executor.data.units import DemoUnit
 from executor.geometry import heading_of, transform_from_quaternion
 from executor.system.files import content_key, json_text
-from oag import clopper_pearson
+from oag.measurements import clopper_pearson
 
 _MOST_RANGES = 6
 _LOOKS = ("lights", "surfaces", "cameras")

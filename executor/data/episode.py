@@ -43,7 +43,7 @@ from executor.sim.render.cameras import camera_json, cameras_for
 from executor.sim.render.frames import Frames
 from executor.system.files import plain
 from llm.offline.reader import paraphrases
-from oag import flow_to_json
+from oag.model.actions import flow_to_json
 
 DEMONSTRATION, CORRECTION, FAILURE = "demonstration", "correction", "failure"
 """Kinds of episodes: successes, failed and corrected attempts, and final failures."""

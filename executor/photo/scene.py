@@ -23,8 +23,9 @@ from executor.photo.room.estimate import EQUAL_M, is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.scenes.file import complete_scene
 from executor.scenes.validation import Unsettled, issues, settle
-from oag import Kind, Scene, SceneError, SceneObject, kind_of
+from oag import Scene, SceneError, SceneObject
 from oag.model.scene import about_z
+from oag.model.symbols import Kind, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""

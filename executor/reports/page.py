@@ -17,14 +17,16 @@ from pathlib import Path
 from textwrap import dedent
 
 from executor.records import Rollout, StepRecord, action_text, describe_peaks, readable
-from executor.reports.graph_picture import drawing
+from executor.reports.graph_picture import graph_picture
 from executor.reports.html import jpeg, render
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, shown_step
 from executor.rollouts.run_record import RunRecord
 from executor.sim.render.frames import SPEED, Frames, key_samples
-from oag import Action, ActionFlow, Attempt, Grade, Obligation, Report, recheck
-from oag.progression import producer_place
-from oag.task import step_place, subtask_place
+from oag import Action, Report, recheck
+from oag.model.actions import ActionFlow
+from oag.progression import Grade, Obligation, producer_place
+from oag.revision import Attempt
+from oag.tasks import step_place, subtask_place
 
 Strip = tuple[str, Sequence[tuple[bytes, str]]]
 """A row of pictures: its label, and JPEG files with their alternative texts."""
@@ -73,8 +75,7 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
         notes=list(dict.fromkeys((*record.notes, *map(str, record.sizes), *detours))),
         video=None if mp4 is None else mp4.read_bytes(),
         speed=SPEED,
-        drawing=drawing(record.graph, rollout),
-        sheet="",
+        graph=graph_picture(record.graph, rollout),
         versions=versions(),
         **({"evolution": None} | evolution),
         **_plan(record.report),

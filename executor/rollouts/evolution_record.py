@@ -28,7 +28,8 @@ from executor.sim.render.frames import DEFAULT_SIZE, Picture, RenderFailed, Rend
 from executor.system import vulkan
 from llm.errors import PicturesMissing
 from llm.evolve import AttemptObservation, GiveUp
-from oag import Attempt, History, Scene, Task
+from oag import Scene, Task
+from oag.revision import Attempt, History
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ from executor.rollouts.goals import StepWatch
 from executor.rollouts.rollout import USUAL, Run, RunConditions, start_run
 from llm.evolve import AttemptObservation, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolve.diagnosis import diagnose
-from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
+from oag import ObjectActionGraph, Scene, Task, compose
+from oag.revision import Attempt, Hindsight, History, Revision, admissible
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""

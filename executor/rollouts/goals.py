@@ -23,8 +23,9 @@ from executor.sim.detectors import GRIPPER, box_around, fingers_touching, read, 
 from executor.sim.world import World
 from executor.skills.session import Session
 from llm.evolve import AttemptObservation, StartObservation, StepObservation
-from oag import Action, Task, flow_from_json
+from oag import Action, Task
 from oag.measurements import NOTHING_MEASURED, AtomMeasured, GoalReading, Miss, Unmet
+from oag.model.actions import flow_from_json
 from oag.model.symbols import has_boards
 
 STANDS_DEG = 10.0

@@ -45,24 +45,13 @@ from executor.skills.control import Bystanders, Controller, settle_to_rest
 from executor.skills.library import LIBRARY, Runner
 from executor.skills.session import Hand, Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
-from oag import (
-    Action,
-    ActionFlow,
-    ObjectActionGraph,
-    Primitive,
-    Scene,
-    SceneObject,
-    SimpleTask,
-    Task,
-    TaskError,
-    compose,
-    flow_from_json,
-)
+from oag import Action, ObjectActionGraph, Primitive, Scene, SceneObject, SimpleTask, Task, TaskError, compose
 from oag.flows import PLACE, taking
 from oag.measurements import GoalReading, SupportDrive, first_of
+from oag.model.actions import ActionFlow, flow_from_json
 from oag.model.codec import shown
 from oag.model.symbols import GRIPPER
-from oag.task import required_scene
+from oag.tasks import required_scene
 
 MORE = 2
 """How many subtasks are inserted: the thing is set down, and taken again."""

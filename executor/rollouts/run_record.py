@@ -21,11 +21,12 @@ from executor.rollouts.rollout import failure_of
 from executor.sim.faults import fault_json
 from executor.system.files import write_text
 from llm.structured.conversation import Spending
-from oag import Action, Attempt, ObjectActionGraph, Report, Revision, Task, compose, flow_to_json
+from oag import Action, ObjectActionGraph, Report, Task, compose
 from oag.measurements import GoalReading, measurements_json
-from oag.revision import Iteration
+from oag.model.actions import flow_to_json
+from oag.revision import Attempt, Iteration, Revision
 from oag.sizes import Resizing, planned_resizings, resized_targets, scaled_objects
-from oag.task import label
+from oag.tasks import label
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 

@@ -53,10 +53,11 @@ from executor.scenes.placement import (
     robot_near,
 )
 from executor.scenes.room import CLOSED, NoRoom
-from oag import Kind, Scene, SceneError, SceneObject, kind_of
+from oag import Scene, SceneError, SceneObject
 from oag.model.codec import load
 from oag.model.forms import Extent, OpenForm, numbers, unfit
 from oag.model.scene import FLOOR, LARGEST_M, id_problem
+from oag.model.symbols import Kind, kind_of
 
 _POSE_DIGITS = 1e-3  # Tolerance for rounding in a file.
 

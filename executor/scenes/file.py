@@ -35,11 +35,12 @@ from executor.scenes.support_relations import (
     is_upright,
     upright_solids,
 )
-from oag import InputError, Kind, RobotPose, Scene, SceneError, SceneObject
+from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
-from oag.model.diagnostics import listed
+from oag.model.diagnostics import InputError, listed
 from oag.model.forms import ObjectForm, SceneForm, examine_scene, object_of, robot_of
-from oag.model.scene import FLOOR, FULL_SCALE, about_z, read_closed, read_facts
+from oag.model.scene import FLOOR, FULL_SCALE, RobotPose, about_z, read_closed, read_facts
+from oag.model.symbols import Kind
 
 FLOOR_AROUND_M = 1.5
 """Margin of the floor around the objects, where the robot drives."""

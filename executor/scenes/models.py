@@ -12,10 +12,10 @@ from bddl import near_names
 from executor.assets.importers.store import PREFIX, stored_asset
 from executor.assets.library import FAMILIES, LIBRARY
 from executor.assets.parameters import ModelEntry, Range
-from oag import Kind, SceneObject, kind_of
+from oag import SceneObject
 from oag.model.forms import ObjectForm
 from oag.model.scene import FLOOR
-from oag.model.symbols import has_rim
+from oag.model.symbols import Kind, has_rim, kind_of
 from oag.sizes import PAPER_GRIPPER
 
 Size = tuple[float, float, float]

@@ -33,7 +33,9 @@ from executor.assets.library import asset_for
 from executor.assets.model import Region
 from executor.geometry import Array, rotation_z
 from executor.scenes.room import NoRoom, Room
-from oag import Kind, RobotPose, SceneObject
+from oag import SceneObject
+from oag.model.scene import RobotPose
+from oag.model.symbols import Kind
 
 _Candidate = TypeVar("_Candidate")
 

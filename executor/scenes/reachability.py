@@ -48,7 +48,8 @@ from executor.sim.robot.description import JOINT_NAMES
 from executor.sim.robot.kinematics import ARM, Kinematics
 from executor.sim.world import World
 from executor.system.progress import OnProgress, ignore_progress
-from oag import Primitive, RobotPose, Scene, SceneObject, Task
+from oag import Primitive, Scene, SceneObject, Task
+from oag.model.scene import RobotPose
 
 CLOSING_FRACTION = 0.75  # Open fraction of a door to be closed.
 OPENING_HEADING_RAD = 0.5

@@ -36,7 +36,8 @@ from executor.assets import library
 from executor.assets.footprint import Footprint, gaps_m
 from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
 from executor.scenes.support_relations import door_states
-from oag import RobotPose, Scene, SceneObject
+from oag import Scene, SceneObject
+from oag.model.scene import RobotPose
 from oag.model.symbols import Kind
 
 WALLS: Mapping[str, float] = MappingProxyType(

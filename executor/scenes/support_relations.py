@@ -14,8 +14,9 @@ from executor.assets.asset_geometry import bounds
 from executor.assets.footprint import Footprint, open_fraction, region_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.geometry import Array, rotation_z, transform_from_quaternion
-from oag import Kind, SceneObject
+from oag import SceneObject
 from oag.model.scene import FLOOR
+from oag.model.symbols import Kind
 from oag.primitives.table import OPEN_FRACTION
 
 NEAR_M = 0.02

@@ -44,9 +44,10 @@ from executor.scenes.support_relations import (
 from executor.sim.detectors import read, touching_bodies
 from executor.sim.engine import GROUND, ROBOT, TIMESTEP_S
 from executor.sim.world import World
-from oag import Kind, Scene, SceneError, SceneObject
+from oag import Scene, SceneError, SceneObject
 from oag.model.diagnostics import listed
 from oag.model.scene import FLOOR
+from oag.model.symbols import Kind
 from oag.primitives.table import OPEN_FRACTION
 
 MOST_OVERLAP_M = 0.01

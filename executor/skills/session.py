@@ -27,8 +27,9 @@ from executor.sim.robot.description import ARM_HOME
 from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from executor.skills.control import Controller, Monitor
-from oag import Action, ActionFlow, SimpleTask
+from oag import Action, SimpleTask
 from oag.measurements import Measurement, Measurements
+from oag.model.actions import ActionFlow
 from oag.sizes import Gripper
 
 PRESSED_M = 0.002

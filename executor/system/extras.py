@@ -10,7 +10,8 @@ from importlib import metadata
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from bddl.errors import Scene2DemoError
+from bddl.errors import MissingExtra as MissingExtra
+from bddl.errors import install_command as install_command
 
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -24,25 +25,9 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),
         "vision": ("transformers", "torch", "safetensors"),
+        "testing": ("hypothesis",),
     }
 )
-
-
-def install_command(extra: str) -> str:
-    """Return the command that brings an extra into this environment, to be run in the checkout."""
-    return f"pip install -e '.[{extra}]'"
-
-
-class MissingExtra(Scene2DemoError, ImportError):
-    """An optional library is not installed, or cannot be loaded."""
-
-    def __init__(self, module: str, extra: str, reason: str = "") -> None:
-        if reason:
-            words = f"{module} is installed but cannot be loaded: {reason}. In the checkout, run: make repair"
-        else:
-            command = install_command(extra)
-            words = f"This needs {module}, from the extra {extra!r}. In the checkout, run: {command}"
-        super().__init__(words, name=module)
 
 
 def require(module: str, extra: str) -> ModuleType:

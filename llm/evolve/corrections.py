@@ -1,6 +1,6 @@
 """Corrections of a flow for each measured cause: joint limits, grasps, placements; the likeliest come first.
 
-Every correction states in words what it does. None is checked here: `oag.admissible` decides whether it may run.
+Every correction states in words what it does. None is checked here: `admissible` decides whether it may run.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ from llm.evolve.flow_edits import (
     with_parameter,
     without,
 )
-from oag import Action, ActionFlow, Primitive
+from oag import Action, Primitive
 from oag.measurements import Miss
+from oag.model.actions import ActionFlow
 from oag.model.symbols import ARTICULATIONS
 
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)

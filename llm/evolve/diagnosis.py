@@ -20,7 +20,7 @@ from typing import TypeVar
 
 from llm.evolve.flow_edits import last_up_to
 from llm.evolve.observation import GiveUp, Situation
-from oag import Attempt, Critique, History, Primitive, SimpleTask, Task
+from oag import Primitive, SimpleTask, Task
 from oag.measurements import (
     AtomMeasured,
     FollowedInPart,
@@ -39,6 +39,7 @@ from oag.measurements import (
     first_of,
 )
 from oag.model.symbols import ARTICULATIONS
+from oag.revision import Attempt, Critique, History
 
 
 class CauseKind(Enum):

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from oag import Action, ActionFlow, ParameterKind, Primitive, parameter_kind
+from oag import Action, Primitive
+from oag.model.actions import ActionFlow
+from oag.model.symbols import ParameterKind, parameter_kind
 
 NAVIGATIONS = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 NEGLIGIBLE_M = 0.005

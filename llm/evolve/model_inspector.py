@@ -38,12 +38,9 @@ from llm.structured.schema import (
     Remark,
     begins_with_denial,
 )
-from oag import (
-    Critique,
-    Diagnostic,
-)
+from oag import Diagnostic
 from oag.measurements import MeasuredEvidence
-from oag.revision import Origin
+from oag.revision import Critique, Origin
 
 LOOK_BACK = 1
 MOST_INSPECTED = 36

@@ -49,19 +49,9 @@ from llm.structured.schema import (
     Remark,
     WireStep,
 )
-from oag import (
-    ActionFlow,
-    Attempt,
-    Diagnostic,
-    Hindsight,
-    History,
-    Iteration,
-    Revision,
-    Tolerance,
-    admissible,
-    change_between,
-    flow_to_json,
-)
+from oag import Diagnostic
+from oag.model.actions import ActionFlow, flow_to_json
+from oag.revision import Attempt, Hindsight, History, Iteration, Revision, Tolerance, admissible, change_between
 
 MOST_SUPERVISED = 24
 NO_ANSWER = "the model gave no usable answer"
@@ -97,7 +87,7 @@ class RevisedFlow(Answer):
 class ModelSupervisor:
     """Revise flows by asking a model.
 
-    A revision is returned only if `oag.admissible` allows it; otherwise the model gets numbered diagnostics. So no
+    A revision is returned only if `admissible` allows it; otherwise the model gets numbered diagnostics. So no
     simulator runs an invented primitive, a plan that no longer reaches its goal, or a flow that failed already. That
     measurements are sent is a departure from the paper.
 

@@ -17,8 +17,10 @@ from typing import Protocol, runtime_checkable
 
 from llm.client.transport import Image
 from llm.structured.prompting import subtask_table
-from oag import Action, ActionFlow, Attempt, Critique, History, Revision, Scene, Task, flow_to_json
+from oag import Action, Scene, Task
 from oag.measurements import GoalReading, MeasuredEvidence, Measurements, Miss
+from oag.model.actions import ActionFlow, flow_to_json
+from oag.revision import Attempt, Critique, History, Revision
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,11 @@ import math
 from llm.evolve.corrections import corrections
 from llm.evolve.diagnosis import CauseKind, FailureCause, diagnose, earlier_causes, find_unfixable, mark_stopped
 from llm.evolve.observation import AttemptObservation, GiveUp, Situation, StepObservation
-from oag import ActionFlow, Attempt, Critique, Hindsight, History, Primitive, Revision, admissible, change_between
+from oag import Primitive
 from oag.measurements import GoalReading, GripMeasured, MeasuredEvidence, SupportDrive, Unmet, first_of
+from oag.model.actions import ActionFlow
 from oag.model.symbols import ARTICULATIONS
+from oag.revision import Attempt, Critique, Hindsight, History, Revision, admissible, change_between
 
 # Kinds of failure with an unintended event, not only a missing intended one.
 _ANOMALIES = frozenset({"unexpected-contact", "side-effect", "slipped", "dropped"})

@@ -10,7 +10,7 @@ Source: the paper's Semantic Expansion; G is a departure (docs/semantics.md).
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -36,6 +36,7 @@ from llm.proposing.proposal import Expanded, Proposal
 from llm.structured.conversation import finding
 from oag import Diagnostic, Scene, SimpleTask, Task, Verdict, compose
 from oag.model.diagnostics import TASK_GOAL
+from oag.model.symbols import Kind
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
 
 _VERBS = {
@@ -256,31 +257,54 @@ _ANNOUNCEMENT = re.compile(r"(?:the|your) (?:task|goal|job) is to ", re.IGNORECA
 _Literals = frozenset[tuple[str, bool]]
 
 
-def other_readings(task: Task, scene: Scene, lexicon: Lexicon | None = None) -> tuple[Diagnostic, ...]:
+def other_readings(
+    task: Task, scene: Scene, lexicon: Lexicon | None = None, *, query: str = ""
+) -> tuple[Diagnostic, ...]:
     """Return a warning for each sentence of a task whose goal differs from the task goal.
 
-    The sentences are the task's name with its underscores as blanks, its description, and "The task is to ..." in
-    it. A sentence that the offline planner cannot read in the scene is ignored.
+    The sentences are the query, if it is known, the task's name with its underscores as blanks, its description, and
+    "The task is to ..." in it. Where the offline planner can read none of them in the scene, there is a note on items
+    that they name and of which the goal says nothing.
     """
     wanted = _literals(task.goal, scene) if task.goal_given else None
     if wanted is None:
         return ()
     found: dict[tuple[_Literals, _Literals], Diagnostic] = {}
-    for sentence in _sentences(task):
+    sentences, unread = list(dict.fromkeys(_sentences(task, query))), 0
+    for sentence in sentences:
         try:
             meaning = understand(sentence, scene, lexicon or built_in())
         except QueryError:
+            unread += 1
             continue
         asked, optional = _literals(meaning.goal, scene) or frozenset(), _optional(meaning)
         missing, more = asked - optional - wanted, wanted - optional - asked
         if missing or more:
             found.setdefault((missing, more), _difference(sentence, missing, more))
-    return tuple(found.values())
+    return tuple(found.values()) if unread < len(sentences) else tuple(_forgotten(task, sentences, scene))
 
 
-def _sentences(task: Task) -> Iterator[str]:
+def named_in(text: str, ids: Iterable[str]) -> tuple[str, ...]:
+    """Return the ids that a text names, as words of their own."""
+    return tuple(key for key in ids if re.search(rf"(?<![\w.-]){re.escape(key)}(?![\w-])", text))
+
+
+def _forgotten(task: Task, sentences: Sequence[str], scene: Scene) -> Iterator[Diagnostic]:
+    """Yield a note on the items that sentences name by their ids, and the goal in no way."""
+    items = [key for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
+    spoken = {name for atom in bddl.ground(task.goal, scene.categories).atoms for name in atom.args}
+    for sentence in sentences:
+        left = [key for key in named_in(sentence, items) if key not in spoken]
+        if left:
+            message = f'"{_shortened(sentence)}" names {enumeration(left)}, and the goal says nothing of it'
+            hint = "add to the goal what is wanted of it"
+            yield finding("answer/forgotten-object", message, TASK_GOAL, hint=hint, severity="note")
+            return
+
+
+def _sentences(task: Task, query: str) -> Iterator[str]:
     announced = (part for part in re.split(r"(?<=[.!?])\s+", task.detail) if _ANNOUNCEMENT.match(part))
-    for text in (task.name.replace("_", " "), task.detail, *announced):
+    for text in (query, task.name.replace("_", " "), task.detail, *announced):
         if text.strip() and len(text) <= LONGEST_QUERY:
             yield text
 
@@ -323,10 +347,13 @@ def _literals(goal: bddl.Formula, scene: Scene) -> _Literals | None:
 def _difference(sentence: str, missing: _Literals, more: _Literals) -> Diagnostic:
     parts = [f"{_text(missing)} is asked for and not in the goal"] if missing else []
     parts += [f"{_text(more)} is in the goal and not asked for"] if more else []
-    shown = sentence if len(sentence) <= 200 else f"{sentence[:200]}..."
-    message = f'the sentence "{shown}" has another goal: {"; ".join(parts)}'
+    message = f'the sentence "{_shortened(sentence)}" has another goal: {"; ".join(parts)}'
     hint = "correct the goal, or the sentence: policies are trained on the one and judged by the other"
     return finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
+
+
+def _shortened(sentence: str) -> str:
+    return sentence if len(sentence) <= 200 else f"{sentence[:200]}..."
 
 
 def _text(literals: _Literals) -> str:

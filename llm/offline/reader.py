@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args
 
 from llm.offline.intents import Front
 from llm.offline.lexicon import Lexicon, built_in
+from oag.phrasing import rephrasings
 
 CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top. Those of the second line distinguish
@@ -368,23 +369,6 @@ def _pieces(query: str) -> list[str]:
     return pieces
 
 
-_VERBS = {
-    "open": ("open", "open up", "pull open"),
-    "close": ("close", "shut", "push shut"),
-    "shut": ("close", "shut", "push shut"),
-    "pick up": ("pick up", "grab", "take", "lift", "get"),
-    "grab": ("pick up", "grab", "take", "lift", "get"),
-    "get": ("pick up", "grab", "take", "lift", "get"),
-    "lift": ("pick up", "grab", "take", "lift", "get"),
-    "put": ("put", "place", "set", "move"),
-    "place": ("put", "place", "set", "move"),
-    "move": ("put", "place", "set", "move"),
-}
-# Polite phrases around a request, and the frames that replace them.
-_AROUND = re.compile(r"^(?:(?:please|could you|can you|would you)\b[ ,]*)+|(?:[ ,]*\bplease\b|\?)+$", re.IGNORECASE)
-_FRAMES = ("{}", "please {}", "could you {}?", "{}, please", "I want you to {}")
-
-
 @cache
 def paraphrases(query: str, most: int = 8) -> tuple[str, ...]:
     """Return paraphrases of a query, in an order that depends on the query alone.
@@ -398,18 +382,10 @@ def paraphrases(query: str, most: int = 8) -> tuple[str, ...]:
     wanted = _readings(query, lexicon)
     if not wanted:
         return ()
-    found = [text for text in _candidates(query) if text != query and _readings(text, lexicon) == wanted]
+    found = [text for text in rephrasings(query) if _readings(text, lexicon) == wanted]
     step = max(len(found) / most, 1.0)
     return tuple(found[int(place * step)] for place in range(min(most, len(found))))
 
 
 def _readings(text: str, lexicon: Lexicon) -> frozenset[Reading]:
     return frozenset(read(read_words(text, lexicon)[0]))
-
-
-def _candidates(query: str) -> Iterator[str]:
-    wish = _AROUND.sub("", query.strip())
-    verb = next((verb for verb in _VERBS if wish.startswith(f"{verb} ")), "")
-    for frame in _FRAMES:
-        for other in _VERBS.get(verb, ("",)):
-            yield frame.format(other + wish.removeprefix(verb))

@@ -16,7 +16,8 @@ from types import MappingProxyType
 import bddl
 from llm.errors import QueryError
 from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
-from oag import Action, ActionFlow, Primitive, Scene, flows
+from oag import Action, Primitive, Scene, flows
+from oag.model.actions import ActionFlow
 from oag.model.symbols import GRIPPER
 from oag.sizes import Gripper, Sizing, graspable_items
 
@@ -125,7 +126,7 @@ def _goes_in(item: str, container: str, around: Surroundings) -> bool:
     factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
     narrow, wide, _ = (factor * side for side in sorted(thing.extent_m))
     mouth_m = sorted(vessel.extent_m[:2])
-    return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
+    return vessel.role == "A" or not (thing.has_box and vessel.has_box) or (narrow < mouth_m[0] and wide < mouth_m[1])
 
 
 def _check_reachable(intent: Intent, around: Surroundings) -> None:
@@ -200,6 +201,8 @@ def _has_room(wish: Intent, around: Surroundings) -> bool:
     """Decide whether there is room for the fingers when an item is put into another one."""
     thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
     if vessel is None or wish.relation != "inside" or vessel.role == "A":
+        return True
+    if not (thing.has_box and vessel.has_box):
         return True
     factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
     sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)

@@ -31,7 +31,8 @@ from llm.proposing.proposal import Proposal
 from llm.structured.ask import Log
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
 from llm.structured.prompting import CHANGEABLE
-from oag import ActionFlow, Diagnostic, Fix, Report, Scene, SceneError, SimpleTask, Task, Verdict, compose
+from oag import Diagnostic, Fix, Report, Scene, SceneError, SimpleTask, Task, Verdict, compose
+from oag.model.actions import ActionFlow
 from oag.model.diagnostics import SCALES, TASK_GOAL
 from oag.primitives.state import contradictions
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings

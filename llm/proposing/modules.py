@@ -25,6 +25,7 @@ from pydantic import Field
 import bddl
 from llm.client.transport import Image, Transport
 from llm.errors import QueryError
+from llm.offline.planner import named_in
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.proposal import Expanded
 from llm.structured.ask import Log, ask
@@ -62,7 +63,7 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.symbols import GRIPPER
 from oag.sizes import LEAST_SCALE, TO_THE_AIM, Gripper, Sizing, scale_factor, too_small
-from oag.task import UNREADABLE, subtask_place, syntax_issues
+from oag.tasks import UNREADABLE, subtask_place, syntax_issues
 from oag.wellformed import check as check_form
 
 AnswerT = TypeVar("AnswerT", bound=Answer)
@@ -262,7 +263,7 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
     named = {name for atom in bddl.atoms(goal) for name in atom.args if name in scene.objects and name != GRIPPER}
     description = f"{answer.task_name} {answer.task_message_detail}"
     for name in sorted(named):
-        if not re.search(rf"(?<![\w.-]){re.escape(name)}(?![\w-])", description):
+        if not named_in(description, (name,)):
             message = f"the goal speaks of {name}, which neither task_name nor task_message_detail mentions"
             yield finding("answer/unnamed-object", message, TASK_GOAL)
     if expected is not None and not bddl.equivalent(goal, expected, scene.categories):

@@ -21,8 +21,9 @@ from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.structured.conversation import AnswersRefused, Conversation, Round, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
 from llm.structured.schema import Answer, wire_schema
-from oag import CODES, Diagnostic
+from oag import Diagnostic
 from oag.model.codec import STRICT
+from oag.model.diagnostics import CODES
 
 # Limit of reading, longer than any answer.
 LONGEST_REPLY = 400_000

@@ -18,8 +18,8 @@ from string import Template
 
 import bddl
 from llm.client.transport import ChatRequest, Image, Message
-from oag import Diagnostic, ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
-from oag.model.symbols import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
+from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
+from oag.model.symbols import ANY, EMPTY, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
 from oag.primitives.table import RESTING, Context, Placement, effect, requirements
 
 # Longest part of a model's own answer that is sent back to it.

@@ -30,8 +30,9 @@ from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
-from oag import Action, FlowError, Primitive
+from oag import Action, Primitive
 from oag.model.actions import action_from_json
+from oag.model.diagnostics import FlowError
 
 MOST_SUBTASKS = 24
 MOST_ACTIONS = 40

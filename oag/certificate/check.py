@@ -213,6 +213,9 @@ class RecheckResult:
     ok: bool
     reason: str
 
+    def __repr__(self) -> str:
+        return f"<RecheckResult {'confirmed' if self.ok else 'rejected'}: {self.reason[:160]}>"
+
     def __bool__(self) -> bool:
         return self.ok
 

@@ -138,6 +138,19 @@ def shown(value: object, write: Callable[[object], str] = repr) -> str:
     return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
 
 
+def brief(text: str, most: int = 200) -> str:
+    """Return a text on one line of at most so many characters, as `repr` shows a record; its end is kept."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 4]}...{line[-1]}"
+
+
+def short_repr(record: type[_Form]) -> type[_Form]:
+    """Let a record's `repr` have at most 200 characters; for classes whose fields may be long."""
+    whole = record.__repr__
+    record.__repr__ = lambda self: brief(whole(self))  # type: ignore[method-assign]
+    return record
+
+
 def expected(what: str, value: object) -> str:
     """Return the message for a value of another kind than expected."""
     return f"expected {what}, got {shown(value, partial(json.dumps, default=repr))}"

@@ -178,6 +178,11 @@ class Diagnostic:
         if self.eai_label is None and self.code in CODES:
             object.__setattr__(self, "eai_label", CODES[self.code].eai)
 
+    def __repr__(self) -> str:
+        # Of what was written by others, the beginning is enough here.
+        text = " ".join(f"{self.code} ({self.severity}) {self.place}: {self.literal or self.message}".split())
+        return f"<Diagnostic {text}>" if len(text) <= 185 else f"<Diagnostic {text[:182]}...>"
+
     @property
     def brief(self) -> str:
         """The finding in one line: code, place, and what was needed or what is wrong."""

@@ -27,6 +27,7 @@ from oag.model.scene import (
     LARGEST_TURN_DEG,
     LARGEST_TURN_RAD,
     LONGEST_NAME,
+    NO_BOX,
     PAPER_SCALE,
     SCALES,
     SMALLEST_M,
@@ -38,6 +39,7 @@ from oag.model.scene import (
     read_closed,
     read_facts,
 )
+from oag.model.symbols import is_known
 
 _UNFIT = "unfit"  # The type of mistakes with a hint, or inside the value that was read.
 _Form = TypeVar("_Form")
@@ -345,7 +347,8 @@ def read_scene(document: Document) -> SceneForm:
 def scene_in(document: Document, kind: type[Scene]) -> Scene:
     """Return the scene of a file; raises a SceneError with the place of the first thing that is malformed."""
     form = read_scene(document)
-    objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
+    bare = not any(map(_has_geometry, form.objects.values()))
+    objects = {key: object_of(document, key, one, bare=bare) for key, one in form.objects.items()}
     return kind(
         name="scene" if form.name is None else form.name,
         robot=RobotPose() if form.robot is None else robot_of(form.robot),
@@ -363,8 +366,14 @@ def robot_of(form: RobotForm) -> RobotPose:
     return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
 
 
-def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
+def _has_geometry(form: ObjectForm) -> bool:
+    return any(given is not None for given in (form.bbox_extent, form.position, form.on, form.in_, form.orientation))
+
+
+def object_of(document: Document, key: str, form: ObjectForm, *, bare: bool = False) -> SceneObject:
     """Return an object from its entry in a scene file; one without a place is at the origin.
+
+    In a `bare` scene no object has geometry; objects of known categories are then without a box.
 
     Raises SceneError when its size is missing, its place is given by a support, or a value does not fit.
     """
@@ -373,6 +382,8 @@ def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
         if other is not None:
             hint = "executor.load_scene finds the place; or give a position"
             raise document.fail(place, f"its place is said by {relation!r}, which takes its model's geometry", hint)
+    if bare and is_known(form.category):
+        return SceneObject(key, form.category, form.model or form.category, NO_BOX, about_z(0.0), NO_BOX)
     if form.bbox_extent is None:
         problem, hint = missing("bbox_extent", document.at(*place))
         raise document.fail(place, problem, hint or "executor.load_scene takes it from the library of assets")

@@ -15,12 +15,14 @@ from typing import Self
 
 import bddl
 from bddl.terminal import pluralize
-from oag.model.codec import Source, did_you_mean, expected, fields_json, load, shown
+from oag.model.codec import Source, brief, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+NO_BOX: Vector3 = (0.0, 0.0, 0.0)
+"""Extent of an object whose size is not known."""
 ROBOT = "robot"
 FLOOR = "floor"
 """Id and category of the floor, where a scene lists it."""
@@ -74,7 +76,7 @@ class SceneObject:
         category: What it is, such as `water_glass`; decides `kind` and `role`.
         model: Name of the asset that stands for it.
         position: Centre of its bounding box [m].
-        bbox_extent: Size of its bounding box [m] along its own axes, before `scale`.
+        bbox_extent: Size of its bounding box [m] along its own axes, before `scale`; `NO_BOX` where it is not known.
         scale: Factor along each of its own axes.
         parameters: Geometry of the asset, not read by this package.
     """
@@ -92,6 +94,14 @@ class SceneObject:
     def extent_m(self) -> Vector3:
         """Size of the bounding box [m] along the object's own axes, scale applied."""
         return triple(size * factor for size, factor in zip(self.bbox_extent, self.scale, strict=True))
+
+    def __repr__(self) -> str:
+        return brief(f"<SceneObject {self.id} ({self.category}), {self.kind.value}>")
+
+    @property
+    def has_box(self) -> bool:
+        """False where the size is not known, so that nothing can be concluded from it."""
+        return self.bbox_extent != NO_BOX
 
     @property
     def kind(self) -> Kind:
@@ -153,7 +163,8 @@ class Scene:
         object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
 
     def __repr__(self) -> str:
-        return f"<Scene {self.name!r}: {pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}>"
+        counts = f"{pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}"
+        return f"<Scene {shown(self.name)}: {counts}>"
 
     def _check_held(self) -> None:
         """Refuse a fact that puts something into the gripper that it cannot hold."""
@@ -223,6 +234,8 @@ def _write_robot(robot: RobotPose) -> dict[str, object]:
 
 
 def _write_object(thing: SceneObject) -> dict[str, object]:
+    if not thing.has_box:
+        return {"category": thing.category}
     written = {key: value for key, value in fields_json(thing).items() if key not in ("id", "parameters")}
     return written | ({"parameters": dict(thing.parameters)} if thing.parameters else {})
 

@@ -10,10 +10,10 @@ from typing import TypeVar
 import bddl
 from bddl.terminal import pluralize
 from oag.model.actions import Action, ActionFlow
-from oag.model.codec import Record, fields_json
+from oag.model.codec import Record, brief, fields_json
 from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
-from oag.task import SimpleTask, Task, default_goal
+from oag.tasks import SimpleTask, Task, default_goal
 
 _Item = TypeVar("_Item")
 
@@ -258,6 +258,9 @@ class Fix(Record):
     remaining: int = 0
     remark: str = ""
     assumption: bool = False
+
+    def __repr__(self) -> str:
+        return brief(f"<Fix {self.kind}: {self.summary}>")
 
     def apply(self, task: Task) -> Task:
         """Return the repaired task; raises FixError for another task than the one whose report offered the fix.

@@ -11,22 +11,28 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
+from typing import cast
 
 import bddl
 from bddl.terminal import pluralize
 from oag.certificate.write import Certificate, certify
 from oag.exact import Counterexample, Undecided, counterexample, decide, needs_exact_decision, unroll
 from oag.flows import NoFlow, prove_no_flow
-from oag.model.diagnostics import Diagnostic
+from oag.model.codec import brief, shown
+from oag.model.diagnostics import Diagnostic, NoSuchSubtask
 from oag.model.scene import Scene
 from oag.model.symbols import Condition, conjunction
+from oag.picture import drawing, html
 from oag.primitives.state import reset_reason, start_state
 from oag.primitives.table import needed
 from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace, compile_plan
-from oag.task import Task
+from oag.tasks import Task
 from oag.verify.edits import Fix
+from oag.verify.outcome import Missing, PlanState
 from oag.wellformed import check
 
+# Classes of the picture's steps.
+_TINTS = {Grade.HOLDS: "done", Grade.POSSIBLE: "open", Grade.FAILS: "failed"}
 _SEVERITIES = ("error", "warning", "note")
 # Fixes that remove a whole place with all its mistakes.
 _WIPING = ("set-flow", "delete-subtask")
@@ -64,7 +70,19 @@ class Report:
     repair: Repair | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        return f"<Report {self.verdict.value} of {self.task!r}>"
+        return brief(f"<Report {self.verdict.value} of {self.task!r}>")
+
+    def _repr_html_(self) -> str:
+        """Return the verdict, the plan's picture and the findings for a notebook."""
+        states: dict[tuple[int, int], str] = {}
+        for obligation in self.obligations:
+            if obligation.kind == "precondition":
+                states[obligation.subtask, obligation.step] = _TINTS[obligation.grade]
+            if obligation.grade is Grade.FAILS:
+                break
+        drawn = drawing(self.task, states, {place for place, state in states.items() if state == "failed"})
+        blocks = [str(finding) for finding in self.findings if finding.severity != "note"]
+        return html(self.verdict.value, self._head(), drawn, "\n\n".join(blocks))
 
     def __bool__(self) -> bool:
         return self.verdict is Verdict.PROVED
@@ -124,6 +142,62 @@ class Report:
     def _number(self, index: int) -> str:
         """Return the number that a fix is chosen by, where there is a choice."""
         return f"({index + 1}) " if len(self.fixes) > 1 else ""
+
+    def state_after(self, subtasks: int) -> PlanState | None:
+        """Return what is known once so many subtasks of the plan are done; None where the plan does not get there.
+
+        0 is the start. In a plan that rests on assumptions, these count as known from where they are needed.
+
+        Raises:
+            NoSuchSubtask: The plan has fewer subtasks.
+        """
+        count, number = len(self.task.subtasks), cast("object", subtasks)
+        if not isinstance(number, int) or not 0 <= number <= count:
+            raise NoSuchSubtask(f"expected a number of subtasks from 0 to {count}, got {shown(subtasks)}")
+        trace = self.trace
+        if trace is None or (trace.undecided_from is not None and trace.undecided_from < subtasks):
+            return None
+        if any(trace.obligations[failure.obligation].subtask < subtasks for failure in trace.failures):
+            return None
+        end, state = 2 * sum(step.subtask < subtasks for step in trace.steps) + 1, trace.start
+        for time, effect in trace.writes:
+            if time < end:
+                state = state.after(effect, time)
+        return PlanState(state, self.scene.categories, subtasks)
+
+    @cached_property
+    def missing(self) -> tuple[Missing, ...]:
+        """Return what the plan needs and does not have, in order: what is false where it fails, else what is unknown.
+
+        None for a plan that is proved, or that is not well formed.
+        """
+        from oag.verify.diagnose import needed_text
+
+        trace = self.trace
+        if trace is None:
+            return ()
+        found: list[Missing] = []
+        for failure in trace.failures:
+            place = trace.obligations[failure.obligation].place
+            wanted = [c.text() for c in failure.missing] or [str(needed_text(failure.condition, failure.formula))]
+            found += [Missing(place, text, known_false=True) for text in wanted]
+        if self.no_flow is not None:
+            goal = bddl.format(self.task.subtasks[self.no_flow.subtask].goal)
+            found.append(Missing(f"T{self.no_flow.subtask + 1}'s goal", goal, known_false=True))
+        if not found:
+            found += [
+                Missing(trace.obligations[a.obligation].place, str(needed_text(a.condition, a.formula)), False)
+                for a in trace.assumptions
+            ]
+        return tuple(found)
+
+    @property
+    def undecided(self) -> bool:
+        """True when it is open whether the plan works, however the start may be: something was too large, or absent."""
+        if self.verdict is not Verdict.CONDITIONAL:
+            return False
+        trace = self.trace
+        return trace is None or trace.undecided_from is not None or trace.unsettled is not None
 
     @property
     def obligations(self) -> tuple[Obligation, ...]:
@@ -196,18 +270,31 @@ class Report:
 
     def __str__(self) -> str:
         """Return the report for a person."""
-        flows = [subtask.flow for subtask in self.task.subtasks]
-        steps = sum(len(flow) for flow in flows if flow is not None)
-        head = f"{self.verdict.value}  {self.task.name}: {pluralize(len(flows), 'subtask')}, {pluralize(steps, 'step')}"
-        if self.trace is not None:
-            held = sum(obligation.grade is Grade.HOLDS for obligation in self.trace.obligations)
-            head += f", {held} of {pluralize(len(self.trace.obligations), 'obligation')} hold"
-        lines = [head, f"  goal    {bddl.format(self.task.goal)} ({self.goal_source})"]
+        lines = [
+            f"{self.verdict.value}  {self._head()}",
+            f"  goal    {bddl.format(self.task.goal)} ({self.goal_source})",
+        ]
         lines.extend(f"  {'rests' if index == 0 else '':7} {text}" for index, text in enumerate(self.assumptions))
         blocks = ["\n".join(lines), *(str(finding) for finding in self.findings)]
         whole = ((index, fix) for index, fix in enumerate(self.fixes) if fix.cause is None)
         blocks.extend(f"all of it together\n  fix     {self._number(index)}{fix}" for index, fix in whole)
         return "\n\n".join(blocks)
+
+    def _head(self) -> str:
+        """Return the plan with the number of obligations that hold, or what kept them from being decided."""
+        flows = [subtask.flow for subtask in self.task.subtasks]
+        steps = sum(len(flow) for flow in flows if flow is not None)
+        head = f"{self.task.name}: {pluralize(len(flows), 'subtask')}, {pluralize(steps, 'step')}"
+        trace = self.trace
+        if trace is None:
+            return f"{head}, undecided" if self.undecided else head
+        held = sum(obligation.grade is Grade.HOLDS for obligation in trace.obligations)
+        counted = f"{held} of {pluralize(len(trace.obligations), 'obligation')}"
+        if trace.undecided_from is None:
+            return f"{head}, {counted} hold{', undecided' if self.undecided else ''}"
+        stop = f"T{trace.undecided_from + 1}"
+        why = "no flow reaches its goal" if self.no_flow is not None else "it has no flow"
+        return f"{head}, {counted} hold up to {stop}, and {why}"
 
 
 def crossing(trace: Trace, count: int) -> tuple[tuple[Condition, ...], ...]:

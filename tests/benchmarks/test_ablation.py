@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-import oag
 from benchmarks import ablation
 from executor.cli import evolution_setup
 from executor.cli.evolution_setup import EvolutionSetup
@@ -19,6 +18,7 @@ from executor.system.files import write_json
 from llm import Metered
 from llm.evolve import Situation
 from llm.structured.conversation import Spending
+from oag.revision import History, Revision
 from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
 from tests.executor.rollouts.tasks import closing
@@ -34,8 +34,8 @@ def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any
     """Stands for an evolution: a door that was left ajar is judged and revised once, and then closed."""
     seen = ajar(VIEWS)
     critiques = [inspector.inspect(seen, step) for step in range(len(seen.steps))]
-    told = Situation(seen.task, 3, scene("T1"), attempt_of(seen, critiques), oag.History(3), observation=seen)
-    solved = isinstance(supervisor.revise(told), oag.Revision)
+    told = Situation(seen.task, 3, scene("T1"), attempt_of(seen, critiques), History(3), observation=seen)
+    solved = isinstance(supervisor.revise(told), Revision)
     return SimpleNamespace(succeeded=solved, succeeded_at_once=False, revisions=int(solved))
 
 

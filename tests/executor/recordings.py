@@ -11,8 +11,9 @@ from executor.geometry import pose_vector
 from executor.records import Failure, FailureKind, Rollout, StepRecord, SubtaskRecord, Trajectory
 from executor.scenes import library
 from executor.sim.world import World
-from oag import Scene, Task, flow_from_json
+from oag import Scene, Task
 from oag.measurements import AtomMeasured, GoalReading, GripMeasured, HandMeasured
+from oag.model.actions import flow_from_json
 
 TASK = {
     "task_activity_name": "put_glass_into_refrigerator",

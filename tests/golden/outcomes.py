@@ -26,6 +26,7 @@ import llm
 import oag
 from benchmarks.conformance.fuzz import LIBERO_TEXT, PROFILES, fuzzed
 from benchmarks.conformance.mutants import mutants as text_mutants
+from oag.model.diagnostics import CODES
 from tests.bddl.activity import ACTIVITY
 from tests.llm.scripted_modules import QUERIES, TASKS, Script, Wrong, right_answers, scene_of
 from tests.oag.mutants import mutants as plan_mutants
@@ -246,7 +247,7 @@ def _keys(value: object, path: str = "") -> Iterator[str]:
 
 def codes() -> Items:
     """Return the diagnostic codes of plans and texts with their meanings."""
-    found = {f"oag {code}": Item(info.meaning) for code, info in oag.CODES.items()}
+    found = {f"oag {code}": Item(info.meaning) for code, info in CODES.items()}
     return found | {f"bddl {code}": Item(str(meaning)) for code, meaning in bddl.MEANINGS.items()}
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import bddl
 import oag
+from oag.model.symbols import Kind
 from tests.bruteforce import Kinds, Literal, Part, World, act, read_action, run, split
 
 WIDEST_GRASP_M = 0.053
@@ -62,10 +63,10 @@ class World0:
         return cls(
             frozenset((x.atom.predicate, *x.atom.args) for x in literals if x.value),
             Kinds(
-                frozenset(key for key, kind in kinds.items() if kind is oag.Kind.ITEM),
-                frozenset(key for key, kind in kinds.items() if kind is oag.Kind.ARTICULATED),
+                frozenset(key for key, kind in kinds.items() if kind is Kind.ITEM),
+                frozenset(key for key, kind in kinds.items() if kind is Kind.ARTICULATED),
             ),
-            frozenset(key for key, kind in kinds.items() if kind is oag.Kind.SUPPORT),
+            frozenset(key for key, kind in kinds.items() if kind is Kind.SUPPORT),
             {
                 # What has a wall between the fingers is as wide as that.
                 key: 0.004 if thing.category.endswith(("bowl", "cup", "mug")) else min(thing.extent_m[:2])

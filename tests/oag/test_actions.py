@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.model.symbols import ParameterKind
+from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
+from oag.model.diagnostics import FlowError
+from oag.model.symbols import ParameterKind, parameter_kind, parameter_problem
 from tests.oag.paper import EVOLVED, UNFILLED
 
 PAPER_IDS = {
@@ -36,7 +38,7 @@ def test_there_are_twenty_one_primitives_with_the_papers_ids() -> None:
 
 @pytest.mark.parametrize("flow", [flow for _, _, flow in EVOLVED] + UNFILLED)
 def test_the_papers_flows_survive_json(flow: list[Any]) -> None:
-    assert oag.flow_to_json(oag.flow_from_json(flow)) == flow
+    assert flow_to_json(flow_from_json(flow)) == flow
 
 
 def actions() -> st.SearchStrategy[oag.Action]:
@@ -49,13 +51,13 @@ def actions() -> st.SearchStrategy[oag.Action]:
         ParameterKind.JOINT_LIMITS: st.none() | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair))),
     }
     primitives = st.sampled_from(list(oag.Primitive))
-    return primitives.flatmap(lambda p: values[oag.parameter_kind(p)].map(lambda value: oag.Action(p, value)))
+    return primitives.flatmap(lambda p: values[parameter_kind(p)].map(lambda value: oag.Action(p, value)))
 
 
 @given(st.lists(actions(), max_size=6).map(tuple))
-def test_flows_round_trip(flow: oag.ActionFlow) -> None:
-    assert oag.flow_from_json(oag.flow_to_json(flow)) == flow
-    assert all(oag.parameter_problem(action.primitive, action.parameter) is None for action in flow)
+def test_flows_round_trip(flow: ActionFlow) -> None:
+    assert flow_from_json(flow_to_json(flow)) == flow
+    assert all(parameter_problem(action.primitive, action.parameter) is None for action in flow)
 
 
 @pytest.mark.parametrize(
@@ -76,17 +78,17 @@ def test_flows_round_trip(flow: oag.ActionFlow) -> None:
     ],
 )
 def test_unreadable_flows_raise(items: Any, code: str, message: str) -> None:
-    with pytest.raises(oag.FlowError) as caught:
-        oag.flow_from_json(items)
+    with pytest.raises(FlowError) as caught:
+        flow_from_json(items)
     assert caught.value.code == code
     assert message in str(caught.value)
 
 
 def test_names_are_read_in_the_place_of_ids() -> None:
     named = ["GRASP", "grasp", " Grasp ", {"LIFT_EEF_UP": 0.2}, {"lift eef up": None}, {"articulate-open": [0, 0.7]}]
-    flow = oag.flow_from_json(named)
-    assert oag.flow_to_json(flow) == [3, 3, 3, {"7": 0.2}, {"7": None}, {"4": [0.0, 0.7]}]
-    assert all(oag.flow_from_json([primitive.name]) == (oag.Action(primitive),) for primitive in oag.Primitive)
+    flow = flow_from_json(named)
+    assert flow_to_json(flow) == [3, 3, 3, {"7": 0.2}, {"7": None}, {"4": [0.0, 0.7]}]
+    assert all(flow_from_json([primitive.name]) == (oag.Action(primitive),) for primitive in oag.Primitive)
 
 
 @pytest.mark.parametrize(
@@ -112,4 +114,4 @@ def test_names_are_read_in_the_place_of_ids() -> None:
     ],
 )
 def test_parameter_ranges(primitive: oag.Primitive, parameter: Any, fits: bool) -> None:
-    assert (oag.parameter_problem(primitive, parameter) is None) is fits
+    assert (parameter_problem(primitive, parameter) is None) is fits

@@ -9,10 +9,13 @@ import pytest
 
 import bddl
 import oag
+from oag.model.actions import flow_from_json
+from oag.model.diagnostics import FlowError
 from tests.oag.paper import scene, task_json
 
 # Most of this does not pass the type checker, which is the point.
 untyped: Any = oag
+untyped_flow: Any = flow_from_json
 FACTS = ("(ontop glass_0 table_0)", "(not (open refrigerator_0))")
 
 
@@ -92,8 +95,8 @@ def test_a_task_of_texts_is_the_task_of_its_file() -> None:
         first["flow"],
     )
     assert given == read and given.flow == read.flow
-    mixed = replace(read, flow=untyped.flow_from_json([17, 1]) + (2, {"7": 0.2}))
-    assert mixed.flow == oag.flow_from_json([17, 1, 2, {"7": 0.2}])
+    mixed = replace(read, flow=untyped_flow([17, 1]) + (2, {"7": 0.2}))
+    assert mixed.flow == flow_from_json([17, 1, 2, {"7": 0.2}])
 
 
 @pytest.mark.parametrize(
@@ -103,9 +106,9 @@ def test_a_task_of_texts_is_the_task_of_its_file() -> None:
         ({"goal": None}, oag.TaskError, "goal: expected a formula or its text, got None"),
         ({"goal": "open refrigerator_0"}, oag.TaskError, "goal: "),
         ({"target": None}, oag.TaskError, "target: expected the id of an object, got None"),
-        ({"flow": [17, "GRISP"]}, oag.FlowError, "item 1: unknown primitive 'GRISP'"),
-        ({"flow": "17 1"}, oag.FlowError, "expected a list such as [17, 1, 2, 3]"),
-        ({"flow": 17}, oag.FlowError, "expected a list"),
+        ({"flow": [17, "GRISP"]}, FlowError, "item 1: unknown primitive 'GRISP'"),
+        ({"flow": "17 1"}, FlowError, "expected a list such as [17, 1, 2, 3]"),
+        ({"flow": 17}, FlowError, "expected a list"),
     ],
 )
 def test_what_is_no_condition_and_no_flow_is_refused(changes: dict[str, Any], kind: type[Exception], said: str) -> None:

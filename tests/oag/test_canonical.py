@@ -11,6 +11,8 @@ import pytest
 import oag
 from benchmarks.noise import corrupted, variant
 from benchmarks.noise_tasks import carrying, closing, opening, ten_tasks
+from oag.model.actions import flow_to_json
+from oag.model.diagnostics import MissingScene
 from oag.normal_form import resolver
 from tests.oag.paper import NAMES, scene, task_json
 
@@ -224,7 +226,7 @@ def test_moves_with_open_numbers_or_other_kinds_are_not_added_up() -> None:
     moves = [{"7": None}, {"7": 0.1}, {"9": 0.1}, {"10": 0.1}, {"13": None}, {"13": None}]
     data = task_json("T1")
     data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, *moves]
-    assert oag.flow_to_json(form(data).subtasks[1].flow or ())[4:] == moves
+    assert flow_to_json(form(data).subtasks[1].flow or ())[4:] == moves
 
 
 def test_independent_parts_are_put_in_one_order_and_dependent_ones_are_not() -> None:
@@ -260,7 +262,7 @@ def test_a_plan_that_is_not_well_formed_keeps_its_subtasks() -> None:
 
 
 def test_a_scene_is_needed() -> None:
-    with pytest.raises(oag.MissingScene):
+    with pytest.raises(MissingScene):
         oag.canonical(oag.Task.from_json(task_json("T1")))
     assert oag.canonical(oag.Task.from_json(task_json("T1")), scene("T1")).subtasks
 

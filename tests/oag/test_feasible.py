@@ -7,6 +7,7 @@ from itertools import product
 import pytest
 
 import oag
+from oag.graph import feasible
 from oag.model.symbols import Kind
 from tests.bruteforce import Kinds, Part, World, act, allowed
 
@@ -44,5 +45,5 @@ def test_an_edge_exists_exactly_when_some_state_lets_both_steps_run(kinds: tuple
         expected = (
             _fits(first, kinds[0]) and _fits(second, kinds[1]) and _some_state_lets_both_run(first, second, one, other)
         )
-        answer = oag.feasible(first, second, kinds=kinds, same_object=same)
+        answer = feasible(first, second, kinds=kinds, same_object=same)
         assert answer is expected, (first.name, second.name, same)

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import oag
+from oag.model.diagnostics import FixError
 from oag.verify.edits import MoveSubtask
 from tests.oag.paper import task_json, verify
 
@@ -50,7 +51,7 @@ def test_a_wrong_name_is_still_a_wrong_name() -> None:
 def test_a_move_to_or_from_no_place_is_refused(places: tuple[int, int]) -> None:
     """A fix of a plan that has grown is tried on the plan as it was: that is refused, and no crash."""
     task = oag.Task.from_json(task_json("T1"))
-    with pytest.raises(oag.FixError, match="the task has 4"):
+    with pytest.raises(FixError, match="the task has 4"):
         MoveSubtask(*places).apply(task)
 
 

@@ -9,6 +9,8 @@ import pytest
 
 import bddl
 import oag
+from oag.model.diagnostics import FixError
+from oag.model.symbols import ParameterKind, parameter_kind
 from oag.verify.verify import verify as verify_alone
 from tests.oag.paper import INVALID, invalid, scene, task_json, verify
 
@@ -188,7 +190,7 @@ def test_an_unknown_primitive_with_a_number_is_one_that_takes_it(item: object, s
     for fix in verify(data, "T1").fixes:
         if fix.kind == "replace-step":
             (action,) = (a for a in fix.apply(oag.Task.from_json(data)).subtasks[2].flow or () if a.parameter == 0.3)
-            assert len(written) == 4 and oag.parameter_kind(action.primitive) is oag.ParameterKind.DISTANCE_M
+            assert len(written) == 4 and parameter_kind(action.primitive) is ParameterKind.DISTANCE_M
 
 
 def test_a_goal_that_was_read_off_is_not_emptied() -> None:
@@ -215,7 +217,7 @@ def test_an_unknown_start_stays_unknown_after_a_fix() -> None:
 def test_a_fix_does_not_fit_another_task() -> None:
     report = invalid("dropped_converge")
     short = oag.Task.from_json({"sub_tasks": []}, scene=scene("T1"))
-    with pytest.raises(oag.FixError, match="the task has 0"):
+    with pytest.raises(FixError, match="the task has 0"):
         report.fixes[0].apply(short)
 
 

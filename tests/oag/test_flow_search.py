@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 import oag
+from oag.model.actions import flow_to_json
+from oag.model.diagnostics import MissingScene
 from tests.json_edits import altered
 from tests.oag.paper import NAMES, assert_golden, scene, task_json
 
@@ -40,7 +42,7 @@ def test_all_flows_of_the_papers_tasks_are_found(name: str) -> None:
 
 def test_the_found_flows_are_the_templates_with_open_numbers() -> None:
     task = oag.complete(oag.Task.from_json(without_flows("T1"), scene=scene("T1"))).task
-    assert [oag.flow_to_json(subtask.flow or ()) for subtask in task.subtasks] == [
+    assert [flow_to_json(subtask.flow or ()) for subtask in task.subtasks] == [
         [17, 1, 2, 3, {"4": None}, 5, 6],
         [17, 1, 2, 3, {"7": None}],
         [18, {"13": None}, {"8": None}, 5, 6],
@@ -243,5 +245,5 @@ def test_many_subtasks_without_flows() -> None:
 
 def test_completion_needs_a_scene() -> None:
     task = replace(oag.Task.from_json(without_flows("T1")), scene=None)
-    with pytest.raises(oag.MissingScene):
+    with pytest.raises(MissingScene):
         oag.complete(task)

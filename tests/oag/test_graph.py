@@ -5,6 +5,7 @@ from __future__ import annotations
 import networkx
 
 import oag
+from oag.graph import Node, to_dot, to_drawing, to_graphml, to_mermaid
 from tests.oag.paper import DATA, assert_golden, invalid, scene
 
 
@@ -18,7 +19,7 @@ def test_nodes_of_t1() -> None:
     assert nodes[0][1:4] == (1, oag.Primitive.APPROACH, "refrigerator_0")
     # Time restarts in every subtask, and the support is the object of the navigation to it.
     assert nodes[10][1:4] == (1, oag.Primitive.NAVIGATE_TO_SUPPORT, "refrigerator_0")
-    assert nodes[11] == oag.Node(2, 2, oag.Primitive.MOVE_BASE_FORWARD, "glass_0", 0.4)
+    assert nodes[11] == Node(2, 2, oag.Primitive.MOVE_BASE_FORWARD, "glass_0", 0.4)
 
 
 def test_edges_of_t1() -> None:
@@ -38,15 +39,15 @@ def test_an_infeasible_edge_is_marked() -> None:
 
 
 def test_mermaid() -> None:
-    assert_golden("T1_mermaid", oag.to_mermaid(graph()).rstrip("\n"))
+    assert_golden("T1_mermaid", to_mermaid(graph()).rstrip("\n"))
 
 
 def test_graphviz() -> None:
-    assert_golden("T1_graphviz", oag.to_dot(graph()).rstrip("\n"))
+    assert_golden("T1_graphviz", to_dot(graph()).rstrip("\n"))
 
 
 def test_graphml_is_read_back() -> None:
-    read = networkx.parse_graphml(oag.to_graphml(graph()))
+    read = networkx.parse_graphml(to_graphml(graph()))
     assert len(read) == 20
     assert read.nodes["s1_1"] == {"subtask": 0, "t": 1, "primitive": "APPROACH", "object": "refrigerator_0"}
     assert read.nodes["s3_2"]["parameter"] == "MOVE_BASE_FORWARD(0.4)"
@@ -58,7 +59,7 @@ def test_graphml_is_read_back() -> None:
 
 
 def test_drawing_data() -> None:
-    drawing = oag.to_drawing(graph())
+    drawing = to_drawing(graph())
     assert drawing["nodes"][4] == {
         "subtask": 0,
         "step": 4,

@@ -9,10 +9,14 @@ import pytest
 
 import oag
 from bddl.files import MOST_BYTES
+from oag.model.actions import flow_from_json
+from oag.model.diagnostics import FlowError, InputError, NoSuchSubtask
+from oag.revision import admissible
 from tests.oag.paper import DATA, scene, task_json, verify
 
 # Nothing here passes the type checker, which is the point.
 untyped: Any = oag
+untyped_admissible: Any = admissible
 MISUSE: list[tuple[Any, type[Exception], str]] = [
     (
         lambda: untyped.compose(None),
@@ -28,10 +32,10 @@ MISUSE: list[tuple[Any, type[Exception], str]] = [
     (lambda: untyped.complete(task_json("T1")), oag.TaskError, "expected a Task, got {"),
     (lambda: untyped.canonical(task_json("T1")), oag.TaskError, "oag.Task.from_json reads one"),
     (lambda: untyped.canonical_digest(None), oag.TaskError, "expected a Task, got None"),
-    (lambda: untyped.admissible(t1(), "0", []), oag.NoSuchSubtask, "one of its 4 subtasks, from 0, got '0'"),
-    (lambda: untyped.admissible(t1(), True, []), oag.NoSuchSubtask, "got True"),
-    (lambda: untyped.admissible(t1(), 4, []), oag.NoSuchSubtask, "got 4"),
-    (lambda: untyped.admissible(task_json("T1"), 0, []), oag.TaskError, "expected a Task"),
+    (lambda: untyped_admissible(t1(), "0", []), NoSuchSubtask, "one of its 4 subtasks, from 0, got '0'"),
+    (lambda: untyped_admissible(t1(), True, []), NoSuchSubtask, "got True"),
+    (lambda: untyped_admissible(t1(), 4, []), NoSuchSubtask, "got 4"),
+    (lambda: untyped_admissible(task_json("T1"), 0, []), oag.TaskError, "expected a Task"),
 ]
 
 
@@ -78,15 +82,15 @@ def test_numbers_beyond_all_floats_are_findings(number: Any) -> None:
     data["sub_tasks"][1]["flow"][-1] = {"7": number}
     report = verify(data, "T1")
     assert [(error.code, error.subtask, error.step) for error in report.errors] == [("flow/parameter", 1, 4)]
-    admission = oag.admissible(t1(), 1, data["sub_tasks"][1]["flow"])
+    admission = admissible(t1(), 1, data["sub_tasks"][1]["flow"])
     assert [finding.code for finding in admission.diagnostics] == ["flow/parameter"]
     with pytest.raises(oag.TaskError, match="expected a number"):
         oag.Task.from_json({**task_json("T1"), "scales": {"glass_0": number}})
 
 
 def test_an_id_of_thousands_of_digits_is_unknown() -> None:
-    with pytest.raises(oag.FlowError, match="unknown primitive"):
-        oag.flow_from_json([{"1" * 5000: 0.3}])
+    with pytest.raises(FlowError, match="unknown primitive"):
+        flow_from_json([{"1" * 5000: 0.3}])
 
 
 @pytest.mark.parametrize("read", [oag.Scene.from_json, oag.Task.from_json])
@@ -96,5 +100,5 @@ def test_files_of_the_package_say_why_they_are_not_read(read: object, tmp_path: 
     with large.open("wb") as stream:
         stream.truncate(MOST_BYTES + 1)
     for path, said in ((large, "cannot be read: it is larger than 8 MB"), (Path("/dev/zero"), "it is no regular file")):
-        with pytest.raises(oag.InputError, match=said):
+        with pytest.raises(InputError, match=said):
             read(path)

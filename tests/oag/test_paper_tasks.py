@@ -8,6 +8,7 @@ import pytest
 
 import bddl
 import oag
+from oag.progression import Grade
 from tests.oag.paper import EVOLVED, NAMES, UNFILLED, assert_golden, task_json, verify
 
 
@@ -16,7 +17,7 @@ def test_initial_flows_are_proved(name: str) -> None:
     report = verify(task_json(name), name)
     assert report.verdict is oag.Verdict.PROVED, str(report)
     assert report
-    assert all(obligation.grade is oag.Grade.HOLDS for obligation in report.obligations)
+    assert all(obligation.grade is Grade.HOLDS for obligation in report.obligations)
     assert oag.recheck(report.certificate)
     assert_golden(name, str(report))
 

@@ -11,6 +11,7 @@ import pytest
 
 import bddl
 import oag
+from oag.model.actions import flow_to_json
 from oag.sizes import Sizing
 from tests.oag.planning_cases import scene_named, table, task_named
 
@@ -67,7 +68,7 @@ def test_a_kept_subtask_keeps_its_numbers_and_drives_where_it_relied_on_the_rese
     task = task_named("T1")
     made = oag.repair(task, ["(inside glass_0 gripper)"])
     assert made.task is not None
-    flows = {subtask.name: oag.flow_to_json(subtask.flow or ()) for subtask in made.task.subtasks}
+    flows = {subtask.name: flow_to_json(subtask.flow or ()) for subtask in made.task.subtasks}
     assert flows["open_refrigerator"] == [17, 1, 2, 3, {"4": None}, 5]
     assert flows["put_glass_into_refrigerator"] == [18, {"13": 0.4}, {"9": 0.1}, 5]
 

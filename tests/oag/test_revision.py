@@ -24,6 +24,19 @@ from oag.measurements import (
     Unmet,
     Unplanned,
 )
+from oag.model.actions import ActionFlow, flow_from_json
+from oag.model.diagnostics import HistoryFull, NoSuchSubtask, RecordError
+from oag.revision import (
+    Attempt,
+    Critique,
+    Hindsight,
+    History,
+    Revision,
+    Tolerance,
+    admissible,
+    change_between,
+    same_flow,
+)
 from tests.json_edits import altered
 from tests.oag.paper import EVOLVED, assert_golden, scene, task_json
 
@@ -36,9 +49,9 @@ def task(name: str = "T1") -> oag.Task:
     return oag.Task.from_json(task_json(name), scene=scene(name))
 
 
-def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 1) -> oag.History:
+def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 1) -> History:
     """A history in which one flow failed so many times."""
-    critique = oag.Critique(
+    critique = Critique(
         step=1,
         primitive=oag.Primitive.MOVE_BASE_FORWARD,
         motion_verified=False,
@@ -50,8 +63,8 @@ def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 
             (OutOfReach(0.2, 0.2, 0.4, ("panda_joint4",)), UnmeantContact("panda_link5", "door", "door", 9.0))
         ),
     )
-    attempt = oag.Attempt(
-        flow=oag.flow_from_json(flow),
+    attempt = Attempt(
+        flow=flow_from_json(flow),
         outcome="failed",
         failed_step=1,
         failure="unexpected-contact",
@@ -59,10 +72,10 @@ def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 
         critiques=(critique,),
         seed=7,
     )
-    new = oag.flow_from_json(revised)
-    change = oag.change_between(attempt.flow, new)
-    revision = oag.Revision(new, change, "Stay clear of the door.", cause="door in the way", cause_step=1)
-    found = oag.History(2)
+    new = flow_from_json(revised)
+    change = change_between(attempt.flow, new)
+    revision = Revision(new, change, "Stay clear of the door.", cause="door in the way", cause_step=1)
+    found = History(2)
     for _ in range(times):
         found = found.add(attempt, revision)
     return found
@@ -70,13 +83,13 @@ def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 
 
 @pytest.mark.parametrize(("name", "index", "flow"), EVOLVED)
 def test_the_papers_evolved_flows_are_admissible(name: str, index: int, flow: list[Any]) -> None:
-    admission = oag.admissible(task(name), index, flow)
+    admission = admissible(task(name), index, flow)
     assert admission, str(admission)
     assert admission.report is not None and admission.report.certificate is not None
 
 
 def test_a_flow_that_failed_is_not_run_again() -> None:
-    admission = oag.admissible(task(), 2, FAILED, history=history())
+    admission = admissible(task(), 2, FAILED, history=history())
     assert not admission and admission.repeats == 1
     assert [finding.code for finding in admission.diagnostics] == ["revision/repeated"]
     assert_golden("revision_repeated", str(admission))
@@ -104,24 +117,24 @@ def test_a_flow_that_failed_is_not_run_again() -> None:
     ],
 )
 def test_what_counts_as_the_same_flow(flow: list[Any], repeats: bool) -> None:
-    assert (oag.admissible(task(), 2, flow, history=history()).repeats == 1) is repeats
+    assert (admissible(task(), 2, flow, history=history()).repeats == 1) is repeats
 
 
 def test_open_numbers_are_the_same_as_open_numbers_only() -> None:
     flow = [18, {"13": None}, 5]
-    assert oag.admissible(task(), 2, flow, history=history(flow)).repeats == 1
+    assert admissible(task(), 2, flow, history=history(flow)).repeats == 1
 
 
 def test_a_wider_tolerance_repeats_more() -> None:
     flow = [18, {"13": 0.45}, {"9": 0.1}, 5]
-    assert oag.admissible(task(), 2, flow, history=history())
-    assert not oag.admissible(task(), 2, flow, history=history(), tolerance=oag.Tolerance(distance_m=0.1))
+    assert admissible(task(), 2, flow, history=history())
+    assert not admissible(task(), 2, flow, history=history(), tolerance=Tolerance(distance_m=0.1))
 
 
 @pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
 def test_a_tolerance_with_which_nothing_repeats_is_refused(wrong: float) -> None:
     with pytest.raises(ValueError, match="a tolerance of 0 or more for angle_deg"):
-        oag.Tolerance(angle_deg=wrong)
+        Tolerance(angle_deg=wrong)
 
 
 @pytest.mark.parametrize(
@@ -140,37 +153,37 @@ def test_a_tolerance_with_which_nothing_repeats_is_refused(wrong: float) -> None
     ],
 )
 def test_what_is_refused_and_why(flow: Any, code: str) -> None:
-    admission = oag.admissible(task(), 2, flow)
+    admission = admissible(task(), 2, flow)
     assert not admission
     assert code in {finding.code for finding in admission.diagnostics}, str(admission)
 
 
 def test_a_flow_that_spoils_a_later_subtask_is_refused() -> None:
-    admission = oag.admissible(task(), 0, [17, 1, 2, 3, 4])
+    admission = admissible(task(), 0, [17, 1, 2, 3, 4])
     assert not admission and admission.diagnostics[0].subtask == 1
 
 
 def test_the_limit_on_revisions() -> None:
     full = history(times=5)
     assert full.exhausted and not full.solved and len(full.failures) == 5
-    admission = oag.admissible(task(), 2, BETTER, history=full)
+    admission = admissible(task(), 2, BETTER, history=full)
     assert [finding.code for finding in admission.diagnostics] == ["revision/exhausted"]
     attempt, revision = full.iterations[0]
-    with pytest.raises(oag.HistoryFull, match="revised 5 times"):
+    with pytest.raises(HistoryFull, match="revised 5 times"):
         full.add(attempt, revision)
     ended = full.add(attempt)
-    with pytest.raises(oag.HistoryFull, match="ended with attempt 6"):
+    with pytest.raises(HistoryFull, match="ended with attempt 6"):
         ended.add(attempt)
 
 
 def test_a_subtask_that_is_not_there() -> None:
-    with pytest.raises(oag.NoSuchSubtask, match="one of its 4 subtasks, from 0, got 4"):
-        oag.admissible(task(), 4, BETTER)
+    with pytest.raises(NoSuchSubtask, match="one of its 4 subtasks, from 0, got 4"):
+        admissible(task(), 4, BETTER)
 
 
 def test_the_history_of_another_subtask_is_misuse() -> None:
-    with pytest.raises(oag.RecordError, match="history of T3, and the revised flow is for T1"):
-        oag.admissible(task(), 0, [17, 1, 2, 3, 4, 5], history=history())
+    with pytest.raises(RecordError, match="history of T3, and the revised flow is for T1"):
+        admissible(task(), 0, [17, 1, 2, 3, 4, 5], history=history())
 
 
 def test_a_mistake_elsewhere_is_said_to_be_elsewhere() -> None:
@@ -178,10 +191,10 @@ def test_a_mistake_elsewhere_is_said_to_be_elsewhere() -> None:
     data = task_json("T1")
     data["sub_tasks"][3]["flow"].pop(2)
     broken = oag.Task.from_json(data, scene=scene("T1"))
-    admission = oag.admissible(broken, 2, BETTER)
+    admission = admissible(broken, 2, BETTER)
     (finding,) = admission.diagnostics
     assert finding.subtask == 3 and finding.hint is not None and "with the flow as it was, too" in finding.hint
-    own = oag.admissible(broken, 2, [18, {"13": 0.4}]).diagnostics
+    own = admissible(broken, 2, [18, {"13": 0.4}]).diagnostics
     assert own[0].subtask == 2 and own[0].hint is None
 
 
@@ -194,74 +207,74 @@ def test_a_revision_may_not_assume_more_than_the_plan_did() -> None:
     data["sub_tasks"][0]["goal"] = "(and)"
     unknown = oag.Task.from_json(data, scene=kitchen)
     assert oag.compose(unknown).verify().verdict is oag.Verdict.PROVED
-    (finding,) = oag.admissible(unknown, 0, [17]).diagnostics
+    (finding,) = admissible(unknown, 0, [17]).diagnostics
     assert finding.code == "revision/assumes" and "open(refrigerator_0)" in finding.message
     # What the plan rested on before, it may go on resting on.
     data["sub_tasks"][0]["flow"] = [17]
-    admission = oag.admissible(oag.Task.from_json(data, scene=kitchen), 2, BETTER)
+    admission = admissible(oag.Task.from_json(data, scene=kitchen), 2, BETTER)
     assert admission and admission.report is not None
     assert admission.report.verdict is oag.Verdict.CONDITIONAL
 
 
 def test_a_success_can_be_blamed_for_a_later_failure() -> None:
-    solved = history().add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded", start="from here"))
-    later = oag.Hindsight(3, "slipped", "the glass slipped")
+    solved = history().add(Attempt(flow_from_json(BETTER), "succeeded", start="from here"))
+    later = Hindsight(3, "slipped", "the glass slipped")
     attempt, before = solved.reopened(later)
     assert not attempt.succeeded and attempt.failure == "blamed-later" and attempt.hindsight == later
     assert "T4 failed because of it: the glass slipped" in attempt.message
     assert before == history()
-    again = before.add(attempt, oag.Revision(oag.flow_from_json(FAILED), "parameters", "Otherwise."))
-    assert oag.History.from_json(json.loads(json.dumps(again.to_json()))) == again
-    assert not oag.admissible(task(), 2, BETTER, history=again), "what was blamed is not tried again"
+    again = before.add(attempt, Revision(flow_from_json(FAILED), "parameters", "Otherwise."))
+    assert History.from_json(json.loads(json.dumps(again.to_json()))) == again
+    assert not admissible(task(), 2, BETTER, history=again), "what was blamed is not tried again"
 
 
 @pytest.mark.parametrize("later", [0, 2])
 def test_only_an_earlier_success_can_be_blamed(later: int) -> None:
-    with pytest.raises(oag.RecordError, match="cannot be blamed"):
-        history().add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded")).reopened(oag.Hindsight(later, "slipped"))
-    with pytest.raises(oag.RecordError, match="cannot be blamed"):
-        history().reopened(oag.Hindsight(3, "slipped"))
+    with pytest.raises(RecordError, match="cannot be blamed"):
+        history().add(Attempt(flow_from_json(BETTER), "succeeded")).reopened(Hindsight(later, "slipped"))
+    with pytest.raises(RecordError, match="cannot be blamed"):
+        history().reopened(Hindsight(3, "slipped"))
 
 
 def test_a_cause_in_an_earlier_subtask_costs_this_one_no_revision() -> None:
-    attempt = oag.Attempt(oag.flow_from_json(FAILED), "failed", failure="slipped")
-    elsewhere = oag.Revision(oag.flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
+    attempt = Attempt(flow_from_json(FAILED), "failed", failure="slipped")
+    elsewhere = Revision(flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
     found = history().add(attempt, elsewhere)
     assert found.revisions == history().revisions
     assert len(found.iterations) == 2
 
 
 def test_what_failed_from_another_start_may_be_tried_again() -> None:
-    here, there = (oag.Attempt(oag.flow_from_json(FAILED), "failed", start=start) for start in ("here", "there"))
-    elsewhere = oag.Revision(oag.flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
-    moved = oag.History(2).add(here, elsewhere).add(replace(there, flow=oag.flow_from_json(BETTER)))
-    assert oag.admissible(task(), 2, FAILED, history=moved)
-    assert not oag.admissible(task(), 2, FAILED, history=oag.History(2).add(here))
+    here, there = (Attempt(flow_from_json(FAILED), "failed", start=start) for start in ("here", "there"))
+    elsewhere = Revision(flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
+    moved = History(2).add(here, elsewhere).add(replace(there, flow=flow_from_json(BETTER)))
+    assert admissible(task(), 2, FAILED, history=moved)
+    assert not admissible(task(), 2, FAILED, history=History(2).add(here))
 
 
 def test_a_record_of_the_first_version_is_read() -> None:
     told = json.loads(json.dumps(history().to_json())) | {"schema": "scene2demo-history/1"}
     for iteration in told["iterations"]:
         del iteration["attempt"]["start"], iteration["attempt"]["hindsight"], iteration["revision"]["subtask"]
-    assert oag.History.from_json(told) == history()
+    assert History.from_json(told) == history()
 
 
 def test_a_history_only_grows() -> None:
     one = history()
-    two = one.add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded"))
+    two = one.add(Attempt(flow_from_json(BETTER), "succeeded"))
     assert len(one.iterations) == 1 and two.iterations[:1] == one.iterations
     assert two.solved and not two.exhausted and two.revisions == one.revisions
 
 
 def test_critiques_find_fault() -> None:
     assert history().iterations[0].attempt.critiques[0].finds_fault
-    assert not oag.Critique(0, oag.Primitive.GRASP, motion_verified=True).finds_fault
+    assert not Critique(0, oag.Primitive.GRASP, motion_verified=True).finds_fault
 
 
 def test_kinds_of_change() -> None:
-    old, new = oag.flow_from_json(FAILED), oag.flow_from_json(BETTER)
-    assert oag.change_between(old, new) == "parameters"
-    assert oag.change_between(old, new[1:]) == "sequence"
+    old, new = flow_from_json(FAILED), flow_from_json(BETTER)
+    assert change_between(old, new) == "parameters"
+    assert change_between(old, new[1:]) == "sequence"
 
 
 numbers = st.one_of(st.none(), st.floats(0.0, 3.0))
@@ -291,7 +304,7 @@ unmet = st.lists(
     max_size=1,
 ).map(tuple)
 critiques = st.builds(
-    oag.Critique,
+    Critique,
     st.integers(0, 9),
     st.sampled_from(list(oag.Primitive)),
     flags,
@@ -303,7 +316,7 @@ critiques = st.builds(
     st.sampled_from(["measurements", "model", "both"]),
 )
 attempts = st.builds(
-    oag.Attempt,
+    Attempt,
     flows,
     st.sampled_from(["succeeded", "failed"]),
     st.one_of(st.none(), st.integers(0, 9)),
@@ -315,7 +328,7 @@ attempts = st.builds(
     texts,
 )
 revisions = st.builds(
-    oag.Revision,
+    Revision,
     flows,
     st.sampled_from(["sequence", "parameters"]),
     texts,
@@ -326,19 +339,19 @@ revisions = st.builds(
 
 
 @given(st.lists(st.tuples(attempts, revisions), max_size=4), st.one_of(st.none(), attempts), st.integers(0, 9))
-def test_records_survive_json(pairs: list[tuple[Any, Any]], last: oag.Attempt | None, subtask: int) -> None:
-    found = oag.History(subtask)
+def test_records_survive_json(pairs: list[tuple[Any, Any]], last: Attempt | None, subtask: int) -> None:
+    found = History(subtask)
     for attempt, revision in pairs:
         found = found.add(attempt, revision)
     if last is not None:
         found = found.add(last)
-    assert oag.History.from_json(json.loads(json.dumps(found.to_json()))) == found
+    assert History.from_json(json.loads(json.dumps(found.to_json()))) == found
 
 
 @given(flows, flows)
-def test_same_flow_is_symmetric_and_reflexive(one: oag.ActionFlow, other: oag.ActionFlow) -> None:
-    assert oag.same_flow(one, one)
-    assert oag.same_flow(one, other) is oag.same_flow(other, one)
+def test_same_flow_is_symmetric_and_reflexive(one: ActionFlow, other: ActionFlow) -> None:
+    assert same_flow(one, one)
+    assert same_flow(one, other) is same_flow(other, one)
 
 
 @given(flows, flows, st.integers(7, 16), st.integers(1, 20))
@@ -346,11 +359,11 @@ def test_a_motion_there_and_back_changes_no_flow(before: Any, after: Any, primit
     """Coarse numbers, so that rounding never decides whether a sum is within the tolerance."""
     there, back = (oag.Action(oag.Primitive(number), 0.05 * steps) for number in (primitive, _opposite(primitive)))
     before, after = _coarse(before), _coarse(after)
-    assert oag.same_flow((*before, there, back, *after), (*before, *after))
+    assert same_flow((*before, there, back, *after), (*before, *after))
     navigation = oag.Action(oag.Primitive.NAVIGATE_TO_TARGET)
-    assert oag.same_flow((*before, navigation, navigation, *after), (*before, navigation, *after))
+    assert same_flow((*before, navigation, navigation, *after), (*before, navigation, *after))
     if before == after == ():
-        assert not oag.same_flow((there,), (back,))
+        assert not same_flow((there,), (back,))
 
 
 def _opposite(primitive: int) -> int:
@@ -358,7 +371,7 @@ def _opposite(primitive: int) -> int:
     return primitive + 1 if primitive % 2 else primitive - 1
 
 
-def _coarse(flow: oag.ActionFlow) -> oag.ActionFlow:
+def _coarse(flow: ActionFlow) -> ActionFlow:
     return tuple(
         oag.Action(a.primitive, 0.05 * round(20 * a.parameter) if isinstance(a.parameter, float) else a.parameter)
         for a in flow
@@ -380,7 +393,7 @@ def _coarse(flow: oag.ActionFlow) -> oag.ActionFlow:
 )
 def test_malformed_records_say_where(path: tuple[Any, ...], value: Any, message: str) -> None:
     data = json.loads(json.dumps(history().to_json()))
-    with pytest.raises(oag.RecordError) as caught:
-        oag.History.from_json(altered(data, path, value))
+    with pytest.raises(RecordError) as caught:
+        History.from_json(altered(data, path, value))
     assert message in str(caught.value)
     assert str(caught.value).startswith("record (mapping)")

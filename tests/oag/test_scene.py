@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import oag
+from oag.model.symbols import Kind, kind_of
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene
 
@@ -189,19 +190,19 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("category", "side_m", "kind"),
     [
-        ("fridge", 0.7, oag.Kind.ARTICULATED),
-        ("bottom_cabinet_no_top", 0.7, oag.Kind.ARTICULATED),
-        ("fridge.n.01", 0.7, oag.Kind.ARTICULATED),
-        ("breakfast_table", 0.9, oag.Kind.SUPPORT),
-        ("water_glass", 0.07, oag.Kind.ITEM),
-        ("half_apple", 0.07, oag.Kind.ITEM),
-        ("knives", 0.02, oag.Kind.ITEM),
-        ("gizmo", 0.1, oag.Kind.ITEM),
-        ("gizmo", 0.5, oag.Kind.ARTICULATED),
+        ("fridge", 0.7, Kind.ARTICULATED),
+        ("bottom_cabinet_no_top", 0.7, Kind.ARTICULATED),
+        ("fridge.n.01", 0.7, Kind.ARTICULATED),
+        ("breakfast_table", 0.9, Kind.SUPPORT),
+        ("water_glass", 0.07, Kind.ITEM),
+        ("half_apple", 0.07, Kind.ITEM),
+        ("knives", 0.02, Kind.ITEM),
+        ("gizmo", 0.1, Kind.ITEM),
+        ("gizmo", 0.5, Kind.ARTICULATED),
     ],
 )
-def test_kinds_of_categories(category: str, side_m: float, kind: oag.Kind) -> None:
-    assert oag.kind_of(category, side_m) is kind
+def test_kinds_of_categories(category: str, side_m: float, kind: Kind) -> None:
+    assert kind_of(category, side_m) is kind
 
 
 @pytest.mark.parametrize("orientation", [[0, 1e6, 0, 1], [0.3, 0.3, 0.3, 0.8], [1, 2, 3, 4], [0.7, 0, 0, 0.7]])

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
+from oag.model.scene import RobotPose
 from oag.sizes import (
     LEAST_SCALE,
     PAPER_GRIPPER,
@@ -90,7 +91,7 @@ def test_what_is_too_wide_to_be_scaled_keeps_its_size_where_it_has_a_rim() -> No
         f"{name}_0": thing(name, side_m, side_m) for name, side_m in (("plate", 0.2), ("bowl", 0.15), ("table", 0.9))
     }
     things = {key: replace(one, id=key) for key, one in things.items()}
-    assert graspable_items(oag.Scene("", oag.RobotPose(), things), Sizing()) == ("bowl_0",)
+    assert graspable_items(oag.Scene("", RobotPose(), things), Sizing()) == ("bowl_0",)
 
 
 @given(SIDES_M, SIDES_M)
@@ -158,7 +159,7 @@ def test_a_resizing_has_both_sizes() -> None:
     assert found == Resizing("glass_0", (0.5, 0.5, 0.5), (0.07, 0.07, 0.12), (0.035, 0.035, 0.06))
 
 
-FULL = Gripper.of(oag.RobotPose(scale=1.0))
+FULL = Gripper.of(RobotPose(scale=1.0))
 
 
 def test_a_hand_of_full_size_takes_what_the_papers_takes_scaled() -> None:

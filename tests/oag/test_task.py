@@ -8,6 +8,7 @@ import pytest
 
 import bddl
 import oag
+from oag.model.diagnostics import MissingScene
 from tests.json_edits import altered
 from tests.oag.paper import DATA, INVALID, NAMES, scene, task_json
 
@@ -63,7 +64,7 @@ def test_malformed_tasks_raise_with_their_place(path: tuple[Any, ...], value: An
 
 def test_a_task_without_a_scene_says_what_to_do() -> None:
     task = oag.Task.from_json(DATA / "T1.json")
-    with pytest.raises(oag.MissingScene, match=r"compose\(task, scene=scene\)"):
+    with pytest.raises(MissingScene, match=r"compose\(task, scene=scene\)"):
         oag.compose(task)
     assert oag.compose(task, scene("T1")).verify()
 

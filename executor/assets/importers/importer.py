@@ -42,7 +42,7 @@ from executor.assets.importers.urdf import PARTNET_FILE, read_partnet, read_urdf
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape, Vector
 from executor.geometry import Array, transform
 from executor.system.progress import OnProgress, ignore_progress
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 DENSITY_KG_M3 = 500.0  # Of a furnished cupboard or a filled vessel, air included.
 FRICTION = 0.8

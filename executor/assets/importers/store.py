@@ -18,7 +18,8 @@ from executor.assets.asset_geometry import scaled
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.system.files import content_key
-from oag import Kind, SceneObject
+from oag import SceneObject
+from oag.model.symbols import Kind
 
 SCHEMA = "scene2demo-asset/1"
 PREFIX = "imported/"

@@ -45,7 +45,8 @@ from executor.records import PlanRefused, Rollout
 from executor.rollouts.evolve import evolve
 from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.pair import NotDrawn, ScenePair
-from oag import ObjectActionGraph, RobotPose, Scene, Task, compose
+from oag import ObjectActionGraph, Scene, Task, compose
+from oag.model.scene import RobotPose
 from oag.sizes import Sizing
 
 ROOM_SCHEMA = "scene2demo-photo-room/1"

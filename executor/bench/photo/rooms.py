@@ -24,8 +24,9 @@ from executor.scenes.generators.families import LONG_HORIZON, pair_of
 from executor.scenes.pair import ScenePair
 from executor.system.extras import require
 from executor.system.files import read_json, write_json
-from oag import Kind, Scene, SceneObject
+from oag import Scene, SceneObject
 from oag.model.scene import about_z
+from oag.model.symbols import Kind
 
 MOST_ROOMS = 10_000
 HOUSEHOLD = "household"

@@ -30,8 +30,9 @@ from executor.photo.output import visible_owners
 from executor.photo.pipeline import PhotoResult
 from executor.sim.render.cameras import joints_at_start, link_frames
 from executor.system.extras import require
-from oag import Kind, SceneObject
+from oag import SceneObject
 from oag.model.scene import about_z
+from oag.model.symbols import Kind
 from oag.primitives.table import OPEN_FRACTION
 
 _LEAST_COMMON = 0.5

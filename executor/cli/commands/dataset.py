@@ -225,7 +225,7 @@ def _info(options: InfoOptions) -> int:
 
 
 def _share(found: Contents) -> str:
-    from oag import clopper_pearson
+    from oag.measurements import clopper_pearson
 
     if not found.made:
         return "nothing made yet"

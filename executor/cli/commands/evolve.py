@@ -268,7 +268,7 @@ def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     Args:
         episodes: Evolutions in their JSON form.
     """
-    from oag import clopper_pearson
+    from oag.measurements import clopper_pearson
 
     trials = len(episodes)
     before = sum(bool(episode["succeeded_at_once"]) for episode in episodes)
@@ -287,7 +287,7 @@ def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
 def _story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
     """Yield the table of the attempts at every subtask, with the revisions between them, and its styles."""
     from executor.records import readable
-    from oag import flow_to_json
+    from oag.model.actions import flow_to_json
 
     for story in evolution.stories:
         mark, style = ("✓", "green") if story.solved else ("✗", "red")

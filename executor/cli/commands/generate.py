@@ -273,7 +273,7 @@ def _show_progress(tally: Tally, total: int, remaining: int, *, quiet: bool) -> 
 
 def describe_yield(tally: Tally) -> str:
     """Return the success count with its confidence interval, in words."""
-    from oag import clopper_pearson
+    from oag.measurements import clopper_pearson
 
     good, of = tally.endings["succeeded"], tally.endings.total()
     if not of:

@@ -32,7 +32,8 @@ def execute(options: Options) -> int:
     """Write the graph in one format, to a file or to standard output; a wrong plan has a graph, too."""
     from executor.cli.inputs import refuse_existing, task_and_scene
     from executor.reports.graph_picture import graph_file
-    from oag import compose, to_dot, to_drawing, to_graphml, to_mermaid
+    from oag import compose
+    from oag.graph import to_dot, to_drawing, to_graphml, to_mermaid
 
     form = _format(options)
     task, scene = task_and_scene(options.task, options.scene)

@@ -85,7 +85,7 @@ def execute(options: Options) -> int:
 
 
 def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, interrupted: bool) -> int:
-    from oag import clopper_pearson
+    from oag.measurements import clopper_pearson
 
     good = sum(one.good for one in found)
     low, high = clopper_pearson(good, len(found)) if found else (0.0, 1.0)

@@ -255,7 +255,7 @@ class _Keeper:
 
 def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
     """Return counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
-    from oag import clopper_pearson
+    from oag.measurements import clopper_pearson
 
     finished = [result for result in results if result.reason != "interrupted"]
     successes = sum(result.succeeded for result in finished)

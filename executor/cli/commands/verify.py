@@ -37,7 +37,7 @@ def execute(options: Options) -> int:
     Returns:
         0 when the plan is proved, or a repaired one that is has been written; else 1.
     """
-    from executor.cli.inputs import refuse_existing, task_and_scene
+    from executor.cli.inputs import query_in, refuse_existing, task_and_scene
     from llm.offline.planner import other_readings
     from oag import Verdict, canonical_digest, compose
 
@@ -50,7 +50,7 @@ def execute(options: Options) -> int:
     report = compose(task, scene=scene).verify()
     if report.trace is not None:
         # Sentences of a malformed task are compared with nothing.
-        report = report.with_findings(other_readings(task, scene))
+        report = report.with_findings(other_readings(task, scene, query=query_in(options.task)))
     if options.apply is not None and report.verdict is not Verdict.REFUTED:
         raise BadOption("--apply", options.apply, f"no number: the plan is {report.verdict.value}, so it has no fixes")
     fix = _chosen(report, options.apply) if options.out is not None and report.verdict is Verdict.REFUTED else None

@@ -43,7 +43,7 @@ from executor.photo.fitting.refinement import (
     with_top_thickness,
 )
 from executor.photo.fitting.starts import LEAST_POINTS, boxes_of_others, flat_among, likely_boxes, points_of
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX, SHARP_PX = 250, 700, 5000, 40_000
 """Pixels of an object to choose starts, to search, to choose options, and for the monocular full resolution."""

@@ -21,7 +21,7 @@ from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, Siz
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.scenes.models import ABSURD
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 _BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.
 _BEYOND_RATIO = 0.03

@@ -33,7 +33,7 @@ from executor.photo.fitting.hypothesis import (
     raycaster_of,
 )
 from executor.photo.fitting.likelihood import Likelihood, RatedHypothesis, by_cost
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 _FURNITURE_STEP = np.array([0.05, 0.05, 0.06, 0.05, 0.05, 0.03])
 _ITEM_STEP = np.array([0.012, 0.012, 0.3, 0.010, 0.008, 0.010])

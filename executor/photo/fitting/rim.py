@@ -23,7 +23,7 @@ from executor.photo.geometry.observation import FloorPlane
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.picture import Intrinsics, Photograph
 from executor.system.extras import require
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 _WIDEST, _NARROWEST = 1.05, 0.5  # Of the box's width, that a rim may take up.
 _LEVEL_RAD = math.radians(12.0)  # Off the picture's own level, that the longer axis of a rim may be.

@@ -41,7 +41,7 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.

@@ -29,7 +29,7 @@ from executor.photo.inputs.consistency import box_doubts
 from executor.photo.inputs.picture import Photograph
 from executor.scenes.models import FLAT, NoMatchingModel, category_of, written_category
 from llm.offline.lexicon import built_in
-from oag import kind_of
+from oag.model.symbols import kind_of
 
 LEAST_PX = 3.0
 """Of a box's sides."""

@@ -31,7 +31,7 @@ from executor.photo.geometry.residuals import VisibilityCheck, box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
 from executor.photo.inputs.annotations import FLOOR, Detection
 from llm.vision import overlap
-from oag import Kind, kind_of
+from oag.model.symbols import Kind, kind_of
 
 SAME_M, EQUAL_M = 0.02, 0.001
 """Between the height of a top and of an object on it: after the top has moved since, and if both are unchanged."""

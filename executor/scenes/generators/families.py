@@ -29,7 +29,8 @@ from executor.scenes.generators.household import VARIATIONS
 from executor.scenes.library import SceneNotFound
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
 from executor.scenes.vary import LARGEST_SEED
-from oag import Scene, Task, flow_from_json
+from oag import Scene, Task
+from oag.model.actions import flow_from_json
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]

@@ -17,7 +17,7 @@ from executor.assets.model import Asset, Shape
 from executor.assets.parameters import AssetError
 from executor.geometry import rotation_z
 from executor.scenes.generators.long_horizon import draw
-from oag import Kind
+from oag.model.symbols import Kind
 from tests.executor.helpers import SIZES, scene_object
 
 FAMILY_NAMES = sorted(SIZES)

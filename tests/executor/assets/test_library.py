@@ -15,8 +15,8 @@ from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError, ModelEntry
 from executor.sim.robot.description import robot_xml
 from executor.skills.navigate import fits_between, grip_width_m, misfit
-from oag import Kind
 from oag.measurements import TooWide
+from oag.model.symbols import Kind
 from oag.sizes import GRIP_CLEARANCE_M, LEAST_SCALE, PAPER_GRIPPER, Sizing
 from tests.source_tree import ROOT
 

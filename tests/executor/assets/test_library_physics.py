@@ -17,7 +17,9 @@ from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
 from executor.assets.resistance import lever_of, with_resistance  # noqa: E402
 from executor.sim.detectors import read  # noqa: E402
 from executor.sim.engine import TIMESTEP_S  # noqa: E402
-from oag import Kind, RobotPose, Scene  # noqa: E402
+from oag import Scene  # noqa: E402
+from oag.model.scene import RobotPose  # noqa: E402
+from oag.model.symbols import Kind  # noqa: E402
 from tests.executor.assets.sweep import Sweep  # noqa: E402
 from tests.executor.helpers import MakeWorld, at, settle  # noqa: E402
 

@@ -9,7 +9,9 @@ import pytest
 import executor
 import oag
 from executor.assets.library import LIBRARY, kind, sample
-from oag import Kind, RobotPose, Scene, SceneObject, Task
+from oag import Scene, SceneObject, Task
+from oag.model.scene import RobotPose
+from oag.model.symbols import Kind
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 OPENED = sorted(model for model in LIBRARY if kind(LIBRARY[model]) is Kind.ARTICULATED)

@@ -25,7 +25,8 @@ from executor.scenes.generators.families import (
     families_with_flows,
     with_paper_flows,
 )
-from oag import Task, flow_to_json
+from oag import Task
+from oag.model.actions import flow_to_json
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 SETTINGS = st.builds(BenchSetting, st.sampled_from(["planned", "paper"]), st.booleans(), st.booleans())

@@ -11,6 +11,7 @@ import pytest
 import oag
 from executor.cli import app
 from executor.system.files import write_json
+from oag.revision import History
 from tests.executor.cli.conftest import scene_of
 from tests.executor.rollouts.tasks import T1_ROLES, graph
 
@@ -26,7 +27,7 @@ def test_it_tells_and_writes_the_attempts(door: Path, tmp_path: Path, capsys: py
     assert story["schema"] == "scene2demo-evolution/2"
     assert story["succeeded"] is True and story["succeeded_at_once"] is False and story["revisions"] == 1
     assert len(story["subtasks"][0]["records"]) == 2
-    oag.History.from_json(story["subtasks"][0]["history"])
+    History.from_json(story["subtasks"][0]["history"])
     scene = oag.Scene.from_json(folder / "scene.json")
     assert oag.compose(oag.Task.from_json(folder / "task.json", scene=scene)).verify()
     assert oag.recheck(json.loads((folder / "certificate.json").read_text()), folder / "task.json", scene)

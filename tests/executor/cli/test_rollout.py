@@ -14,7 +14,8 @@ import pytest
 from executor.cli import app
 from executor.records import Rollout, RolloutInterrupted
 from executor.system.files import write_json
-from oag import ObjectActionGraph, flow_to_json
+from oag import ObjectActionGraph
+from oag.model.actions import flow_to_json
 from tests.executor.recordings import invented_rollout
 
 Ending = Callable[[Rollout], Rollout]

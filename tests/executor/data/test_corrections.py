@@ -25,8 +25,8 @@ from executor.data.work import corrected_by
 from executor.data.worker import run_unit
 from executor.records import Rollout, Trajectory
 from executor.rollouts.evolution_record import Evolution, SubtaskStory
-from oag import Attempt, History, Revision, flow_from_json
-from oag.revision import Iteration
+from oag.model.actions import flow_from_json
+from oag.revision import Attempt, History, Iteration, Revision
 from tests.executor.data.conftest import SIZE, film
 
 pytestmark = pytest.mark.physics

@@ -14,8 +14,8 @@ from executor.geometry import Array, transform_from_quaternion
 from executor.sim.robot.actions import arm_chain, joint_limits
 from executor.sim.robot.description import ARM_HOME, BASE_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
-from oag import RobotPose, Scene, SceneObject
-from oag.model.scene import PAPER_SCALE
+from oag import Scene, SceneObject
+from oag.model.scene import PAPER_SCALE, RobotPose
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

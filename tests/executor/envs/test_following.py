@@ -13,8 +13,8 @@ from executor.geometry import Array
 from executor.sim.robot.actions import arm_chain, hand_actions, joint_limits
 from executor.sim.robot.description import ARM_HOME, FINGER_DRIVE
 from executor.sim.world import World
-from oag import RobotPose, Scene
-from oag.model.scene import PAPER_SCALE
+from oag import Scene
+from oag.model.scene import PAPER_SCALE, RobotPose
 
 pytestmark = pytest.mark.physics
 

@@ -17,7 +17,8 @@ from executor.learn.evaluation import NEAR_M, OutcomeWatch
 from executor.sim.engine import ROBOT
 from executor.sim.robot.description import TCP_LINK
 from executor.sim.world import World
-from oag import SceneObject, flow_from_json
+from oag import SceneObject
+from oag.model.actions import flow_from_json
 from tests.executor.helpers import scene_object
 
 FIXTURES = [

@@ -43,6 +43,7 @@ from executor.sim.world import World
 from llm.structured.prompting import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from oag.measurements import measurements_json
+from oag.model.scene import RobotPose
 from tests.executor.helpers import at
 
 OPEN, CLOSE = Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE
@@ -110,7 +111,7 @@ def _scene(model: str, **more: SceneObject) -> Scene:
     depth, _, height = fixture.extent_m
     return Scene(
         name="articulation",
-        robot=oag.RobotPose(position=(-0.4, 0.2, 0.0)),
+        robot=RobotPose(position=(-0.4, 0.2, 0.0)),
         objects={"fixture_0": replace(fixture, position=(0.75 + depth / 2, 0.0, height / 2)), **more},
     )
 

@@ -7,20 +7,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import oag
 from executor.planning.collision import CollisionOracle
 from executor.planning.paths import segment
 from executor.planning.planner import Planner
 from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from oag import Scene, SceneObject
+from oag.model.scene import RobotPose
 
 
 @pytest.mark.physics
 @pytest.mark.parametrize("shift_m", [0.0, 1.5])
 def test_a_way_leads_round_what_is_longer_than_the_floor_between_start_and_goal(shift_m: float) -> None:
     bed = SceneObject("bed_0", "cabinet", "closed", (0.0, shift_m, 0.3), (1, 0, 0, 0), (0.9, 4.4, 0.6), (1, 1, 1), {})
-    scene = Scene(name="bed", robot=oag.RobotPose(position=(-1.2, 0.0, 0.0)), objects={"bed_0": bed})
+    scene = Scene(name="bed", robot=RobotPose(position=(-1.2, 0.0, 0.0)), objects={"bed_0": bed})
     with World(scene) as world, World(scene, oracle=True) as still:
         planner = Planner(CollisionOracle(still))
         planner.start_subtask(world, 0, 0)

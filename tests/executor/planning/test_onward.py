@@ -16,7 +16,8 @@ from executor.planning.place_search import LOOKED_AT, PlacementLookahead
 from executor.planning.planner import Planner
 from executor.planning.stances import HandGoal
 from executor.sim.world import World
-from oag import RobotPose, Scene, SceneObject
+from oag import Scene, SceneObject
+from oag.model.scene import RobotPose
 
 TABLE_M = 0.60
 

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-import oag
 from executor.assets.library import sample
 from executor.geometry import heading_of, wrap_angle
 from executor.planning.collision import CollisionOracle
@@ -22,6 +21,7 @@ from executor.sim.detectors import read
 from executor.sim.world import World
 from executor.skills.navigate import ELSEWHERE_M, LOOKED_AT, distinct_first
 from oag import Action, Primitive, Scene, SceneObject
+from oag.model.scene import RobotPose
 from tests.executor.helpers import at, on_a_shelf, scene_of
 
 ASKEW_RAD = np.pi / 4
@@ -82,7 +82,7 @@ def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
         scale=(scale, scale, scale),
     )
     objects = {obj.id: obj for obj in (stand, bed, wall, bear)}
-    scene = Scene(name="beside a bed", robot=oag.RobotPose(position=(-0.4, side * 0.4, 0.0)), objects=objects)
+    scene = Scene(name="beside a bed", robot=RobotPose(position=(-0.4, side * 0.4, 0.0)), objects=objects)
     world, oracle = World(scene), World(scene, oracle=True)
     worlds += [world, oracle]
     world.step()

@@ -23,6 +23,7 @@ from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from executor.skills.navigate import regions_for
 from oag import Action, Primitive, Scene, SceneObject
+from oag.model.scene import RobotPose
 
 HERE = np.array([-0.4, 0.0, 0.0])
 TABLE_M = 0.6
@@ -40,7 +41,7 @@ def _scene(fixture: SceneObject, item: SceneObject) -> Scene:
         SceneObject("table_0", "cabinet", "closed", (-1.4, 0.0, TABLE_M / 2), (1, 0, 0, 0), extent, (1, 1, 1), {}),
         replace(item, scale=(scale,) * 3, position=(-1.2, 0.0, above_m), orientation=(1, 0, 0, 0)),
     )
-    return Scene(name="purpose", robot=oag.RobotPose(position=tuple(HERE)), objects={o.id: o for o in objects})
+    return Scene(name="purpose", robot=RobotPose(position=tuple(HERE)), objects={o.id: o for o in objects})
 
 
 @pytest.fixture

@@ -24,6 +24,7 @@ from executor.rollouts.rollout import rollout
 from executor.sim.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from oag.measurements import measurements_json
+from oag.model.scene import RobotPose
 from oag.sizes import PAPER_GRIPPER
 from tests.executor.helpers import at
 
@@ -123,7 +124,7 @@ def planner() -> Iterator[Any]:
 
 def _scene(*things: SceneObject, facts: tuple[str, ...] = ()) -> Scene:
     tables = [_table("table_0", 1.0, 0.0), _table("table_1", -1.0, 0.3)]
-    scene = Scene(name="rims", robot=oag.RobotPose(), objects={obj.id: obj for obj in (*tables, *things)})
+    scene = Scene(name="rims", robot=RobotPose(), objects={obj.id: obj for obj in (*tables, *things)})
     return Scene.from_json(scene.to_json() | {"facts": list(facts), "closed": ["ontop", "inside", "open"]})
 
 

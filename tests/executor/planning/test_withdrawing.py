@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import oag
 from executor.geometry import hand_rotation, transform
 from executor.planning.collision import CollisionOracle, fingers_may_touch
 from executor.planning.drives import can_withdraw, withdraw
@@ -15,6 +14,7 @@ from executor.planning.paths import segment
 from executor.planning.planner import Planner
 from executor.sim.world import World
 from oag import Scene, SceneObject
+from oag.model.scene import RobotPose
 
 TOP_M = 0.83
 WIDTH_M, HEIGHT_M = 0.157, 0.063
@@ -27,7 +27,7 @@ def _scene() -> Scene:
     counter = SceneObject("cabinet_0", "cabinet", "closed", (0.3, 0.0, TOP_M / 2), upright, (0.6, 1.2, TOP_M), own, {})
     middle = (0.15, 0.0, TOP_M + HEIGHT_M / 2 + 0.001)
     bowl = SceneObject("bowl_0", "bowl", "default", middle, upright, (WIDTH_M, WIDTH_M, HEIGHT_M), own, {})
-    robot = oag.RobotPose(position=(-0.25, 0.0, 0.0))
+    robot = RobotPose(position=(-0.25, 0.0, 0.0))
     return Scene(name="bowl", robot=robot, objects={"cabinet_0": counter, "bowl_0": bowl})
 
 

@@ -15,8 +15,10 @@ from executor.planning.articulation_stances import push_stances, rigid_stances
 from executor.records import FailureKind, Rollout
 from executor.sim.world import World
 from executor.skills import articulate
-from oag import RobotPose, Scene, SceneObject, Task
+from oag import Scene, SceneObject, Task
 from oag.measurements import measurements_json
+from oag.model.actions import flow_to_json
+from oag.model.scene import RobotPose
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 FRONT_X_M = 0.75
@@ -126,7 +128,7 @@ def test_numbers_that_were_filled_in_do_the_same_again() -> None:
     scene = scene_of("oven_bottom_hinge", variation=2)
     first = run(scene, "open", "close")
     assert first.succeeded, first.failure
-    again = run(scene, "open", "close", flows=[oag.flow_to_json(subtask.flow) for subtask in first.subtasks])
+    again = run(scene, "open", "close", flows=[flow_to_json(subtask.flow) for subtask in first.subtasks])
     assert again.succeeded, again.failure
     reached = [r.subtasks[0].readings[0].measurements.open_fraction for r in (first, again)]
     assert reached[0] == pytest.approx(reached[1], abs=0.03)

@@ -10,7 +10,7 @@ from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.rollout import RunConditions
 from executor.sim.faults import BlockedDoor, Fault, WeakGrip, WrongScale
-from oag import flow_to_json
+from oag.model.actions import flow_to_json
 from tests.executor.rollouts.tasks import T1_PAPER_FLOWS, T1_ROLES, graph, t1
 
 pytestmark = pytest.mark.physics

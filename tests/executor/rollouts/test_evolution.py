@@ -16,6 +16,8 @@ from executor.rollouts.run_record import evolution_json
 from executor.scenes import library
 from executor.system.files import json_text
 from llm.evolve import GiveUp, Situation
+from oag.model.actions import flow_to_json
+from oag.revision import History, Revision
 from tests.executor.rollouts.tasks import T1_PAPER_FLOWS, T1_ROLES, closing, graph, open_joints, t1
 
 pytestmark = pytest.mark.physics
@@ -29,9 +31,9 @@ class Repeats:
     def __init__(self) -> None:
         self.asked: list[Situation] = []
 
-    def revise(self, situation: Situation) -> oag.Revision:
+    def revise(self, situation: Situation) -> Revision:
         self.asked.append(situation)
-        return oag.Revision(situation.attempt.flow, "parameters", "once more")
+        return Revision(situation.attempt.flow, "parameters", "once more")
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,7 @@ def test_a_small_failure_evolves(closed: Evolution) -> None:
     story = closed.stories[0]
     assert [attempt.outcome for attempt, _ in story.history.iterations] == ["failed", "succeeded"]
     assert story.history.revisions[0].cause_step == 3
-    assert oag.flow_to_json(closed.evolved.subtasks[0].flow or ()) == [1, 2, 3, {"19": [0.0, 0.5]}, 5]
+    assert flow_to_json(closed.evolved.subtasks[0].flow or ()) == [1, 2, 3, {"19": [0.0, 0.5]}, 5]
 
 
 def test_the_same_seed_tells_the_same_story(closed: Evolution) -> None:
@@ -79,7 +81,7 @@ def test_what_was_so_when_an_attempt_began_is_read(closed: Evolution) -> None:
 
 def test_the_story_is_data(closed: Evolution) -> None:
     told = json.loads(json_text(evolution_json(closed)))
-    history = oag.History.from_json(told["subtasks"][0]["history"])
+    history = History.from_json(told["subtasks"][0]["history"])
     assert [attempt.flow for attempt, _ in history.iterations] == [
         attempt.flow for attempt, _ in closed.stories[0].history.iterations
     ]

@@ -11,13 +11,13 @@ import jsonschema
 import pytest
 from PIL import Image
 
-import oag
 from executor.reports.html import render
 from executor.reports.page import evolution_values
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, draw_attempts, shown_step
 from executor.rollouts.evolve import evolve
 from executor.rollouts.run_record import pairs, write_pairs
+from oag.revision import Iteration
 from tests.executor.rollouts.tasks import AJAR, closing
 from tests.source_tree import ROOT
 
@@ -107,7 +107,7 @@ def test_nothing_in_the_report_becomes_markup(closed: Evolution) -> None:
     attempt = replace(iteration.attempt, message="<script>alert(1)</script>")
     history = replace(
         closed.stories[0].history,
-        iterations=(oag.Iteration(attempt, iteration.revision), *closed.stories[0].history.iterations[1:]),
+        iterations=(Iteration(attempt, iteration.revision), *closed.stories[0].history.iterations[1:]),
     )
     story = replace(closed.stories[0], history=history)
     html = evolution_section(replace(closed, stories=(story,)), AttemptPictures())

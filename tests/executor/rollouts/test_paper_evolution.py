@@ -8,7 +8,8 @@ from benchmarks.evolution_episode import faults_of, task_of
 from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.rollout import RunConditions
-from oag import compose, flow_to_json
+from oag import compose
+from oag.model.actions import flow_to_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 

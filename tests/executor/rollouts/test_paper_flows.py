@@ -13,6 +13,7 @@ import pytest
 
 import oag
 from executor.rollouts.rollout import rollout
+from oag.model.actions import flow_to_json
 from tests.executor.rollouts.tasks import into_an_open_refrigerator
 from tests.oag.paper import EVOLVED, NAMES, scene, task_json
 
@@ -34,7 +35,7 @@ def test_it_runs_to_its_goal_as_it_is_printed(flow: list[Any], shelf_heights_m: 
     task = into_an_open_refrigerator([PICK, flow], shelf_heights_m=shelf_heights_m)
     done = rollout(task, task.scene, 16003)
     assert done.succeeded, done.failure
-    assert oag.flow_to_json(done.subtasks[1].flow) == flow, "the numbers that were run are the printed ones"
+    assert flow_to_json(done.subtasks[1].flow) == flow, "the numbers that were run are the printed ones"
 
 
 def test_every_printed_flow_is_read_and_proved_in_its_task() -> None:

@@ -17,6 +17,7 @@ from executor.rollouts.run_record import RunRecord, filled_task
 from executor.scenes import library
 from executor.sim.detectors import Overlap
 from oag.measurements import SupportDrive
+from oag.model.actions import flow_from_json
 from tests.executor.recordings import invented_rollout
 from tests.executor.rollouts.tasks import T1_OPEN_FLOWS, T1_ROLES, graph
 
@@ -127,7 +128,7 @@ def test_only_a_search_that_found_no_place_asks_for_another_grasp() -> None:
     assert not found_no_place(nowhere, place, None), "with nothing in hand there is nothing to take again"
     assert not found_no_place(failed, place, "glass_0"), "it failed for another reason"
     assert not found_no_place(replace(nowhere, steps=(there,), readings=()), place, "glass_0"), "it succeeded"
-    given = replace(place, flow=oag.flow_from_json([18, {"13": 0.4}, 5, 6]))
+    given = replace(place, flow=flow_from_json([18, {"13": 0.4}, 5, 6]))
     assert not found_no_place(nowhere, given, "glass_0"), "numbers that a flow gives are run as they are written"
 
 

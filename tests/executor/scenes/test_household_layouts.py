@@ -8,7 +8,7 @@ import pytest
 
 from executor.assets.library import LIBRARY, entry, kind
 from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, Layout, LayoutError, layouts, read
-from oag import Kind
+from oag.model.symbols import Kind
 from tests.source_tree import ROOT
 
 # What the paper's twenty printed examples are about.

@@ -17,7 +17,8 @@ from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, ReachSearch, 
 from executor.scenes.room import Room, against, stand
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 
 
 def a_room() -> Room:

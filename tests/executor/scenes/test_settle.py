@@ -11,7 +11,8 @@ import bddl
 from executor.scenes.placement import PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, against, row, stand
 from executor.scenes.validation import Unsettled, settle
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 
 
 def a_kitchen() -> Scene:

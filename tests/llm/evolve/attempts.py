@@ -23,6 +23,8 @@ from oag.measurements import (
     Unmet,
     Unplanned,
 )
+from oag.model.actions import ActionFlow
+from oag.revision import Attempt, Critique, History
 from tests.oag.paper import scene, task_json
 
 PAPER_SUBTASKS = [
@@ -54,7 +56,7 @@ def measured(**numbers: Any) -> Measurements:
 
 
 def failed(
-    flow: oag.ActionFlow,
+    flow: ActionFlow,
     step: int,
     failure: str = "",
     *,
@@ -62,7 +64,7 @@ def failed(
     failure_measurements: Mapping[str, Any] | None = None,
     unmet: Mapping[str, Mapping[str, object]] | None = None,
     misses: Iterable[Miss] = (),
-) -> oag.Attempt:
+) -> Attempt:
     """Return an attempt in which one step is found at fault.
 
     Args:
@@ -72,7 +74,7 @@ def failed(
         measurements, failure_measurements: What was measured, as for `measured`.
         unmet, misses: Further evidence of its critique.
     """
-    critique = oag.Critique(
+    critique = Critique(
         step=step,
         primitive=flow[step].primitive,
         motion_verified=not failure,
@@ -86,7 +88,7 @@ def failed(
             misses=tuple(misses),
         ),
     )
-    return oag.Attempt(
+    return Attempt(
         flow=flow,
         outcome="failed",
         failed_step=step if failure else None,
@@ -96,6 +98,6 @@ def failed(
     )
 
 
-def situation(name: str, subtask: int, attempt: oag.Attempt, history: oag.History | None = None) -> Situation:
+def situation(name: str, subtask: int, attempt: Attempt, history: History | None = None) -> Situation:
     """Return what a supervisor is told of an attempt at a paper's subtask."""
-    return Situation(paper_task(name), subtask, scene(name), attempt, history or oag.History(subtask))
+    return Situation(paper_task(name), subtask, scene(name), attempt, history or History(subtask))

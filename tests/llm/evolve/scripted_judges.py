@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import oag
 from llm.client.transport import ChatReply, ChatRequest
 from llm.evolve import AttemptObservation, GoalReading, StepObservation
 from oag.measurements import AtomMeasured
+from oag.revision import Attempt, Critique
 from tests.llm.evolve.attempts import measured, paper_task
 from tests.llm.live import PNG
 
@@ -116,9 +116,9 @@ def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptObservation:
     return AttemptObservation(task, 3, flow, tuple(steps), door(0.35))
 
 
-def attempt_of(seen: AttemptObservation, critiques: Sequence[oag.Critique]) -> oag.Attempt:
+def attempt_of(seen: AttemptObservation, critiques: Sequence[Critique]) -> Attempt:
     """Return the record of an attempt."""
-    return oag.Attempt(
+    return Attempt(
         flow=seen.flow,
         outcome="failed",
         failure="goal-not-reached",

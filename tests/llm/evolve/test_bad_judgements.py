@@ -6,9 +6,11 @@ from collections import Counter
 
 import pytest
 
-import oag
 from llm.evolve import GiveUp, Situation
 from llm.evolve.judges import judges
+from oag.model.actions import flow_to_json
+from oag.model.diagnostics import CODES
+from oag.revision import History, Revision
 from tests.llm.evolve.bad_judgements import OF_BOTH, OF_ONE, RIGHT_FLOW, STEP, BadJudgement, generate, right_answer
 from tests.llm.evolve.scripted_judges import ajar, as_reply, attempt_of
 from tests.llm.forms import answer_codes
@@ -18,7 +20,7 @@ from tests.oag.paper import scene
 QUICK = range(150)
 ALL = range(2_400)
 SEEN = ajar()
-SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), observation=SEEN)
+SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), History(3), observation=SEEN)
 
 
 def check(seed: int) -> BadJudgement:
@@ -35,7 +37,7 @@ def check(seed: int) -> BadJudgement:
     found = [finding for entry in both.conversation.entries for finding in entry.findings]
     codes = {finding.code for finding in found}
     assert codes & bad.codes, f"seed {seed}, {bad.who}, {bad.fault}: {codes} names none of {set(bad.codes)}"
-    assert codes <= {*answer_codes(), *oag.CODES}
+    assert codes <= {*answer_codes(), *CODES}
     assert all(finding.message for finding in found)
     assert len("\n".join(str(finding) for finding in found)) < 60_000
     return bad
@@ -46,7 +48,7 @@ def test_the_right_answers_would_be_taken() -> None:
     assert both.inspector.inspect(SEEN, STEP - 1).state_reached is False
     both = judges(Scripted(as_reply(right_answer("supervisor"))))
     answer = both.supervisor.revise(SITUATION)
-    assert isinstance(answer, oag.Revision) and oag.flow_to_json(answer.flow) == RIGHT_FLOW
+    assert isinstance(answer, Revision) and flow_to_json(answer.flow) == RIGHT_FLOW
 
 
 @pytest.mark.parametrize("part", range(5))

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-import oag
 from llm.client.recording import Recorder, Replay
 from llm.client.transport import Transport
 from llm.errors import ReplayMissing
 from llm.evolve import Situation
 from llm.evolve.judges import Judges, judges
+from oag.model.actions import flow_to_json
+from oag.revision import History, Revision
 from tests.llm.evolve.scripted_judges import ajar, as_reply, attempt_of, critique_answer, revision_answer
 from tests.llm.live import KEY, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
@@ -23,13 +24,13 @@ CLOSED = [17, 1, 2, 3, {"19": [0.0, 0.9]}, 5]
 FAILED = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 
 
-def judged(transport: Transport, **options: object) -> tuple[oag.Revision, Judges]:
+def judged(transport: Transport, **options: object) -> tuple[Revision, Judges]:
     """Return the revision of a door that was left ajar, judged and revised by the model, and the judges."""
     both = judges(transport, name="server", views=VIEWS, **options)  # type: ignore[arg-type]
     critiques = [both.inspector.inspect(SEEN, step) for step in range(len(SEEN.steps))]
-    told = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, critiques), oag.History(3), observation=SEEN)
+    told = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, critiques), History(3), observation=SEEN)
     answer = both.supervisor.revise(told)
-    assert isinstance(answer, oag.Revision), answer
+    assert isinstance(answer, Revision), answer
     return answer, both
 
 
@@ -57,7 +58,7 @@ def test_a_server_that_misbehaves_still_gives_an_admissible_revision(
     file = tmp_path / "run.jsonl"
     with ModelServer(*acts, key=KEY) as server:
         answer, both = judged(Recorder(transport_to(server, monkeypatch, mode=mode), file))
-    assert oag.flow_to_json(answer.flow) == CLOSED
+    assert flow_to_json(answer.flow) == CLOSED
     assert len(server.seen) == len(acts)
     # Each step with the one before it, two pictures a view, bit by bit; again with every question that is repeated.
     first = [picture for view in VIEWS for picture in SEEN.steps[0].frames[view]]

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-import oag
 from llm.evolve import AttemptObservation, GoalReading, Inspector, MeasuredInspector, Miss, StepObservation
 from llm.evolve.diagnosis import CauseKind, diagnose
 from oag.measurements import AtomMeasured
+from oag.revision import Attempt, Critique
 from tests.llm.evolve.attempts import measured, paper_task
 
 CLOSED = "(open refrigerator_0)"
@@ -30,13 +30,13 @@ def _records(told: dict[str, Any]) -> dict[str, Any]:
     return told | {key: measured(**told[key]) for key in numbers if key in told}
 
 
-def critiques(seen: AttemptObservation) -> list[oag.Critique]:
+def critiques(seen: AttemptObservation) -> list[Critique]:
     return [MeasuredInspector().inspect(seen, step) for step in range(len(seen.steps))]
 
 
 def blamed(seen: AttemptObservation) -> tuple[int, CauseKind] | None:
     """Return the step and the kind of the root cause."""
-    cause = diagnose(oag.Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
+    cause = diagnose(Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
     return None if cause is None else (cause.step, cause.kind)
 
 
@@ -127,7 +127,7 @@ def test_what_the_aim_was_off_by_explains_the_missed_grasp() -> None:
     converged = {"measurements": {"target_left_m": 0.02}}
     missed = {"failure": "grasp-missed", "message": "1 of 2 fingers touch glass_0", "failure_measurements": {}}
     seen = attempt(1, {}, {}, converged, missed, goal=())
-    cause = diagnose(oag.Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
+    cause = diagnose(Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
     assert cause is not None and cause.kind is CauseKind.GRASP_MISSED
     assert cause.off_the_aim_m == (0.0, 0.02)
 

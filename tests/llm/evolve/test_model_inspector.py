@@ -15,6 +15,7 @@ from llm.errors import PicturesMissing, ReplayMissing, RequestError
 from llm.evolve import AttemptObservation, Inspector, MeasuredInspector
 from llm.evolve.judges import Judges, judges
 from llm.evolve.observation import window
+from oag.revision import Attempt, Critique
 from tests.llm.evolve.scripted_judges import Judge, ajar, critique_answer, question
 from tests.llm.live import PNG
 from tests.llm.scripted import Scripted
@@ -27,7 +28,7 @@ def team(judge: object, **options: object) -> Judges:
     return judges(judge, **options)  # type: ignore[arg-type]
 
 
-def inspect(judge: object, step: int, seen: AttemptObservation | None = None, **options: object) -> oag.Critique:
+def inspect(judge: object, step: int, seen: AttemptObservation | None = None, **options: object) -> Critique:
     """Return the critique of a step of the door that was left ajar."""
     return team(judge, **options).inspector.inspect(seen or ajar(VIEWS), step)
 
@@ -48,7 +49,7 @@ def test_it_writes_the_record_that_the_measured_one_writes() -> None:
     assert replace(critique.evidence, measured=None, pictures=()) == measured.evidence
     assert critique.evidence.measured is not None and critique.evidence.measured["state_reached"] is False
     assert len(critique.evidence.pictures) == 12
-    attempt = oag.Attempt(ajar().flow, "failed", critiques=(critique,))
+    attempt = Attempt(ajar().flow, "failed", critiques=(critique,))
     assert attempt.to_json()["critiques"] == [critique.to_json()]
     json.dumps(critique.to_json())
 

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 import oag
 from llm.evolve import GiveUp, Miss, SearchSupervisor, Supervisor
+from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
+from oag.revision import Attempt, History, Revision, admissible, same_flow
 from tests.llm.evolve.attempts import PAPER_SUBTASKS, failed, paper_task, situation
 from tests.oag.paper import scene
 
@@ -48,13 +50,13 @@ MEASUREMENTS = st.fixed_dictionaries(
 MISSES = st.lists(st.builds(Miss, st.just("(inside a b)"), SHORT, SHORT, SHORT, SHORT, SHORT), max_size=2)
 
 
-def revise(name: str, subtask: int, attempt: oag.Attempt, history: oag.History | None = None) -> oag.Revision:
+def revise(name: str, subtask: int, attempt: Attempt, history: History | None = None) -> Revision:
     answer = SearchSupervisor().revise(situation(name, subtask, attempt, history))
-    assert isinstance(answer, oag.Revision), answer
+    assert isinstance(answer, Revision), answer
     return answer
 
 
-def flow_of(name: str, subtask: int) -> oag.ActionFlow:
+def flow_of(name: str, subtask: int) -> ActionFlow:
     flow = paper_task(name).subtasks[subtask].flow
     assert flow is not None
     return flow
@@ -63,7 +65,7 @@ def flow_of(name: str, subtask: int) -> oag.ActionFlow:
 @given(st.data())
 def test_every_revision_may_run_and_none_repeats(data: st.DataObject) -> None:
     name, subtask = data.draw(st.sampled_from(PAPER_SUBTASKS))
-    history = oag.History(subtask)
+    history = History(subtask)
     flow = flow_of(name, subtask)
     while not history.exhausted:
         step = data.draw(st.integers(0, len(flow) - 1))
@@ -81,10 +83,10 @@ def test_every_revision_may_run_and_none_repeats(data: st.DataObject) -> None:
         if isinstance(answer, GiveUp):
             assert ("tried" in answer.reason or answer.needed) and answer.cause
             return
-        admission = oag.admissible(asked.task, subtask, answer.flow, scene=scene(name), history=history.add(attempt))
+        admission = admissible(asked.task, subtask, answer.flow, scene=scene(name), history=history.add(attempt))
         assert admission, str(admission)
         assert admission.report is not None and admission.report.verdict is oag.Verdict.PROVED
-        assert all(not oag.same_flow(answer.flow, earlier.flow) for earlier, _ in history.iterations)
+        assert all(not same_flow(answer.flow, earlier.flow) for earlier, _ in history.iterations)
         assert answer.cause_step is not None and answer.explanation.startswith("Root cause at step ")
         history = history.add(attempt, answer)
         flow = answer.flow
@@ -97,7 +99,7 @@ def test_it_is_a_supervisor() -> None:
 def test_a_door_left_ajar_is_closed_by_what_is_missing() -> None:
     attempt = failed(flow_of("T1", 3), 4, measurements={"fraction_reached": 0.352, "fraction_asked": 0.35})
     revision = revise("T1", 3, attempt)
-    assert oag.flow_to_json(revision.flow) == [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
+    assert flow_to_json(revision.flow) == [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
     assert (revision.change, revision.cause, revision.cause_step) == (
         "parameters",
         "the joint limits end too early",
@@ -123,7 +125,7 @@ def test_a_door_left_ajar_is_closed_by_what_is_missing() -> None:
 )
 def test_what_is_let_go_beside_its_place_is_moved_by_the_miss(miss: Miss, expected: list[Any]) -> None:
     attempt = failed(flow_of("T1", 2), 3, "dropped", misses=[miss])
-    assert oag.flow_to_json(revise("T1", 2, attempt).flow) == expected
+    assert flow_to_json(revise("T1", 2, attempt).flow) == expected
 
 
 def test_an_insertion_that_is_blocked_goes_aside_to_the_middle_first() -> None:
@@ -137,18 +139,18 @@ def test_an_insertion_that_is_blocked_goes_aside_to_the_middle_first() -> None:
         misses=[miss],
     )
     revision = revise("T1", 2, attempt)
-    assert oag.flow_to_json(revision.flow) == [18, {"11": 0.12}, {"13": 0.4}, {"9": 0.1}, 5]
+    assert flow_to_json(revision.flow) == [18, {"11": 0.12}, {"13": 0.4}, {"9": 0.1}, 5]
     assert revision.change == "sequence"
 
 
 def test_numbers_that_lead_nowhere_are_opened_one_at_a_time_from_the_last() -> None:
     flow = flow_of("T3", 1)
-    history = oag.History(1)
+    history = History(1)
     opened = []
     for _ in range(3):
         attempt = failed(flow, 0, measurements={"stance": "nominal: the flow's numbers reach no free spot"})
         revision = revise("T3", 1, attempt, history)
-        opened.append(oag.flow_to_json(revision.flow))
+        opened.append(flow_to_json(revision.flow))
         history, flow = history.add(attempt, revision), revision.flow
     assert opened[0] == [18, {"13": 0.4}, {"9": 0.1}, {"8": None}, 5]
     assert opened[1] == [18, {"13": 0.4}, {"9": None}, {"8": None}, 5]
@@ -158,7 +160,7 @@ def test_numbers_that_lead_nowhere_are_opened_one_at_a_time_from_the_last() -> N
 def test_a_base_that_ended_beside_a_nominal_place_drives_again_at_once() -> None:
     measured = {"stance": "nominal: the flow's numbers reach no free spot", "beside_m": 0.12}
     revision = revise("T3", 1, failed(flow_of("T3", 1), 0, measurements=measured))
-    assert oag.flow_to_json(revision.flow) == [18, {"14": 0.1}, 18, {"13": 0.4}, {"9": 0.1}, {"8": None}, 5]
+    assert flow_to_json(revision.flow) == [18, {"14": 0.1}, 18, {"13": 0.4}, {"9": 0.1}, {"8": None}, 5]
     assert "to the geometric planner, and go back a little and drive there again" in revision.explanation
 
 
@@ -174,7 +176,7 @@ def test_how_far_moves_came_from_a_nominal_place_counts_for_nothing() -> None:
         measurements={"beside_m": 0.12, "asked_m": 0.4, "eef_moved_m": 0.1},
         failure_measurements={"mover": "base_body", "other": "table_0"},
     )
-    second = revise("T3", 1, placed, oag.History(1).add(first, revision))
+    second = revise("T3", 1, placed, History(1).add(first, revision))
     assert "drive there again" in second.explanation and "came furthest" not in second.explanation
 
 
@@ -183,14 +185,14 @@ def test_a_worse_attempt_is_not_built_upon() -> None:
     first = failed(flow, 3, "dropped", misses=[Miss("(inside a b)", 0.04, 0.0, 0.0, 0.1, 0.0)])
     revision = revise("T1", 2, first)
     worse = failed(revision.flow, 1, "unreachable", measurements={"residual_m": 0.1})
-    second = revise("T1", 2, worse, oag.History(2).add(first, revision))
+    second = revise("T1", 2, worse, History(2).add(first, revision))
     assert "in attempt 1, which came furthest" in second.explanation
-    assert oag.flow_to_json(second.flow) == [18, {"13": 0.4}, {"9": 0.2}, 5]
+    assert flow_to_json(second.flow) == [18, {"13": 0.4}, {"9": 0.2}, 5]
 
 
 def test_it_gives_up_with_a_reason_when_nothing_was_found_at_fault() -> None:
     flow = flow_of("T1", 0)
-    attempt = oag.Attempt(flow, "failed", failure="goal-not-reached", message="it is not open")
+    attempt = Attempt(flow, "failed", failure="goal-not-reached", message="it is not open")
     answer = SearchSupervisor().revise(situation("T1", 0, attempt))
     assert answer == GiveUp("no step of any attempt was found at fault, so there is nothing to correct")
 
@@ -214,7 +216,7 @@ def test_a_hand_that_meets_something_on_its_way_down_stops_just_above() -> None:
         failure_measurements={"mover": "held", "other": "bowl_0"},
         misses=[Miss("(inside apple_0 bowl_0)", 0.0, 0.0, -0.03)],
     )
-    lowered = [revision["8"] for revision in oag.flow_to_json(revise("T3", 1, attempt).flow)[-2:-1]]  # type: ignore[index]
+    lowered = [revision["8"] for revision in flow_to_json(revise("T3", 1, attempt).flow)[-2:-1]]  # type: ignore[index]
     assert lowered == [0.12]
 
 
@@ -222,7 +224,7 @@ def test_the_hand_is_taken_away_from_what_it_still_touches() -> None:
     unmet = {"(ontop glass_0 table_0)": {"touching": True, "fingers_touching": 1}}
     attempt = failed(flow_of("T4", 1), 4, unmet=unmet)
     revision = revise("T4", 1, attempt)
-    assert oag.flow_to_json(revision.flow) == [18, {"13": 0.4}, {"9": 0.1}, {"8": 0.3}, 5, 6]
+    assert flow_to_json(revision.flow) == [18, {"13": 0.4}, {"9": 0.1}, {"8": 0.3}, 5, 6]
     assert revision.cause == "the hand still touches what it let go of"
 
 
@@ -241,27 +243,27 @@ def test_a_palm_that_meets_what_it_is_to_take_stays_further_back(mover: str, exp
         measurements={"residual_m": 0.002, "target_up_m": 0.005},
         failure_measurements={"mover": mover, "other": "apple_0"},
     )
-    assert oag.flow_to_json(revise("T3", 0, attempt).flow) == expected
+    assert flow_to_json(revise("T3", 0, attempt).flow) == expected
 
 
 def test_a_second_slide_changes_the_first_one() -> None:
-    flow = oag.flow_from_json([17, 6, {"13": 0.02}, {"15": 0.01}, 1, 2, 3, {"7": 0.2}])
+    flow = flow_from_json([17, 6, {"13": 0.02}, {"15": 0.01}, 1, 2, 3, {"7": 0.2}])
     attempt = failed(
         flow, 7, "slipped", measurements={"target_forward_m": -0.005, "target_left_m": -0.03, "eef_moved_m": 0.01}
     )
     revision = revise("T2", 1, attempt)
-    assert oag.flow_to_json(revision.flow) == [17, 6, {"16": 0.02}, {"13": 0.015}, 1, 2, 3, {"7": 0.2}]
+    assert flow_to_json(revision.flow) == [17, 6, {"16": 0.02}, {"13": 0.015}, 1, 2, 3, {"7": 0.2}]
 
 
 def test_a_base_that_meets_something_on_its_way_sets_out_from_elsewhere() -> None:
     met = {"mover": "base_body", "other": "unseen_box_0"}
     attempt = failed(flow_of("T2", 2), 0, "unexpected-contact", failure_measurements=met)
     first = revise("T2", 2, attempt)
-    assert oag.flow_to_json(first.flow) == [{"15": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
+    assert flow_to_json(first.flow) == [{"15": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
     blocked = {"mover": "base_body", "other": "table_0"}
     again = failed(first.flow, 0, "unexpected-contact", failure_measurements=blocked)
-    second = revise("T2", 2, again, oag.History(2).add(attempt, first))
-    assert oag.flow_to_json(second.flow) == [{"16": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
+    second = revise("T2", 2, again, History(2).add(attempt, first))
+    assert flow_to_json(second.flow) == [{"16": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
     assert "in attempt 1, which came furthest" in second.explanation
 
 
@@ -270,18 +272,18 @@ def test_a_step_that_takes_too_long_is_asked_for_less_and_then_left_to_the_plann
     attempt = failed(flow, 4, "timeout")
     revision = revise("T1", 3, attempt)
     assert revision.cause == "it took longer than a step may" and revision.cause_step == 4
-    assert not oag.same_flow(revision.flow, flow)
+    assert not same_flow(revision.flow, flow)
 
 
 def test_where_no_stance_serves_a_flow_its_numbers_are_opened_then_it_drives_then_it_makes_room() -> None:
     """A place to stand is chosen for the whole flow, so that a lift which is too high lets no hand near the thing."""
-    history, revisions = oag.History(0), []
+    history, revisions = History(0), []
     flow = flow_of("T3", 0)
     for _ in range(4):
         attempt = failed(flow, len(flow) - 4, "no-collision-free-path")
         revision = revise("T3", 0, attempt, history)
         history = history.add(attempt, revision)
-        revisions.append(oag.flow_to_json(revision.flow))
+        revisions.append(flow_to_json(revision.flow))
         flow = revision.flow
     assert revisions[0] == [1, 2, 3, {"7": None}]
     assert revisions[1] == [17, 1, 2, 3, {"7": None}]
@@ -299,4 +301,4 @@ def test_a_door_that_has_no_way_is_opened_less_far(free_to: float | None, opened
     unplanned = {"joint": "door_hinge", "free_to_fraction": free_to}
     attempt = failed(flow, 0, "no-collision-free-path", failure_measurements=unplanned)
     revision = revise("T1", 0, attempt)
-    assert oag.flow_to_json(revision.flow) == [1, 2, 3, {"4": [0.0, opened_to]}, 5]
+    assert flow_to_json(revision.flow) == [1, 2, 3, {"4": [0.0, opened_to]}, 5]

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 import oag
 from llm.memory_notes import KINDS, LONGEST_LESSON, Note, Trial
+from oag.model.actions import flow_from_json
+from oag.model.symbols import ParameterKind, parameter_kind
 
 AJAR: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 CLOSED: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
@@ -30,8 +32,8 @@ def note(before: list[Any] = AJAR, after: list[Any] = CLOSED, **changes: Any) ->
         "kind": "close",
         "target": "refrigerator",
         "support": "",
-        "before": oag.flow_from_json(before),
-        "after": oag.flow_from_json(after),
+        "before": flow_from_json(before),
+        "after": flow_from_json(after),
         "lesson": "0.35 of the range was left open.",
         "evidence": (trial("T1", 17000, "succeeded", 1),),
     }
@@ -47,10 +49,10 @@ lines = st.text(st.characters(exclude_categories=("Cc", "Cf", "Cs")), min_size=1
 def actions(draw: st.DrawFn) -> oag.Action:
     """Draw an action whose number, if it takes one, is given or open."""
     primitive = draw(st.sampled_from(list(oag.Primitive)))
-    kind = oag.parameter_kind(primitive)
-    if kind is oag.ParameterKind.NONE:
+    kind = parameter_kind(primitive)
+    if kind is ParameterKind.NONE:
         return oag.Action(primitive)
-    given = limits if kind is oag.ParameterKind.JOINT_LIMITS else numbers
+    given = limits if kind is ParameterKind.JOINT_LIMITS else numbers
     return oag.Action(primitive, draw(st.none() | given))
 
 

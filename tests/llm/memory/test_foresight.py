@@ -11,10 +11,12 @@ import pytest
 import oag
 from llm.memory import SkillMemory, foresee
 from llm.memory_notes import Note
+from oag.model.actions import flow_from_json, flow_to_json
+from oag.revision import Attempt, History, Revision
 from tests.llm.evolve.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
-SITUATION = situation("T1", 3, failed(oag.flow_from_json(AJAR), 4, measurements={}))
+SITUATION = situation("T1", 3, failed(flow_from_json(AJAR), 4, measurements={}))
 SCENE = SITUATION.scene
 CATEGORY = SCENE["refrigerator_0"].category
 
@@ -22,7 +24,7 @@ CATEGORY = SCENE["refrigerator_0"].category
 def ajar_task() -> oag.Task:
     """Return T1 with the flow that leaves the refrigerator ajar."""
     task = SITUATION.task
-    subtask = replace(task.subtasks[3], flow=oag.flow_from_json(AJAR))
+    subtask = replace(task.subtasks[3], flow=flow_from_json(AJAR))
     return replace(task, subtasks=(*task.subtasks[:3], subtask))
 
 
@@ -34,7 +36,7 @@ def test_a_proven_correction_of_the_same_flow_is_put_in() -> None:
     known = proven()
     found = foresee([known], ajar_task(), SCENE)
     assert found.notes == {3: known.name}
-    assert oag.flow_to_json(found.task.subtasks[3].flow or ()) == CLOSED
+    assert flow_to_json(found.task.subtasks[3].flow or ()) == CLOSED
     assert found.task.subtasks[:3] == ajar_task().subtasks[:3]
     assert oag.compose(found.task, scene=SCENE).verify()
 
@@ -66,15 +68,15 @@ def test_of_two_the_one_that_helped_more_often_is_put_in() -> None:
 @pytest.mark.parametrize("outcome", ["succeeded", "failed"])
 def test_how_it_fared_is_noted(tmp_path: Path, outcome: Any) -> None:
     memory = SkillMemory(tmp_path)
-    closing = oag.flow_from_json(CLOSED)
+    closing = flow_from_json(CLOSED)
     for seed in (1, 2):
-        revision = oag.Revision(closing, "parameters", "closed it further", "limits", 4)
-        attempt = failed(oag.flow_from_json(AJAR), 4, measurements={"fraction_reached": 0.35})
-        history = oag.History(3).add(replace(attempt, seed=seed), revision)
-        memory.learn(ajar_task(), SCENE, [history.add(oag.Attempt(closing, "succeeded", seed=seed))])
+        revision = Revision(closing, "parameters", "closed it further", "limits", 4)
+        attempt = failed(flow_from_json(AJAR), 4, measurements={"fraction_reached": 0.35})
+        history = History(3).add(replace(attempt, seed=seed), revision)
+        memory.learn(ajar_task(), SCENE, [history.add(Attempt(closing, "succeeded", seed=seed))])
     found = memory.foresee(ajar_task(), SCENE)
     (name,) = found.notes.values()
-    history = oag.History(3).add(oag.Attempt(closing, outcome, seed=3))
+    history = History(3).add(Attempt(closing, outcome, seed=3))
     assert memory.learn(found.task, SCENE, [history], found) == (name,)
     (kept,) = SkillMemory(tmp_path).notes
     assert [(entry.seed, entry.outcome, entry.revisions) for entry in kept.evidence][2:] == [(3, outcome, 0)]

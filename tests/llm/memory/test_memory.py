@@ -13,15 +13,17 @@ import oag
 from llm.evolve import GiveUp, SearchSupervisor, Situation
 from llm.memory import MemoryFolderError, RememberingSupervisor, SkillMemory, notes_for
 from llm.memory_notes import Circumstances, circumstances, note_text, read_note, recall
+from oag.model.actions import flow_from_json, flow_to_json
+from oag.revision import Attempt, History, Revision
 from tests.llm.evolve.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
 SHORT = {"measurements": {"fraction_reached": 0.352, "fraction_asked": 0.35}}
 
 
-def ajar(flow: list[Any] = AJAR) -> oag.Attempt:
+def ajar(flow: list[Any] = AJAR) -> Attempt:
     """Return an attempt at closing the refrigerator that left it ajar."""
-    return failed(oag.flow_from_json(flow), 4, **SHORT)
+    return failed(flow_from_json(flow), 4, **SHORT)
 
 
 def told() -> Situation:
@@ -35,23 +37,21 @@ def memory(folder: Path, *notes: Any) -> SkillMemory:
     return SkillMemory(folder)
 
 
-def solved(*flows: list[Any], note: str = "") -> oag.History:
+def solved(*flows: list[Any], note: str = "") -> History:
     """Return the history of an evolution whose last flow succeeded; the note is that of its last revision."""
-    history = oag.History(3)
+    history = History(3)
     for flow, following in pairwise(flows):
         last = following == flows[-1]
         said = "closed it further" if last else "at first it was closed a little further"
-        revision = oag.Revision(
-            oag.flow_from_json(following), "parameters", said, "limits", 4, note=note if last else ""
-        )
+        revision = Revision(flow_from_json(following), "parameters", said, "limits", 4, note=note if last else "")
         history = history.add(replace(ajar(flow), seed=17000), revision)
-    return history.add(oag.Attempt(oag.flow_from_json(flows[-1]), "succeeded", seed=17000))
+    return history.add(Attempt(flow_from_json(flows[-1]), "succeeded", seed=17000))
 
 
-def proposed_by(found: SkillMemory) -> oag.Revision:
+def proposed_by(found: SkillMemory) -> Revision:
     """Return what a memory proposes for the refrigerator that was left ajar."""
     proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
-    assert isinstance(proposed, oag.Revision)
+    assert isinstance(proposed, Revision)
     return proposed
 
 
@@ -104,7 +104,7 @@ def test_a_correction_is_learned_and_found_again(tmp_path: Path) -> None:
         "close",
         "closed it further",
     )
-    assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
+    assert (flow_to_json(learned.before), flow_to_json(learned.after)) == (AJAR, CLOSED)
     assert learned.evidence == (trial(told().task.name, 17000, "succeeded", 1),)
     assert (tmp_path / f"{learned.name}.md").is_file()
 
@@ -120,14 +120,14 @@ def test_detours_are_left_out(tmp_path: Path) -> None:
     found = SkillMemory(tmp_path)
     found.learn(told().task, told().scene, [solved(AJAR, [17, 1, 2, 3, {"19": [0.0, 0.55]}, 5], CLOSED)])
     (learned,) = found.notes
-    assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
+    assert (flow_to_json(learned.before), flow_to_json(learned.after)) == (AJAR, CLOSED)
     assert learned.evidence[0].revisions == 2
 
 
 def test_what_was_not_solved_or_not_revised_teaches_nothing(tmp_path: Path) -> None:
     found = SkillMemory(tmp_path)
-    unsolved = oag.History(3).add(ajar())
-    at_once = oag.History(3).add(oag.Attempt(oag.flow_from_json(CLOSED), "succeeded"))
+    unsolved = History(3).add(ajar())
+    at_once = History(3).add(Attempt(flow_from_json(CLOSED), "succeeded"))
     assert found.learn(told().task, told().scene, [unsolved, at_once]) == () and found.notes == ()
 
 
@@ -135,40 +135,40 @@ def test_memory_is_tried_first_and_then_the_other(tmp_path: Path) -> None:
     proven = note(after=[*CLOSED, 6], evidence=TWICE)
     remembering = RememberingSupervisor(memory(tmp_path, proven), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and oag.flow_to_json(first.flow) == [*CLOSED, 6]
+    assert isinstance(first, Revision) and flow_to_json(first.flow) == [*CLOSED, 6]
     assert first.note == proven.name
-    history = oag.History(3).add(ajar(), first)
+    history = History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([*CLOSED, 6]), history))
-    assert isinstance(second, oag.Revision) and not second.note
+    assert isinstance(second, Revision) and not second.note
 
 
 def test_what_helped_once_waits_until_another_answer_has_failed(tmp_path: Path) -> None:
     once = note(after=[*CLOSED, 6])
     remembering = RememberingSupervisor(memory(tmp_path, once), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and not first.note
-    history = oag.History(3).add(ajar(), first)
+    assert isinstance(first, Revision) and not first.note
+    history = History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([17, 1, 2, 3, {"19": [0.0, 0.6]}, 5]), history))
-    assert isinstance(second, oag.Revision) and second.note == once.name
+    assert isinstance(second, Revision) and second.note == once.name
 
 
 def test_one_note_is_tried_for_a_cause(tmp_path: Path) -> None:
     notes = [note(after=[*CLOSED, 6], evidence=TWICE), note(after=[*CLOSED, 6, 6], evidence=TWICE)]
     remembering = RememberingSupervisor(memory(tmp_path, *notes), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and first.note
-    history = oag.History(3).add(ajar(), first)
+    assert isinstance(first, Revision) and first.note
+    history = History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, replace(ajar(), flow=first.flow), history))
-    assert isinstance(second, oag.Revision) and not second.note
+    assert isinstance(second, Revision) and not second.note
 
 
 def test_what_failed_for_an_earlier_subtask_is_no_lesson_about_this_one(tmp_path: Path) -> None:
     """Before the loop went back the item slipped; what is changed afterwards has another cause."""
-    slipped = replace(failed(oag.flow_from_json(AJAR), 4, failure="slipped", **SHORT), start="taken badly")
-    back = oag.Revision(oag.flow_from_json([1, 2, 3, {"4": [0.0, 0.9]}, 5]), "parameters", "took it anew", subtask=1)
-    onward = oag.Revision(oag.flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
-    history = oag.History(3).add(slipped, back).add(replace(ajar(), start="taken well"), onward)
-    done = oag.Attempt(oag.flow_from_json(CLOSED), "succeeded", seed=17000, start="taken well")
+    slipped = replace(failed(flow_from_json(AJAR), 4, failure="slipped", **SHORT), start="taken badly")
+    back = Revision(flow_from_json([1, 2, 3, {"4": [0.0, 0.9]}, 5]), "parameters", "took it anew", subtask=1)
+    onward = Revision(flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
+    history = History(3).add(slipped, back).add(replace(ajar(), start="taken well"), onward)
+    done = Attempt(flow_from_json(CLOSED), "succeeded", seed=17000, start="taken well")
     found = SkillMemory(tmp_path)
     found.learn(told().task, told().scene, [history.add(done)])
     (learned,) = found.notes
@@ -189,12 +189,12 @@ def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
     wrong = note(after=[*CLOSED, 6], evidence=TWICE)
     found = memory(tmp_path, wrong)
     proposed = proposed_by(found)
-    later = oag.Revision(oag.flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
-    history = oag.History(3).add(ajar(), proposed).add(ajar([*CLOSED, 6]), later)
-    found.learn(told().task, told().scene, [history.add(oag.Attempt(oag.flow_from_json(CLOSED), "succeeded"))])
+    later = Revision(flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
+    history = History(3).add(ajar(), proposed).add(ajar([*CLOSED, 6]), later)
+    found.learn(told().task, told().scene, [history.add(Attempt(flow_from_json(CLOSED), "succeeded"))])
     known = {one.name: one for one in SkillMemory(tmp_path).notes}
     assert [entry.outcome for entry in known[wrong.name].evidence] == ["succeeded", "succeeded", "failed"]
-    assert {oag.flow_to_json(one.after)[-1] for one in known.values()} == {5, 6}  # type: ignore[type-var]
+    assert {flow_to_json(one.after)[-1] for one in known.values()} == {5, 6}  # type: ignore[type-var]
 
 
 def test_a_note_that_helps_again_gets_evidence_and_nothing_new_is_noted(tmp_path: Path) -> None:
@@ -209,8 +209,8 @@ def test_evidence_says_how_many_revisions_there_were_until_then(tmp_path: Path) 
     wrong = note(after=[*CLOSED, 6], evidence=TWICE)
     found = memory(tmp_path, wrong)
     proposed = proposed_by(found)
-    searched = oag.Revision(oag.flow_from_json(AJAR), "parameters", "closed it a little further", "limits", 4)
-    history = oag.History(3).add(ajar(), searched).add(ajar(), proposed).add(ajar([*CLOSED, 6]))
+    searched = Revision(flow_from_json(AJAR), "parameters", "closed it a little further", "limits", 4)
+    history = History(3).add(ajar(), searched).add(ajar(), proposed).add(ajar([*CLOSED, 6]))
     found.learn(told().task, told().scene, [history])
     (known,) = SkillMemory(tmp_path).notes
     assert [(entry.outcome, entry.revisions) for entry in known.evidence[1:]] == [("succeeded", 1), ("failed", 2)]
@@ -219,15 +219,15 @@ def test_evidence_says_how_many_revisions_there_were_until_then(tmp_path: Path) 
 def test_a_model_that_says_it_used_a_note_changes_nothing_of_it(tmp_path: Path) -> None:
     kept = note(after=[*CLOSED, 6])
     found = memory(tmp_path, kept)
-    claimed = oag.Revision(
-        oag.flow_from_json(CLOSED),
+    claimed = Revision(
+        flow_from_json(CLOSED),
         "parameters",
         f'From memory, note "{kept.name}": so it says',
         "limits",
         4,
         origin="model",
     )
-    found.learn(told().task, told().scene, [oag.History(3).add(ajar(), claimed).add(ajar(CLOSED))])
+    found.learn(told().task, told().scene, [History(3).add(ajar(), claimed).add(ajar(CLOSED))])
     assert SkillMemory(tmp_path).notes == (kept,)
 
 

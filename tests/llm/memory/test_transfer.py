@@ -7,24 +7,24 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-import oag
 from llm.memory import transfer
+from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
 from tests.llm.memory.notes import flows
 
 
 def moved(before: list[Any], after: list[Any], flow: list[Any]) -> list[Any] | None:
     """Return the transfer in the paper's form."""
-    found = transfer(*(oag.flow_from_json(part) for part in (before, after, flow)))
-    return None if found is None else oag.flow_to_json(found)
+    found = transfer(*(flow_from_json(part) for part in (before, after, flow)))
+    return None if found is None else flow_to_json(found)
 
 
 @given(flows, flows)
-def test_the_flow_of_then_becomes_what_it_became_then(before: oag.ActionFlow, after: oag.ActionFlow) -> None:
+def test_the_flow_of_then_becomes_what_it_became_then(before: ActionFlow, after: ActionFlow) -> None:
     assert transfer(before, after, before) == after
 
 
 @given(flows, flows)
-def test_no_change_changes_nothing(before: oag.ActionFlow, flow: oag.ActionFlow) -> None:
+def test_no_change_changes_nothing(before: ActionFlow, flow: ActionFlow) -> None:
     assert transfer(before, before, flow) == flow
 
 

@@ -11,6 +11,7 @@ import pytest
 import bddl
 import llm
 import oag
+from oag.model.actions import flow_to_json
 from tests.llm.kitchens import PHRASINGS, SCENES, noted
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -146,7 +147,7 @@ def test_what_was_taken_on_trust_is_noted() -> None:
 
 def test_flows_are_the_templates_with_open_numbers() -> None:
     task = llm.propose(KEYWORDS["T1"], SCENES["kitchen_t1"]).task
-    assert [oag.flow_to_json(subtask.flow or ()) for subtask in task.subtasks] == [
+    assert [flow_to_json(subtask.flow or ()) for subtask in task.subtasks] == [
         [17, 1, 2, 3, {"4": None}, 5, 6],
         [17, 1, 2, 3, {"7": None}],
         [18, {"13": None}, {"8": None}, 5, 6],
@@ -159,7 +160,7 @@ def test_what_is_in_something_is_taken_out_by_backing_out() -> None:
     scene = replace(SCENES["kitchen_t1"], facts=tuple(bddl.parse_formula(fact) for fact in facts))
     task = llm.propose("take the glass out of the refrigerator and put it on the table", scene).task
     pick = task.subtasks[1]
-    assert oag.flow_to_json(pick.flow or ()) == [17, 1, 2, 3, {"7": None}, 6]
+    assert flow_to_json(pick.flow or ()) == [17, 1, 2, 3, {"7": None}, 6]
     assert "back out" in pick.detail
     assert oag.compose(task).verify()
 

@@ -85,3 +85,20 @@ def test_a_door_that_no_wish_goes_through_does_not() -> None:
 def test_words_that_are_no_wish_say_nothing() -> None:
     goal = bddl.parse_formula("(inside glass_0 refrigerator_0)")
     assert warned(planned(goal=goal, name="variant_7", detail="The glass is on the table. It is tall.")) == []
+
+
+def test_the_query_counts_as_a_sentence() -> None:
+    silent = planned(name="task", detail="", goal=bddl.parse_formula("(inside apple_0 bowl_0)"))
+    assert other_readings(silent, SCENES["breakfast"]) == ()
+    (found,) = other_readings(silent, SCENES["breakfast"], query=QUERY)
+    assert found.code == "answer/other-reading" and "(inside glass_0 refrigerator_0)" in found.message
+
+
+def test_of_what_cannot_be_read_the_items_that_the_goal_forgets_are_noted() -> None:
+    words = "For the night, glass_0 had better be stowed, apple_0 too."
+    task = planned(name="task", detail=words, goal=bddl.parse_formula("(inside apple_0 bowl_0)"))
+    (found,) = other_readings(task, SCENES["breakfast"])
+    assert (found.code, found.severity) == ("answer/forgotten-object", "note")
+    assert "names glass_0, and the goal" in found.message
+    every = bddl.parse_formula("(forall (?g - object) (not (inside ?g gripper)))")
+    assert other_readings(replace(task, goal=every), SCENES["breakfast"]) == ()

@@ -9,6 +9,7 @@ import pytest
 import llm
 import oag
 from llm.proposing.model_proposer import ModelProposer
+from oag.model.diagnostics import CODES
 from tests.llm.bad_answers import ANY_MODULE, OF_MODULE, BadAnswer, generate
 from tests.llm.forms import answer_codes
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
@@ -34,7 +35,7 @@ def check(seed: int) -> BadAnswer:
     found = findings_for(bad)
     codes = {finding.code for finding in found}
     assert codes & bad.codes, f"seed {seed}, module {bad.module}, {bad.fault}: {codes} names none of {set(bad.codes)}"
-    assert codes <= {*answer_codes(), *oag.CODES}
+    assert codes <= {*answer_codes(), *CODES}
     assert all(finding.message for finding in found)
     said = "\n".join(str(finding) for finding in found)
     assert bad.culprit in said, f"seed {seed}, {bad.fault}: {bad.culprit!r} is not in\n{said}"

@@ -12,6 +12,7 @@ import oag
 from llm.client.transport import ChatReply, ChatRequest
 from llm.proposing import model_proposer
 from llm.proposing.model_proposer import ModelProposer, charges
+from oag.model.actions import flow_from_json
 from tests.json_edits import altered
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
 
@@ -88,7 +89,7 @@ def test_roles_that_no_condition_can_mend_go_back_to_module_2_at_once(slip: str)
 
 
 def test_a_flow_that_does_not_get_there_is_module_5s() -> None:
-    flow = oag.flow_from_json([17, 1, 2, {"7": 0.2}])
+    flow = flow_from_json([17, 1, 2, {"7": 0.2}])
     charged = charges(oag.compose(with_subtask(1, flow=flow)).verify(), searched=False)
     assert charged[0].modules[0] == 5
     assert any("insert GRASP in T2" in text for text in charged[0].finding.fixes)

@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 
 import pytest
 
-import oag
 from llm.client.openai import read_answer
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.evolve import Situation
 from llm.evolve.judges import judges
 from llm.proposing.model_proposer import ModelProposer
 from llm.structured.conversation import Conversation
+from oag.revision import History, Revision
 from tests.llm.evolve.scripted_judges import Judge, ajar, asks_inspector, attempt_of
 from tests.llm.forms import FORMS, INSPECTOR, KINDS, SUPERVISOR, Form, draft, right_answer
 from tests.llm.scripted_modules import QUERIES, Script, module_of, right_answers, scene_of
 from tests.oag.paper import scene
 
 SEEN = ajar()
-SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), oag.History(3), observation=SEEN)
+SITUATION = Situation(SEEN.task, 3, scene("T1"), attempt_of(SEEN, ()), History(3), observation=SEEN)
 STEP = 5
 CASES = [(name, kind) for name, form in FORMS.items() for kind in form.kinds]
 
@@ -77,7 +77,7 @@ def outcome(kind: int, reply: ChatReply | None) -> tuple[object, Conversation]:
     if kind == SUPERVISOR:
         team = judges(model)
         revision = team.supervisor.revise(SITUATION)
-        assert isinstance(revision, oag.Revision) and revision.explanation
+        assert isinstance(revision, Revision) and revision.explanation
         return (revision.flow, revision.subtask), team.conversation
     proposer = ModelProposer(model, cross_check=False)
     task = proposer.propose(QUERIES["T1"], scene_of("T1")).task

@@ -14,7 +14,8 @@ from executor.assets.importers.store import Imported, names
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.sim.world import World
-from oag import RobotPose, Scene, SceneObject
+from oag import Scene, SceneObject
+from oag.model.scene import RobotPose
 from tests.executor.assets.importers.conftest import mobility, write_box
 
 

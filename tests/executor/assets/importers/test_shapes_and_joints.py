@@ -14,7 +14,8 @@ from executor.assets.importers.importer import import_asset
 from executor.assets.importers.urdf import read_urdf
 from executor.assets.model import Asset
 from executor.sim.world import World
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 from tests.executor.assets.importers.drawers import INNER_DEPTH_M, TRAVEL_M, boxes, joint, write_drawers, write_urdf
 
 SHELL = [

@@ -25,7 +25,8 @@ from executor.sim.render.cameras import (
     inside_points,
     wrist_camera,
 )
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 from oag.model.symbols import Kind
 from tests.executor.helpers import scene_object
 

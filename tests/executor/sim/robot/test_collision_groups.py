@@ -13,7 +13,8 @@ from executor.sim.engine import ROBOT
 from executor.sim.robot.description import ARM_HOME, BASE_LINK, MAST_LINK
 from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
-from oag import RobotPose, Scene
+from oag import Scene
+from oag.model.scene import RobotPose
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size
 
 pytestmark = pytest.mark.physics

@@ -24,8 +24,8 @@ from executor.sim.robot.description import (
     simplified,
 )
 from executor.sim.robot.kinematics import ArmChain
-from oag import Primitive, RobotPose
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag import Primitive
+from oag.model.scene import FULL_SCALE, PAPER_SCALE, RobotPose
 from oag.sizes import Gripper, longest_motion_m
 
 

@@ -15,7 +15,7 @@ import bddl
 from bddl.ast import Quantified
 from bddl.terminal import pluralize
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json, flow_to_json
-from oag.model.codec import Document, ReadBy, Source, load, missing, number, shown
+from oag.model.codec import Document, ReadBy, Source, brief, load, missing, number, shown
 from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene, SceneError, TaskError
 from oag.model.scene import SCALES, Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, overlap
@@ -253,6 +253,13 @@ class SimpleTask:
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
 
+    def __repr__(self) -> str:
+        steps = "no flow" if self.flow is None else pluralize(len(self.flow), "step")
+        text = (
+            f"<SimpleTask {self.name!r}: {self.target}, {bddl.format(self.init)} to {bddl.format(self.goal)}, {steps}>"
+        )
+        return brief(text)
+
     @property
     def roles(self) -> tuple[str, str | None, str | None]:
         """The target, and the supports of the initial state and of the goal."""
@@ -312,7 +319,8 @@ class Task:
                 raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
 
     def __repr__(self) -> str:
-        return f"<Task {self.name!r}: {pluralize(len(self.subtasks), 'subtask')}, goal {bddl.format(self.goal)}>"
+        counted = pluralize(len(self.subtasks), "subtask")
+        return brief(f"<Task {shown(self.name)}: {counted}, goal {bddl.format(self.goal)}>")
 
     @classmethod
     def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
