@@ -55,12 +55,14 @@ class Planner:
 
     Attributes:
         seed: Of the episode.
+        effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
     """
 
     def __init__(self, oracle: CollisionOracle) -> None:
         self.oracle = oracle
         self.kinematics: Kinematics = oracle.kinematics
         self.tracker = LineTracker(oracle.world.scene.robot.scale, oracle.kinematics)
+        self.effort = self.kinematics.effort
         self.seed = 0
         self.rng = np.random.default_rng(0)
         self._around = _around_everything(oracle.world)

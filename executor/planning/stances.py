@@ -17,6 +17,7 @@ from executor.planning.collision import BASE, GRIPPER, HELD, NOTHING, Allowed, H
 from executor.planning.planner import Planner
 from executor.sim.robot.description import ARM_HOME, JOINT_NAMES
 from executor.sim.robot.kinematics import ARM, ArmSolution, Kinematics
+from executor.system.effort import CANDIDATE_S
 from oag.measurements import Unplanned
 
 REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)  # From the base's axis to the hand, the most comfortable first.
@@ -152,6 +153,7 @@ class FreeFloor:
 
     def at(self, base: Array) -> bool:
         """Return whether the base has room at a pose (3,)."""
+        self._planner.effort.add(CANDIDATE_S)
         key = tuple(np.round(base, 5))
         if key not in self._known:
             self._known[key] = is_base_free(self._planner, base, self._margin_m)
@@ -169,6 +171,7 @@ class ArmSolver:
     def solve(self, T_world_eef: Array, base: Array, *, either_side: bool) -> list[ArmSolution]:
         """Return arm postures for a hand pose, best margin first; `either_side` admits the half-turned hand too."""
         kinematics = self._planner.kinematics
+        self._planner.effort.add(CANDIDATE_S)
         T_base_eef = inverse(kinematics.base_transform(base)) @ T_world_eef
         found: list[ArmSolution] = []
         for T in (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,):

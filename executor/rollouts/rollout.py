@@ -42,7 +42,7 @@ from executor.sim.engine import STANDARD, Physics
 from executor.sim.faults import Fault
 from executor.sim.world import World
 from executor.skills.control import Bystanders, Controller, settle_to_rest
-from executor.skills.library import LIBRARY, Runner
+from executor.skills.library import LIBRARY, Runner, bounded
 from executor.skills.session import Hand, Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
 from oag import (
@@ -389,7 +389,7 @@ class Run:
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
         session.control.start_primitive()
-        outcome = self.library[action.primitive](session, action)
+        outcome = bounded(self.library[action.primitive], session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()
