@@ -1,8 +1,8 @@
 """Feasibility of a proved plan: all of it is gone through by geometry before anything moves.
 
 The primitives run as they do in a rollout, on a world without dynamics (`executor.skills.dry_run`). So each subtask is
-planned in the state that it will find: doors where they were moved to, things where they were put, the hand holding what
-it took. What no stance, grasp, place or way is found for ends the dry run with the reason. Feasible is less than
+planned in the state that it will find: doors where they were moved to, things where they were put, the hand holding
+what it took. What no stance, grasp, place or way is found for ends the dry run with the reason. Feasible is less than
 succeeded: slips, stalls and whatever else takes forces are for the physics to decide.
 """
 

@@ -1,9 +1,9 @@
 """A world and a controller without dynamics: the primitives run on them, and only geometry decides.
 
-A motion puts the robot where its path ends, together with what it holds, or with the joint that it is meant to move. The
-fingers close until they touch; what both touch is held. What is let go of comes down onto what is below it. The bodies
-are those of the physics, and so are the contacts that monitors and detectors read; forces are not: fingers press, a
-touch is no push, and an overlap is a collision.
+A motion puts the robot where its path ends, together with what it holds, or with the joint that it is meant to move.
+The fingers close until they touch; what both touch is held. What is let go of comes down onto what is below it. The
+bodies are those of the physics, and so are the contacts that monitors and detectors read; forces are not: fingers
+press, a touch is no push, and an overlap is a collision.
 """
 
 from __future__ import annotations
