@@ -273,7 +273,7 @@ class DryRun:
                 break
         self._hand = session.hand
         readings = (judge_at_rest if last else judge)(self._goals[index], world)
-        if last and not steps[-1].failure and as_failure(readings, subtask.name) is None:
+        if last and not (steps and steps[-1].failure) and as_failure(readings, subtask.name) is None:
             readings = (*readings, *judge_at_rest(self._task.goal, world))
         flow = (*flow_from_json([step.action for step in steps]), *session.flow[len(steps) :])
         record = SubtaskRecord(index, subtask.name, flow, tuple(steps), readings, "", b"", bystanders.moved_m())
