@@ -10,7 +10,6 @@ a low compartment level ones only; on a free top both work. Two more subtasks se
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -149,8 +148,9 @@ def another_order(failed: Failed) -> Iterator[Repair]:
         start = next((k for k in range(index + 1, len(subtasks)) if subtasks[k].target == blocker), None)
         if start is None:
             continue
-        run = tuple(itertools.takewhile(lambda one, it=blocker: one.target == it, subtasks[start:]))
-        rest = (*subtasks[index:start], *subtasks[start + len(run) :])
+        end = next((k for k in range(start, len(subtasks)) if subtasks[k].target != blocker), len(subtasks))
+        run = subtasks[start:end]
+        rest = (*subtasks[index:start], *subtasks[end:])
         task = replace(failed.task, subtasks=(*subtasks[:index], *run, *rest))
         reason = f"{blocker} is in the way of {failed.subtask.target}, and is handled first"
         yield Repair(task, index, index + len(run), Detour(index, 0, reason), failed.avoided)

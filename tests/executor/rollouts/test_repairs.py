@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+import bddl
 import llm
 import oag
 from executor.assets.library import asset_for
@@ -30,7 +31,7 @@ def with_cans(*places_m: tuple[float, float]) -> Scene:
         f"can_{k}": SceneObject(f"can_{k}", "can", "can", (x + dx, y + dy, bottom + 0.05), upright, size, one)
         for k, (dx, dy) in enumerate(places_m)
     }
-    facts = (*kitchen.facts, *(f"(ontop {name} table_0)" for name in cans))
+    facts = (*kitchen.facts, *(bddl.Atom("ontop", (name, "table_0")) for name in cans))
     return replace(kitchen, objects={**kitchen.objects, **cans}, facts=facts)
 
 
@@ -86,7 +87,7 @@ def test_another_drawer_is_opened_where_the_first_has_no_place() -> None:
     size = (0.6, 0.5, 0.85)
     place, upright, one = (1.5, -1.5, size[2] / 2), (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
     drawers = SceneObject("cabinet_0", "bottom_cabinet", "cabinet_drawers", place, upright, size, one, {"drawers": 3})
-    facts = (*kitchen.facts, "(not (open cabinet_0))")
+    facts = (*kitchen.facts, bddl.Not(bddl.Atom("open", ("cabinet_0",))))
     scene = replace(kitchen, objects={**kitchen.objects, "cabinet_0": drawers}, facts=facts)
     task = llm.propose("put the glass into the cabinet", scene).task
     names = [one.name for one in task.subtasks]
