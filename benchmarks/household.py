@@ -1,4 +1,4 @@
-"""The 102 household pairs of a seed: what is asked, whether the rule of reach lets it pass, and a picture of the rooms.
+"""The 102 household pairs of a seed: what is asked, whether it is feasible, and a picture of the rooms.
 
 python benchmarks/household.py --seed 13000
 python benchmarks/household.py --seed 13000 --sheet household.jpg
@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from math import degrees
 from pathlib import Path
 
 from PIL import Image
 
+from executor.rollouts.feasibility import feasible
 from executor.scenes.generators import household
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import reach
 from executor.sim.render.cameras import global_camera
 from executor.sim.render.stage import COLUMNS, Stage, contact_sheet, warm_up
 from executor.sim.world import World
 from executor.system.vulkan import activate
+from oag import compose
 
 TILE_PX = (320, 240)
 SHEET_WIDTH_PX = 1200
@@ -27,13 +27,14 @@ JPEG_QUALITY = 80
 
 
 def tabulate(pairs: list[ScenePair]) -> None:
-    """Print a line for each pair, and how many the rule lets pass."""
+    """Print a line for each pair, and how many are feasible."""
     passed: Counter[str] = Counter()
     for pair in pairs:
-        found = reach(pair.scene, pair.task)
-        passed[pair.family] += found.reachable
-        margin = "" if found.margin_rad is None else f"{degrees(found.margin_rad):3.0f} deg"
-        print(f"{pair.id:28} {margin:7}  {pair.query}{'' if found.reachable else '   REFUSED: ' + found.reason}")
+        found = feasible(compose(pair.task, scene=pair.scene), pair.scene, vary=False)
+        passed[pair.family] += found.feasible
+        known = [part.margin_deg for part in found.subtasks if part.margin_deg is not None]
+        margin = f"{min(known):3.0f} deg" if known else ""
+        print(f"{pair.id:28} {margin:7}  {pair.query}{'' if found else '   REFUSED: ' + found.reason}")
     count = Counter(pair.family for pair in pairs)
     print(", ".join(f"{family}: {passed[family]} of {count[family]}" for family in sorted(count)))
 

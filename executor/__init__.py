@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from executor.records import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
     from executor.rollouts.evolution_record import Evolution
     from executor.rollouts.evolve import evolve
+    from executor.rollouts.feasibility import Feasibility, feasible
     from executor.rollouts.recording import repeat
     from executor.rollouts.rollout import resume, rollout
     from executor.scenes.file import load_scene
@@ -30,12 +31,14 @@ __all__ = [
     "Evolution",
     "Failure",
     "FailureKind",
+    "Feasibility",
     "Frames",
     "MissingFlow",
     "PlanRefused",
     "Rollout",
     "RolloutInterrupted",
     "evolve",
+    "feasible",
     "load_scene",
     "repeat",
     "resume",
@@ -52,12 +55,14 @@ _PLACES = {
     "Evolution": ("executor.rollouts.evolution_record", "Evolution"),
     "Failure": ("executor.records", "Failure"),
     "FailureKind": ("executor.records", "FailureKind"),
+    "Feasibility": ("executor.rollouts.feasibility", "Feasibility"),
     "Frames": ("executor.sim.render.frames", "Frames"),
     "MissingFlow": ("executor.records", "MissingFlow"),
     "PlanRefused": ("executor.records", "PlanRefused"),
     "Rollout": ("executor.records", "Rollout"),
     "RolloutInterrupted": ("executor.records", "RolloutInterrupted"),
     "evolve": ("executor.rollouts.evolve", "evolve"),
+    "feasible": ("executor.rollouts.feasibility", "feasible"),
     "load_scene": ("executor.scenes.file", "load_scene"),
     "repeat": ("executor.rollouts.recording", "repeat"),
     "resume": ("executor.rollouts.rollout", "resume"),

@@ -187,6 +187,8 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
     yield _cut(f"{record.report.verdict.value:11} {record.query or readable(record.graph.task.name)}"), "bold"
     if rollout is None:
         yield f"{words:11} nothing was moved", style
+        if record.feasibility is not None and not record.feasibility:
+            yield from ((line, "red") for line in _rows("infeasible", record.feasibility.reason)[:4])
     else:
         reached = sum(subtask.succeeded for subtask in rollout.subtasks)
         total = len(rollout.task.subtasks)
@@ -225,6 +227,7 @@ def summary_json(record: RunRecord, folder: RunFolder | None) -> dict[str, objec
         "query": record.query,
         "verdict": record.report.verdict.value,
         "diagnostics": [finding.to_json() for finding in record.report.diagnostics],
+        "feasibility": None if record.feasibility is None else record.feasibility.to_json(),
         "notes": list(record.notes),
         "rollout": None if rollout is None else rollout_json(rollout),
         "usage": None if record.spending is None else record.spending.to_json(),

@@ -20,6 +20,7 @@ from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.sim.robot.description import BASE_LINK, MAST_LINK
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
+from executor.system.effort import QUERY_S
 
 BASE = frozenset({BASE_LINK, MAST_LINK})
 """The links that drive and do nothing else."""
@@ -86,7 +87,6 @@ class CollisionOracle:
         carried: What is in the gripper.
         base_clearance_m, arm_clearance_m: What base and arm keep from everything, whatever margin is asked for.
         opening_m: Default position of the fingers in queries.
-        queries: How many queries were answered.
     """
 
     def __init__(self, world: World) -> None:
@@ -96,7 +96,6 @@ class CollisionOracle:
         self.base_clearance_m = BASE_CLEARANCE_M
         self.arm_clearance_m = ARM_CLEARANCE_M
         self.opening_m = self.kinematics.finger_upper_m
-        self.queries = 0
         self._resting: dict[str, Array] = {}
         self._joints: dict[JointTarget, float] = {}
         self._shown: dict[str, list[float]] = {}
@@ -175,7 +174,9 @@ class CollisionOracle:
                 all the same).
             joints: Positions of objects' joints that differ from the synchronised ones (a door in motion).
         """
-        self.queries += 1
+        effort = self.kinematics.effort
+        effort.queries += 1
+        effort.add(QUERY_S)
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
         moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
@@ -195,6 +196,8 @@ class CollisionOracle:
                 if gap_m < min(self._wanted_m(mover, far, margin_m), self._near_at_start.get(key, np.inf)):
                     found[key] = min(gap_m, found.get(key, np.inf))
                     break
+        for mover, other in found:
+            effort.met[f"{mover} and {other}"] += 1
         return [Hit(*pair, gap_m) for pair, gap_m in sorted(found.items())]
 
     def is_free(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:

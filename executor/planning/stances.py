@@ -17,6 +17,7 @@ from executor.planning.collision import BASE, GRIPPER, HELD, NOTHING, Allowed, H
 from executor.planning.planner import Planner
 from executor.sim.robot.description import ARM_HOME, JOINT_NAMES
 from executor.sim.robot.kinematics import ARM, ArmSolution, Kinematics
+from executor.system.effort import CANDIDATE_S
 from oag.measurements import Unplanned
 
 REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)  # From the base's axis to the hand, the most comfortable first.
@@ -103,13 +104,23 @@ def base_candidates(
         turns_rad: How far the base may face away from the goal's heading.
         reaches_m: How far before the hand the base may be, the preferred distance first.
     """
-    found = []
-    for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(reaches_m), turns_rad):
-        base = goal.base_before(reach_m, turn_rad)
-        drive = float(np.hypot(*(base[:2] - here[:2]))) + 0.2 * abs(wrap_angle(float(base[2]) - float(here[2])))
-        cost = DRIVE_COST_RAD_PER_M * drive + TURN_COST * abs(turn_rad) + goal.cost + 0.02 * rank
-        found.append(BaseCandidate(goal, base, cost))
-    return sorted(found, key=lambda p: p.cost)
+    if not goals:
+        return []
+    # Thousands of candidates, of which few are looked at: what differs by reach alone is computed for all at once.
+    shape = (len(goals), len(reaches_m), len(turns_rad))
+    yaws = np.array([[goal.heading_rad + turn_rad for turn_rad in turns_rad] for goal in goals])
+    facing = np.array([[rotation_z(yaw)[:2, 0] for yaw in row] for row in yaws.tolist()])
+    turning = np.array([[0.2 * abs(wrap_angle(yaw - float(here[2]))) for yaw in row] for row in yaws.tolist()])
+    hands = np.array([goal.T_world_eef[:2, 3] for goal in goals])
+    places = hands[:, None, None] - facing[:, None] * np.array(reaches_m)[:, None, None]
+    drives = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) + turning[:, None]
+    costs = DRIVE_COST_RAD_PER_M * drives + TURN_COST * np.abs(turns_rad)
+    costs = costs + np.array([goal.cost for goal in goals])[:, None, None]
+    costs = (costs + 0.02 * np.arange(len(reaches_m))[:, None]).ravel()
+    bases = np.concatenate([places, np.broadcast_to(yaws[:, None, :, None], (*shape, 1))], axis=-1).reshape(-1, 3)
+    each = len(reaches_m) * len(turns_rad)
+    order = np.argsort(costs, kind="stable").tolist()
+    return [BaseCandidate(goals[k // each], bases[k], float(costs[k])) for k in order]
 
 
 class BlockedGoals:
@@ -152,9 +163,11 @@ class FreeFloor:
 
     def at(self, base: Array) -> bool:
         """Return whether the base has room at a pose (3,)."""
+        self._planner.effort.add(CANDIDATE_S)
         key = tuple(np.round(base, 5))
         if key not in self._known:
-            self._known[key] = is_base_free(self._planner, base, self._margin_m)
+            taken = bool(self._planner.floor.taken(base[None])[0])
+            self._known[key] = not taken and is_base_free(self._planner, base, self._margin_m)
         return self._known[key]
 
 
@@ -169,6 +182,7 @@ class ArmSolver:
     def solve(self, T_world_eef: Array, base: Array, *, either_side: bool) -> list[ArmSolution]:
         """Return arm postures for a hand pose, best margin first; `either_side` admits the half-turned hand too."""
         kinematics = self._planner.kinematics
+        self._planner.effort.add(CANDIDATE_S)
         T_base_eef = inverse(kinematics.base_transform(base)) @ T_world_eef
         found: list[ArmSolution] = []
         for T in (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,):

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from executor.records import Failure, Rollout, SubtaskRecord
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, SubtaskStory
+from executor.rollouts.feasibility import Feasibility
 from executor.rollouts.rollout import failure_of
 from executor.sim.faults import fault_json
 from executor.system.files import write_text
@@ -50,6 +51,7 @@ class RunRecord:
         attempts: Pictures of the attempts.
         spending: Usage of its models; None without a model.
         stopped: Why the model that judges gave no more answers; empty where that ended nothing.
+        feasibility: What the dry run of the plan said; None where it was not asked.
     """
 
     graph: ObjectActionGraph
@@ -66,6 +68,7 @@ class RunRecord:
     attempts: AttemptPictures = field(default_factory=AttemptPictures)
     spending: Spending | None = None
     stopped: str = ""
+    feasibility: Feasibility | None = None
 
     def as_ran(self) -> RunRecord:
         """Return the record with the plan that ran, its numbers and insertions, and its report of `verify`."""

@@ -10,7 +10,7 @@ import atexit
 import weakref
 from collections.abc import Callable, Container, Iterable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,7 +99,7 @@ class World:
         self._pulls: dict[Any, tuple[bytes, bytes]] = {}  # Of objects with gaskets: last position, and applied force.
         self._start_robot()
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -103,7 +103,8 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, J
     if path is not None:
         pushing = swing is not None and swing.motion == "push"
         monitor = session.monitor(handle_contacts(target, handle), gripped=None if pushing else target)
-        failure = session.control.follow(path, speed=SPEED, monitor=monitor)
+        carries = (target, joint.name, joint.position(end))
+        failure = session.control.follow(path, speed=SPEED, monitor=monitor, carries=carries)
         session.control.settle(SETTLE_S)
         if pushing and failure is None:
             session, failure = _retract_from_panel(session, monitor)

@@ -180,6 +180,9 @@ LIMIT_S = 120.0
 """Simulated time that one primitive may take."""
 
 Tick = Callable[[], None]
+Carriage = tuple[str, str, float]
+"""A joint that a motion moves along: its object's id, its name, and the position [rad or m] to which it is meant to."""
+
 STILL_M = 0.001  # More than what trembles in contact, less than what rolls.
 LONGEST_WAIT_S = 5.0  # A glass that lies on its side rolls for seconds.
 LOOK_EVERY_S = 0.1
@@ -228,7 +231,9 @@ class Controller:
         """Measured base and arm positions, (10,)."""
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[:10]
 
-    def follow(self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None) -> Failure | None:
+    def follow(
+        self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None, carries: Carriage | None = None
+    ) -> Failure | None:
         """Move along a path; return why it ended early, or None when it arrived.
 
         A robot that falls behind its path is blocked: it ends there, rather than press on with all its strength.
@@ -237,6 +242,7 @@ class Controller:
             path: (N, 10) waypoints, the first one being the present target.
             speed: Fraction of the speed limits.
             monitor: Ends the motion when it has to end; the robot then slows down, and holds the posture it comes to.
+            carries: What the motion is meant to do to a joint. Physics decides that; a dry run takes it for done.
         """
         began = time.perf_counter()
         failure: Failure | None = None

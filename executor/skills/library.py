@@ -14,8 +14,9 @@ from executor.skills.articulate import articulate
 from executor.skills.grasp import approach, converge, grasp, ungrasp
 from executor.skills.navigate import navigate_to_support, navigate_to_target, retreat
 from executor.skills.session import Session, StepResult
+from executor.system.effort import SearchExhausted
 from oag import Action, Primitive
-from oag.measurements import MoveMeasured, OutOfReach, UnmeantContact, first_of
+from oag.measurements import MoveMeasured, OutOfReach, UnmeantContact, Unplanned, first_of
 
 EEF_SPEED = 0.6  # Of the limits: these moves end at things.
 BASE_SPEED = 0.7  # And so do the base's.
@@ -90,6 +91,25 @@ def _set_down(session: Session, action: Action, failure: Failure) -> bool:
         and met.mover == session.hand.held
         and met.other == session.subtask.support_goal
     )
+
+
+MOST_EFFORT_S = 12.0
+"""How much planning one primitive may take (`Effort`) [s]."""
+
+
+def bounded(runner: Runner, session: Session, action: Action) -> StepResult:
+    """Run a primitive; a search that has taken `MOST_EFFORT_S` ends it with what stood in the way most often."""
+    try:
+        with session.planner.effort.limited(MOST_EFFORT_S):
+            return runner(session, action)
+    except SearchExhausted as exhausted:
+        subtask, met = session.subtask, exhausted.met
+        often = f"; most often {next(iter(met))} meet" if met else ""
+        message = f"no plan for {action.primitive.name} among {exhausted.looked_at} configurations{often}"
+        found = Unplanned(
+            target=subtask.target, support=subtask.support_goal, looked_at=exhausted.looked_at, in_the_way=met or None
+        )
+        return session.done(action, failure=Failure(FailureKind.NO_PATH, message, (found,)))
 
 
 Runner = Callable[[Session, Action], StepResult]

@@ -1,6 +1,6 @@
-"""`scene2demo plan`: plan a sentence or a goal, prove the plan, and check the arm's reach; nothing moves.
+"""`scene2demo plan`: plan a sentence or a goal, prove the plan, and go through it by geometry; nothing moves.
 
-Exit code 0 when the plan is proved and everything in it can be reached, else 1.
+Exit code 0 when the plan is proved and feasible, else 1.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, check
 from executor.cli.options import CommonOptions, FullSize, KeepSizes, Maybe, OptionalSentence, SceneName
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
-    from executor.scenes.reachability import Reach
+    from executor.records import Event
+    from executor.rollouts.feasibility import Feasibility
     from oag import Report, Scene, Task
     from oag.planning import NoPlan
     from oag.sizes import Sizing
@@ -21,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options(CommonOptions):
-    """Plan a sentence or a goal in a scene, prove the plan, and ask whether the arm reaches what it needs.
+    """Plan a sentence or a goal in a scene, prove the plan, and go through all of it by geometry; nothing moves.
 
-    Nothing moves. A goal is a BDDL formula: `--goal "(forall (?c - cup) (inside ?c cabinet_0))"`.
+    A goal is a BDDL formula: `--goal "(forall (?c - cup) (inside ?c cabinet_0))"`.
 
-    What is asked of the arm: a base pose on free floor and a posture inside its joints' limits for everything that the
-    plan takes hold of, and for a spot wherever it puts it. Collisions, paths and physics are not looked at.
+    Each subtask is planned in the state that it will find: stances, grasps, doors, places, and free ways between them.
+    That is the rule by which `run` refuses. Slips, stalls and other effects of forces are not looked at.
     """
 
     scene: SceneName
@@ -34,13 +36,13 @@ class Options(CommonOptions):
     goal: Maybe[str] = None
     """A goal in BDDL instead of a sentence; quantifiers range over the scene."""
     seed: int = 0
-    """Seed of the random size adjustment of items, as in `run`."""
+    """Varies the scene and seeds the planning, as in `run`."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
 
 
 def execute(options: Options) -> int:
-    """Print the verdict as soon as there is one, and what the hand has to reach."""
+    """Print the verdict as soon as there is one, and what was planned for each subtask."""
     missing, both = "a sentence is missing", "a sentence and a goal are given"
     expected = 'one of them, such as "put the glass into the refrigerator" or --goal "(open refrigerator_0)"'
     check(bool(options.query or options.goal), "plan:", missing, expected)
@@ -48,9 +50,10 @@ def execute(options: Options) -> int:
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed
+        from executor.rollouts.feasibility import feasible
         from executor.scenes.file import scene_for
-        from executor.scenes.reachability import reach
         from executor.scenes.validation import require_valid
+        from oag import compose
         from oag.planning import NoPlan
         from oag.sizes import Sizing
     check_seed(options.seed)
@@ -73,18 +76,22 @@ def execute(options: Options) -> int:
         say(str(report))
     found = None
     if report:
-        # A plan that is not proved has no defined targets of the hand.
-        with counting("asking for the arm's reach, subtask by subtask", quiet=quiet) as on_progress:
-            found = reach(scene.with_scales(task.scales), task, on_progress)
-    code = DONE if found is not None and found.reachable else FAILED
+        with counting("going through the plan by geometry, subtask by subtask", quiet=quiet) as on_progress:
+
+            def listen(event: Event) -> None:
+                if event.kind == "subtask-start":
+                    on_progress(event.subtask, event.subtask_count)
+
+            found = feasible(compose(task, scene=scene), scene, options.seed, listen=listen)
+    code = DONE if found else FAILED
     if options.json:
         head = {"ok": code == DONE, "exit_code": code, **head, "notes": list(notes)}
-        plan = {"plan": task.to_json(), "reach": None if found is None else found.to_json()}
+        plan = {"plan": task.to_json(), "feasibility": None if found is None else found.to_json()}
         print_json({**head, **report.to_json(), **plan})
     elif found is None:
-        tell("\nthe reach of the arm was not asked, since the plan is not proved", style="yellow")
+        tell("\nwhether it is feasible was not asked, since the plan is not proved", style="yellow")
     else:
-        _print_reach(found)
+        _print_feasibility(found)
     return code
 
 
@@ -107,9 +114,12 @@ def _planned(options: Options, scene: Scene, sizing: Sizing) -> tuple[Task, Repo
     return made.task, made.report, (f"the plan is {', '.join(names) or 'to do nothing'}", *sizes)
 
 
-def _print_reach(found: Reach) -> None:
-    reached = sum(part.reachable for part in found.parts)
-    words, style = ("REACHABLE", "green") if found.reachable else ("UNREACHABLE", "red")
-    say(f"\n{words}  {reached} of {len(found.parts)} that the hand has to get to", style=style)
-    for part in found.parts:
-        say(f"  {'✓' if part.reachable else '✗'} {part}", style=None if part.reachable else "red")
+def _print_feasibility(found: Feasibility) -> None:
+    done = sum(subtask.record.succeeded for subtask in found.subtasks)
+    words, style = ("FEASIBLE", "green") if found else ("INFEASIBLE", "red")
+    say(f"\n{words}  {done} of {pluralize(len(found.task.subtasks), 'subtask')}, by geometry", style=style)
+    for subtask in found.subtasks:
+        good = subtask.record.succeeded
+        say(f"  {'✓' if good else '✗'} {subtask if good else found.reason}", style=None if good else "red")
+    for detour in found.detours:
+        say(f"  note: {detour.reason}", style="yellow")

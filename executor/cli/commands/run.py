@@ -69,6 +69,8 @@ class Options(CommonOptions):
     """Varies the scene and seeds the planning."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    anyway: Flag = False
+    """Move even where the plan cannot be done, by geometry; without it such a plan is refused before anything moves."""
     evolve: Flag = False
     """Revise the flows that fail, by measurements, or by the model where there is one."""
     limit: Limit = 5
@@ -185,6 +187,7 @@ def _prove_and_execute(
             image=[] if options.model is None else list(options.image),
             keep_sizes=options.keep_sizes,
             full_size=options.full_size,
+            anyway=options.anyway,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,
             memory=options.memory,
@@ -198,6 +201,12 @@ def _prove_and_execute(
         folder.write_report(record, None)
         return record
     _print_plan(record, options)
+    # Flows that may be revised are run to learn from.
+    if not (options.anyway or options.evolve):
+        record = _ask_feasibility(record, options)
+        if not record.feasibility:
+            folder.write_report(record, None)
+            return record
     with results_writer(options.size, video=options.video, quiet=options.json) as studio:
         record = (
             _evolve_plan(record, options, folder)
@@ -208,23 +217,36 @@ def _prove_and_execute(
     return record
 
 
+def _ask_feasibility(record: RunRecord, options: Options) -> RunRecord:
+    """Return the record with what a dry run says of the plan, and print that."""
+    from executor.cli.output import counting
+    from executor.rollouts.feasibility import feasible
+
+    with counting("going through the plan by geometry", quiet=options.json):
+        found = feasible(record.graph, record.graph.scene, options.seed)
+    if not options.json:
+        tell(f"feasible, in {found.cpu_s:.1f} s of CPU time" if found else f"not feasible: {found.reason}")
+        for detour in found.detours:
+            tell(f"note: {detour.reason}", style="yellow")
+    return replace(record, feasibility=found)
+
+
 def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     """Execute the plan; Ctrl-C keeps the finished part."""
     from executor.cli.execution import RolloutProgress
     from executor.records import RolloutInterrupted
     from executor.rollouts.rollout import RunConditions, rollout
+    from oag import compose
 
     began = time.perf_counter()
     interrupted = False
     try:
         with RolloutProgress(quiet=options.json) as progress:
-            done = rollout(
-                record.graph,
-                record.graph.scene,
-                options.seed,
-                listen=progress,
-                conditions=RunConditions(record_hz=options.record_hz),
-            )
+            graph, conditions = record.graph, RunConditions(record_hz=options.record_hz)
+            if record.feasibility is not None:
+                conditions = record.feasibility.conditions(conditions)
+                graph = compose(record.feasibility.task, scene=graph.scene)
+            done = rollout(graph, graph.scene, options.seed, listen=progress, conditions=conditions)
     except RolloutInterrupted as stop:
         done, interrupted = stop.partial, True
     wall = {"planning and physics": time.perf_counter() - began}

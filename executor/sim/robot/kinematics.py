@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
 from executor.sim.robot.description import ARM_HOME, BASE_LINK, TCP_LINK, drives, robot_urdf
+from executor.system.effort import LINE_STEP_S, POSTURE_S, Effort
 from executor.system.extras import load_sapien
 
 ARM = slice(3, 10)
@@ -60,6 +61,7 @@ class Kinematics:
         self.finger_upper_m = float(limits[10, 1])
         self._mask = np.array([0] * 3 + [1] * 7 + [0] * 2, dtype=np.int32)
         self._rng = np.random.default_rng(seed)
+        self.effort = Effort()
 
     def reseed(self, seed: int | list[int]) -> None:
         """Restart the random restarts, at a subtask boundary for instance."""
@@ -108,6 +110,7 @@ class Kinematics:
         start = np.zeros(DOF)
         found: list[ArmSolution] = []
         for attempt in range(restarts):
+            self.effort.add(POSTURE_S)
             if attempt == 0:
                 start[ARM] = home if near is None else near
             elif attempt % 2:
@@ -198,6 +201,7 @@ class LineTracker:
         residual_m = np.inf
         residuals_m: list[float] = []
         for _ in range(iterations):
+            self._kinematics.effort.add(LINE_STEP_S)
             reached, jacobian = self._chain.forward_and_jacobian(arm)
             error = pose_error(targets, reached)
             residual_m = float(np.linalg.norm(error[:, :3], axis=1).max())

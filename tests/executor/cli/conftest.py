@@ -68,7 +68,7 @@ _LOADED = [
     "openai",
     "executor.cli.evolution_setup",
     "executor.cli.execution",
-    "executor.scenes.reachability",
+    "executor.rollouts.feasibility",
     "executor.sim.render.stage",
     "llm.offline.planner",
 ]

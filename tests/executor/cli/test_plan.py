@@ -1,4 +1,4 @@
-"""`scene2demo plan`: proof and reach of a sentence, exit codes, and that nothing moves."""
+"""`scene2demo plan`: proof and feasibility of a sentence, exit codes, and that nothing moves."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ import pytest
 
 import oag
 from executor.cli import app
+from executor.records import Failure
 from executor.scenes.library import load
 from executor.scenes.placement import PlaceSpec, place
 from executor.scenes.room import Room, against, stand
-from executor.sim.world import World
+from executor.skills.control import Controller
+from executor.skills.dry_run import DryController
 from executor.system.files import write_json
 from tests.executor.cli.conftest import environment
 
@@ -54,7 +56,7 @@ def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixtur
     code, out, err = plan(capsys, QUERY, "--scene", "kitchen_t1")
     assert code == 0
     steps = ["loading the planner and the simulator", "reading the scene kitchen_t1", "planning, and proving the plan"]
-    steps += ["note: glass_0 is scaled by 0.7", "asking for the arm's reach, subtask by subtask"]
+    steps += ["note: glass_0 is scaled by 0.7", "going through the plan by geometry, subtask by subtask"]
     for line, step in zip(err.splitlines(), steps, strict=True):
         assert line.strip().startswith(step)
     if os.environ.get("REWRITE_GOLDEN") == "1":
@@ -62,25 +64,24 @@ def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixtur
     assert out == GOLDEN.read_text(encoding="utf-8")
 
 
-def test_nothing_moves_and_nothing_is_written(
+def test_the_robot_does_not_move_and_nothing_is_written(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def moved(*_: object) -> None:
-        raise AssertionError("the physics stepped")
+    follow = Controller.follow
 
-    monkeypatch.setattr(World, "step", moved)
+    def moved(control: Controller, *given: Any, **more: Any) -> Failure | None:
+        assert isinstance(control, DryController), "a robot of the physics moved"
+        return follow(control, *given, **more)
+
+    monkeypatch.setattr(Controller, "follow", moved)
     monkeypatch.chdir(tmp_path)
     code, told = as_json(capsys, QUERY, "--scene", "kitchen_t1")
     assert code == 0 and told["ok"] and told["verdict"] == "PROVED" and not list(tmp_path.iterdir())
     assert oag.recheck(told["certificate"], task=oag.Task.from_json(told["plan"]), scene=load("kitchen_t1"))
-    parts = told["reach"]["parts"]
-    assert [part["what"] for part in parts] == [
-        "a handle of refrigerator_0",
-        "glass_0",
-        "a place inside refrigerator_0",
-        "a handle of refrigerator_0",
-    ]
-    assert all(part["reachable"] and part["best"]["margin_rad"] >= told["reach"]["margin_rad"] for part in parts)
+    parts = told["feasibility"]["subtasks"]
+    assert [part["name"] for part in parts] == [part["task_activity_name"] for part in told["plan"]["sub_tasks"]]
+    assert all(part["feasible"] and part["margin_deg"] > 0.0 for part in parts)
+    assert parts[2]["region"].startswith("shelf") and told["feasibility"]["failure"] is None
 
 
 def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
@@ -88,28 +89,41 @@ def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
 ) -> None:
     code, out, _ = plan(capsys, "put the can on the table", "--scene", high_shelf)
     assert code == 1 and out.startswith("PROVED")
-    assert "UNREACHABLE  1 of 2 that the hand has to get to" in out
-    assert "✗ pick_up_can: can_0 " in out and "the hand 1.5" in out
+    assert "INFEASIBLE  0 of 2 subtasks, by geometry" in out
+    assert "✗ pick_up_can (NAVIGATE_TO_TARGET): " in out and "the hand stays " in out
 
 
-def test_of_a_plan_that_is_not_proved_the_reach_is_not_asked(
+def test_a_run_of_it_is_refused_before_anything_moves(
+    capsys: pytest.CaptureFixture[str], high_shelf: Path, tmp_path: Path
+) -> None:
+    words = ["run", "put the can on the table", "--scene", str(high_shelf), "--no-video", "--json", "--out"]
+    assert app.run([*words, str(tmp_path / "refused")]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "not-run" and told["rollout"] is None
+    assert told["feasibility"]["failure"]["kind"] == "unreachable"
+    assert app.run([*words, str(tmp_path / "tried"), "--anyway"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "failed" and told["feasibility"] is None
+
+
+def test_of_a_plan_that_is_not_proved_feasibility_is_not_asked(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     known = load("kitchen_t1").to_json()
     facts = ["(ontop glass_0 table_0)"]
     unsure = write_json(tmp_path / "unsure.json", {**known, "facts": facts, "closed": []})
     code, out, err = plan(capsys, QUERY, "--scene", unsure)
-    assert code == 1 and out.startswith("CONDITIONAL") and "REACHABLE" not in out
-    assert "the reach of the arm was not asked" in err
+    assert code == 1 and out.startswith("CONDITIONAL") and "FEASIBLE" not in out
+    assert "whether it is feasible was not asked" in err
     code, told = as_json(capsys, QUERY, "--scene", unsure)
-    assert code == 1 and told["reach"] is None and told["diagnostics"]
+    assert code == 1 and told["feasibility"] is None and told["diagnostics"]
 
 
 def test_a_goal_is_planned_for_as_a_sentence_is(capsys: pytest.CaptureFixture[str]) -> None:
     goal = "(exists (?r - refrigerator) (and (inside glass_0 ?r) (not (open ?r))))"
     code, told = as_json(capsys, "--goal", goal, "--scene", "kitchen_t1")
     assert code == 0 and told["ok"] and told["verdict"] == "PROVED" and told["goal"] == goal
-    assert len(told["plan"]["sub_tasks"]) == len(told["reach"]["parts"]) == 4
+    assert len(told["plan"]["sub_tasks"]) == len(told["feasibility"]["subtasks"]) == 4
     assert oag.recheck(told["certificate"], task=oag.Task.from_json(told["plan"]), scene=load("kitchen_t1"))
     code, out, err = plan(capsys, "--goal", "(not (open refrigerator_0))", "--scene", "kitchen_t1")
     assert code == 0 and out.startswith("PROVED") and "to do nothing" in err

@@ -1,0 +1,352 @@
+"""Feasibility of a proved plan: all of it is gone through by geometry before anything moves.
+
+The primitives run as they do in a rollout, on a world without dynamics (`executor.skills.dry_run`). So each subtask is
+planned in the state that it will find: doors where they were moved to, things where they were put, the hand holding
+what it took. What no stance, grasp, place or way is found for ends the dry run with the reason. Feasible is less than
+succeeded: slips, stalls and whatever else takes forces are for the physics to decide.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from executor.planning.collision import CollisionOracle
+from executor.planning.planner import Planner
+from executor.records import (
+    Detour,
+    Event,
+    Failure,
+    Listener,
+    PlanRefused,
+    StepRecord,
+    SubtaskRecord,
+    ignore,
+    require_flows,
+)
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.goals import as_failure, judge, judge_at_rest
+from executor.rollouts.repairs import Failed, Ways, repairs
+from executor.rollouts.rollout import USUAL, RunConditions, require_graph
+from executor.scenes.vary import check_seed
+from executor.scenes.vary import vary as vary_scene
+from executor.sim.world import World
+from executor.skills.control import Bystanders
+from executor.skills.dry_run import DryController, DryState, DryWorld
+from executor.skills.library import LIBRARY, MOST_EFFORT_S, bounded
+from executor.skills.session import Hand, Session
+from oag import ObjectActionGraph, Scene, Task, compose
+from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
+from oag.model.actions import flow_from_json
+from oag.tasks import required_scene
+
+MOST_REPAIRS = 4
+"""How many repaired plans are gone through; together they may take as much effort as one primitive."""
+
+Start = tuple[DryState, Hand]
+"""What a subtask starts from."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeasibleSubtask:
+    """What was planned for a subtask.
+
+    Attributes:
+        record: The steps with their numbers and measurements, as of a rollout; no time passes in them.
+        base: Where the base stood last to take or to put something: x, y [m] and heading [deg]; None where it stayed.
+        margin_deg: The smallest distance of an arm joint to its limit in the stances and placements.
+        region: Name of the region that the thing was put into or onto.
+        cpu_s: CPU time of the dry run of the subtask.
+    """
+
+    record: SubtaskRecord
+    base: tuple[float, float, float] | None
+    margin_deg: float | None
+    region: str | None
+    cpu_s: float
+
+    def __str__(self) -> str:
+        where = "" if self.base is None else "from ({:.2f}, {:.2f}) m at {:.0f} deg".format(*self.base)
+        margin = "" if self.margin_deg is None else f"joints at least {self.margin_deg:.0f} deg off their limits"
+        words = ", ".join(part for part in (where, f"into {self.region}" if self.region else "", margin) if part)
+        return f"{self.record.name}: {words}" if words else self.record.name
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the subtask's choices as plain data."""
+        return {
+            "name": self.record.name,
+            "feasible": self.record.succeeded,
+            "flow": [step.action for step in self.record.steps],
+            "base": None if self.base is None else list(self.base),
+            "margin_deg": self.margin_deg,
+            "region": self.region,
+            "cpu_s": round(self.cpu_s, 3),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """Whether a plan can be done, by geometry.
+
+    Attributes:
+        task: The plan that was gone through: the given one, or a repaired one; to be run with `conditions`.
+        subtasks: Those that were gone through; the last one failed where the plan is not feasible.
+        failure: Why the plan is not feasible, or None.
+        primitive: Name of the step that failed; "" where a goal did not hold, or nothing failed.
+        detours: Repairs of the plan.
+        cpu_s: CPU time of the dry run.
+        avoided: Joints that are not to be opened: behind them there is no place.
+    """
+
+    task: Task
+    subtasks: tuple[FeasibleSubtask, ...]
+    failure: Failure | None
+    primitive: str
+    detours: tuple[Detour, ...]
+    cpu_s: float
+    avoided: Ways = frozenset()
+
+    def conditions(self, usual: RunConditions = USUAL) -> RunConditions:
+        """Return the conditions under which a rollout of the plan makes the same choices."""
+        return replace(usual, avoided=self.avoided, detours=self.detours)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether nothing speaks against the plan."""
+        return self.failure is None
+
+    @property
+    def in_the_way(self) -> tuple[str, ...]:
+        """Bodies that are named as obstacles, the most frequent one first."""
+        found = first_of(self.failure.measurements, Unplanned) if self.failure is not None else None
+        return tuple(found.in_the_way or ()) if found is not None else ()
+
+    @property
+    def reason(self) -> str:
+        """Why the plan is not feasible, in one sentence with the subtask's name; empty where it is."""
+        if self.failure is None:
+            return ""
+        step = f" ({self.primitive})" if self.primitive else ""
+        return f"{self.subtasks[-1].record.name}{step}: {self.failure.message}"
+
+    def __bool__(self) -> bool:
+        return self.feasible
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the verdict with its numbers as plain data."""
+        return {
+            "feasible": self.feasible,
+            "cpu_s": round(self.cpu_s, 3),
+            "failed": self.subtasks[-1].record.name if self.failure is not None else None,
+            "primitive": self.primitive or None,
+            "failure": None if self.failure is None else self.failure.to_json(),
+            "in_the_way": list(self.in_the_way),
+            "detours": [asdict(detour) for detour in self.detours],
+            "plan": self.task.to_json() if self.detours else None,
+            "avoided": sorted(map(list, self.avoided)),
+            "subtasks": [subtask.to_json() for subtask in self.subtasks],
+        }
+
+
+def feasible(
+    graph: ObjectActionGraph,
+    scene: Scene | None = None,
+    seed: int = 0,
+    *,
+    listen: Listener = ignore,
+    vary: bool = True,
+) -> Feasibility:
+    """Return whether a proved plan can be done, each subtask in the state that it will find; nothing moves.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The nominal scene; the graph's own by default.
+        seed: Seeds the scene's variation and all planning, as in `rollout`.
+        listen: Called when subtasks and steps begin and end.
+        vary: Whether the scene is varied by the seed.
+
+    Raises:
+        TaskError, SceneError: `graph` is no graph, or `scene` no scene.
+        SeedError: There are no starts of this seed.
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+        StartUnstable: Something falls before the robot moves.
+    """
+    graph, seed = require_graph(graph), check_seed(seed)
+    nominal = graph.scene if scene is None else required_scene(scene)
+    concrete = nominal.with_scales(graph.task.scales)
+    return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen).verdict()
+
+
+class DryRun:
+    """One dry run of a plan.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: A concrete scene.
+        seed: Seeds all planning.
+        listen: Called when subtasks and steps begin and end.
+
+    Raises:
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+    """
+
+    def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener = ignore) -> None:
+        self._scene, self._seed, self._listen = scene, seed, listen
+        self._detours: tuple[Detour, ...] = ()
+        self._avoided: Ways = frozenset()
+        self._repairs_left = MOST_REPAIRS
+        self._adopt(graph)
+
+    def verdict(self) -> Feasibility:
+        """Go through the whole plan, and return what came of it."""
+        began = time.process_time()
+        start = Checkpoint.at_start(self._scene)
+        with World(self._scene, oracle=True) as oracle, DryWorld(self._scene, start.packed) as world:
+            self._planner = Planner(CollisionOracle(oracle))
+            self._world, self._hand = world, Hand()
+            self._control = DryController(world, np.array(start.target), start.finger_target_m)
+            done = tuple(self._subtasks())
+        failed = done[-1].record if done and not done[-1].record.succeeded else None
+        failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
+        failure = failed.failure or failure if failed is not None else None
+        primitive = next((step.primitive for step in failed.steps if step.failure), "") if failed is not None else ""
+        return Feasibility(
+            self._task, done, failure, primitive, self._detours, time.process_time() - began, self._avoided
+        )
+
+    def _adopt(self, graph: ObjectActionGraph) -> None:
+        require_flows(graph.task)
+        report = graph.verify()
+        if not report:
+            raise PlanRefused(report)
+        self._graph, self._task, self._goals = graph, graph.task, report.regressed_goals
+
+    def _subtasks(self) -> list[FeasibleSubtask]:
+        starts, done = list[Start](), list[FeasibleSubtask]()
+        while len(done) < len(self._task.subtasks):
+            starts.append(self._state())
+            done.append(self._subtask(len(done)))
+            if not done[-1].record.succeeded:
+                with self._planner.effort.limited(MOST_EFFORT_S):
+                    mended = self._mended(done, starts)
+                if not mended:
+                    break
+        return done
+
+    def _mended(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
+        """Go through repaired plans until one gets past what failed; return whether one does, with both lists changed.
+
+        Args:
+            done: The subtasks so far; the last one failed.
+            starts: The state at the start of each.
+        """
+        before, index = tuple(one.record for one in done[:-1]), len(done) - 1
+        held = starts[index][1].held
+        failed = Failed(self._task, index, done[index].record, self._scene, held, before, self._avoided)
+        graph, avoided, detours = self._graph, self._avoided, self._detours
+        for repair in repairs(failed):
+            if self._repairs_left == 0:
+                break
+            try:
+                self._adopt(compose(repair.task, scene=graph.scene))
+            except PlanRefused:
+                continue
+            self._repairs_left -= 1
+            self._avoided, self._detours = repair.avoided, (*detours, repair.detour)
+            self._restore(starts[repair.first])
+            redone, again = done[: repair.first], starts[: repair.first]
+            while len(redone) <= repair.last and (len(redone) == repair.first or redone[-1].record.succeeded):
+                again.append(self._state())
+                redone.append(self._subtask(len(redone)))
+            got_there = len(redone) > repair.last
+            # Behind what was in the way there may be more.
+            if got_there and (redone[-1].record.succeeded or (held is None and self._mended(redone, again))):
+                done[:], starts[:] = redone, again
+                return True
+        self._adopt(graph)
+        self._avoided, self._detours = avoided, detours
+        return False
+
+    def _state(self) -> Start:
+        return self._world.state, self._hand
+
+    def _restore(self, state: Start) -> None:
+        dry, self._hand = state
+        self._world.restore(dry)
+        self._control = DryController(self._world, dry.q, float(dry.fingers_m.mean()))
+
+    def _subtask(self, index: int) -> FeasibleSubtask:
+        """Go through one subtask, from where the one before ended."""
+        began = time.process_time()
+        subtask, world, last = self._task.subtasks[index], self._world, index + 1 == len(self._task.subtasks)
+        session = Session(
+            world,
+            self._control,
+            self._planner,
+            subtask,
+            flow=subtask.flow or (),
+            later=self._task.subtasks[index + 1 :],
+            hand=self._hand,
+            handled=frozenset(earlier.target for earlier in self._task.subtasks[:index]),
+            avoided=self._avoided,
+        )
+        self._planner.start_subtask(world, self._seed, index)
+        self._tell("subtask-start", index, -1, subtask.name)
+        steps: list[StepRecord] = []
+        bystanders = Bystanders(world, subtask.target)
+        for number in range(len(session.flow)):
+            session, step = self._step(replace(session, step=number), index, bystanders)
+            steps.append(step)
+            if step.failure is not None:
+                break
+        self._hand = session.hand
+        readings = (judge_at_rest if last else judge)(self._goals[index], world)
+        if last and not (steps and steps[-1].failure) and as_failure(readings, subtask.name) is None:
+            readings = (*readings, *judge_at_rest(self._task.goal, world))
+        flow = (*flow_from_json([step.action for step in steps]), *session.flow[len(steps) :])
+        record = SubtaskRecord(index, subtask.name, flow, tuple(steps), readings, "", b"", bystanders.moved_m())
+        self._tell("subtask-end", index, -1, subtask.name, steps[-1].failure if steps else None)
+        return _summary(record, time.process_time() - began)
+
+    def _step(self, session: Session, index: int, bystanders: Bystanders) -> tuple[Session, StepRecord]:
+        action = session.flow[session.step]
+        name = action.primitive.name
+        self._tell("step-start", index, session.step, name)
+        began = time.perf_counter()
+        outcome = bounded(LIBRARY[action.primitive], session, action)
+        failure = outcome.failure or bystanders.check()
+        self._tell("step-end", index, session.step, name, failure)
+        step = StepRecord(
+            subtask=index,
+            step=session.step,
+            primitive=name,
+            action=outcome.action.to_json(),
+            start_s=0.0,
+            end_s=0.0,
+            planning_wall_s=time.perf_counter() - began,
+            measurements=outcome.measurements,
+            failure=failure,
+        )
+        return outcome.session, step
+
+    def _tell(self, kind: str, subtask: int, step: int, name: str, failure: Failure | None = None) -> None:
+        message = failure.message if failure is not None else ""
+        self._listen(Event(kind, subtask, len(self._task.subtasks), step, name, 0.0, message))  # type: ignore[arg-type]
+
+
+def _summary(record: SubtaskRecord, cpu_s: float) -> FeasibleSubtask:
+    base, region, margins_deg = None, None, list[float]()
+    for step in record.steps:
+        taken, put = first_of(step.measurements, TargetDrive), first_of(step.measurements, SupportDrive)
+        if taken is not None:
+            base = (taken.base_x_m, taken.base_y_m, taken.base_yaw_deg)
+            margins_deg.append(taken.joint_margin_deg)
+        if put is not None and put.joint_margin_deg is not None:
+            region = put.region
+            margins_deg.append(put.joint_margin_deg)
+    return FeasibleSubtask(record, base, min(margins_deg, default=None), region, cpu_s)

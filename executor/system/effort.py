@@ -1,0 +1,75 @@
+"""Effort of planning: every query, posture and line counts, so that a search ends with an answer however it loops.
+
+Effort is counted in seconds that the work takes on an idle machine, and not measured: equal searches end alike on every
+machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from bddl.errors import Scene2DemoError
+
+QUERY_S = 2e-4  # One configuration put to the engine.
+CANDIDATE_S = 3e-5  # One candidate answered from what is known.
+POSTURE_S = 2e-4  # One start of the inverse kinematics.
+LINE_STEP_S = 1e-4  # One Newton step along a line of hand poses.
+NAMED = 3
+
+
+class SearchExhausted(Scene2DemoError):
+    """A search was given up: it took as much effort as it may.
+
+    Attributes:
+        looked_at: How many configurations were looked at.
+        met: The pairs that met in them most often, with counts.
+    """
+
+    def __init__(self, looked_at: int, met: dict[str, int]) -> None:
+        super().__init__(f"the search was given up after {looked_at} configurations")
+        self.looked_at, self.met = looked_at, met
+
+
+class Effort:
+    """A count of effort, with a limit where one is set.
+
+    Attributes:
+        spent_s: Effort so far.
+        queries: How many configurations were looked at so far.
+        met: While a limit is set: which pairs met in how many of them.
+    """
+
+    def __init__(self) -> None:
+        self.spent_s = 0.0
+        self.queries = 0
+        self.met: Counter[str] = Counter()
+        self._limit_s = math.inf
+        self._since = 0
+
+    def add(self, seconds: float) -> None:
+        """Count some effort.
+
+        Raises:
+            SearchExhausted: The limit is exceeded.
+        """
+        self.spent_s += seconds
+        if self.spent_s > self._limit_s:
+            raise SearchExhausted(self.queries - self._since, dict(self.met.most_common(NAMED)))
+
+    @contextmanager
+    def limited(self, most_s: float) -> Iterator[None]:
+        """Limit the effort within the block; an outer limit goes on counting.
+
+        Args:
+            most_s: The limit [s].
+        """
+        before = self._limit_s, self._since, self.met
+        self._limit_s = min(self._limit_s, self.spent_s + most_s)
+        self._since, self.met = self.queries, Counter()
+        try:
+            yield
+        finally:
+            self._limit_s, self._since, self.met = before

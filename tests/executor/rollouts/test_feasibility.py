@@ -1,0 +1,125 @@
+"""The dry run: it finds the states that physics finds, refuses what cannot be done with the reason, and ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import executor
+import llm
+import oag
+from executor.records import Event, FailureKind
+from executor.rollouts.checkpoint import Checkpoint
+from executor.scenes.library import load
+from executor.skills import library
+from executor.skills.control import Controller
+from executor.skills.dry_run import DryController, DryWorld
+from executor.system.effort import Effort, SearchExhausted
+from oag import Scene, SceneObject
+
+pytestmark = pytest.mark.physics
+QUERY = "put the glass into the refrigerator"
+
+
+def planned(scene: Scene, query: str = QUERY) -> oag.ObjectActionGraph:
+    return oag.compose(llm.propose(query, scene).task, scene=scene)
+
+
+def with_things(scene: Scene, **things: SceneObject) -> Scene:
+    return replace(scene, objects={**scene.objects, **things})
+
+
+def chair(x_m: float, y_m: float) -> SceneObject:
+    upright = (1.0, 0.0, 0.0, 0.0)
+    size = (0.43, 0.42, 0.85)
+    return SceneObject("chair_0", "chair", "chair_wooden", (x_m, y_m, size[2] / 2), upright, size, (1.0, 1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def kitchen() -> Scene:
+    return load("kitchen_t1")
+
+
+def test_the_whole_plan_is_feasible_with_a_stance_and_a_margin_for_every_subtask(kitchen: Scene) -> None:
+    graph = planned(kitchen)
+    heard: list[Event] = []
+    found = executor.feasible(graph, kitchen, 0, listen=heard.append)
+    assert found and not found.reason and found.failure is None
+    assert [part.record.name for part in found.subtasks] == [one.name for one in graph.task.subtasks]
+    assert all(part.record.succeeded and (part.margin_deg or 0.0) > 0.0 for part in found.subtasks)
+    assert [event.kind for event in heard].count("subtask-end") == len(graph.task.subtasks)
+
+
+def test_a_door_that_meets_a_chair_is_named_with_the_chair(kitchen: Scene) -> None:
+    blocked = with_things(kitchen, chair_0=chair(0.25, 0.0))
+    found = executor.feasible(planned(blocked), blocked, 0, vary=False)
+    assert not found and len(found.subtasks) == 1 and found.primitive == "NAVIGATE_TO_TARGET"
+    assert found.failure is not None and found.failure.kind is FailureKind.NO_PATH
+    assert "chair_0" in found.reason and found.to_json()["failed"] == found.subtasks[0].record.name
+
+
+def test_equal_seeds_give_equal_choices(kitchen: Scene) -> None:
+    graph = planned(kitchen, "open the refrigerator")
+    one, other = (executor.feasible(graph, kitchen, 3).subtasks[0] for _ in range(2))
+    assert one.base == other.base and one.record.flow == other.record.flow
+
+
+def test_no_robot_of_the_physics_is_driven(kitchen: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    def moved(*_: Any, **__: Any) -> None:
+        raise AssertionError("a robot of the physics moved")
+
+    monkeypatch.setattr(Controller, "follow", moved)
+    assert executor.feasible(planned(kitchen, "open the refrigerator"), kitchen, 0)
+
+
+def test_what_the_fingers_close_on_goes_along_and_comes_down_again(kitchen: Scene) -> None:
+    start = Checkpoint.at_start(kitchen)
+    with DryWorld(kitchen, start.packed) as world:
+        control = DryController(world, np.array(start.target), start.finger_target_m)
+        before = world.T_world_link("glass_0")
+        state = world.state
+        lifted = before.copy()
+        lifted[2, 3] += 0.07
+        world.put("glass_0", lifted)
+        world.come_down(("glass_0",))
+        assert np.abs(world.T_world_link("glass_0") - before).max() < 1e-3
+        tilted = before.copy()
+        c, s = np.cos(0.2), np.sin(0.2)
+        tilted[:3, :3] = before[:3, :3] @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+        tilted[2, 3] += 0.03
+        world.put("glass_0", tilted)
+        world.come_down(("glass_0",))
+        assert world.T_world_link("glass_0")[2, 2] == pytest.approx(1.0, abs=1e-6)
+        assert control.grip(0.0).max() < 1e-3 and not world.along, "there is nothing between the fingers"
+        world.restore(state)
+        assert np.array_equal(world.T_world_link("glass_0"), before)
+
+
+def test_a_joint_takes_along_what_its_link_carries(kitchen: Scene) -> None:
+    start = Checkpoint.at_start(kitchen)
+    with DryWorld(kitchen, start.packed) as world:
+        joint = world.assets["refrigerator_0"].joints[0]
+        world.move_joint("refrigerator_0", joint.name, joint.position(0.5))
+        assert joint.fraction(world.joint_position("refrigerator_0", joint.name)) == pytest.approx(0.5, abs=1e-6)
+        contacts = world.contacts({"refrigerator_0"})
+        assert not any(contact.impulse_ns > 0.0 for contact in contacts)
+
+
+def test_a_search_without_an_end_ends_with_what_met_most_often(kitchen: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library, "MOST_EFFORT_S", 0.05)
+    found = executor.feasible(planned(kitchen), kitchen, 0)
+    assert not found and found.failure is not None and found.failure.kind is FailureKind.NO_PATH
+    assert "configurations" in found.reason
+
+
+def test_effort_counts_within_its_limit_alone() -> None:
+    effort = Effort()
+    effort.add(100.0)
+    with effort.limited(1.0):
+        effort.add(0.9)
+        with effort.limited(5.0), pytest.raises(SearchExhausted):
+            effort.add(0.2)
+    effort.add(100.0)
