@@ -27,7 +27,7 @@ from llm.errors import (
     RequestError,
 )
 from llm.offline.lexicon import Lexicon, LexiconError
-from llm.offline.planner import OfflinePlanner
+from llm.offline.planner import OfflinePlanner, tasks
 from llm.proposing.proposal import Expanded, Proposal, Proposer
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round
 from oag import Scene
@@ -71,6 +71,7 @@ __all__ = [
     "Usage",
     "connect",
     "propose",
+    "tasks",
 ]
 
 

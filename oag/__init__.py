@@ -59,12 +59,14 @@ if TYPE_CHECKING:
         change_between,
         same_flow,
     )
+    from oag.wish_list import AdmittedTask, Wish, tasks, wishes
 
 __all__ = [
     "CODES",
     "Action",
     "ActionFlow",
     "Admission",
+    "AdmittedTask",
     "Attempt",
     "Certificate",
     "Completion",
@@ -105,6 +107,7 @@ __all__ = [
     "TaskError",
     "Tolerance",
     "Verdict",
+    "Wish",
     "admissible",
     "applicable",
     "canonical",
@@ -123,10 +126,12 @@ __all__ = [
     "recheck",
     "repair",
     "same_flow",
+    "tasks",
     "to_dot",
     "to_drawing",
     "to_graphml",
     "to_mermaid",
+    "wishes",
 ]
 
 # What verifying a plan does not need is loaded when it is first asked for.
@@ -138,6 +143,7 @@ _PLACES = {
         "oag.planning": "NoPlan Planned plan repair",
         "oag.revision": "Admission Attempt Critique Hindsight History Iteration Revision Tolerance admissible "
         "change_between same_flow",
+        "oag.wish_list": "AdmittedTask Wish tasks wishes",
     }.items()
     for name in names.split()
 }

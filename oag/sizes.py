@@ -128,6 +128,16 @@ def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) 
     return round(Random(f"{seed} {thing.id}").uniform(low, high), 3)
 
 
+FINGER_ROOM_M = 0.04
+"""Room that two fingers need together around an object that they lower into a vessel."""
+
+
+def has_finger_room(thing: SceneObject, vessel: SceneObject, factor: float) -> bool:
+    """Decide whether fingers can lower an item, scaled by a factor, into an item that is open at the top."""
+    sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
+    return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
+
+
 TO_THE_AIM = Sizing()
 """Scale objects that are too wide to the paper's aim."""
 
