@@ -3,7 +3,7 @@
 Scenes are rooms of the households, kitchens of the long-horizon tasks, and rooms furnished freely from the library. A
 layout is drawn again only if things overlap or do not hold in physics. No plan, no reading and no reach decides what is
 drawn: things are too wide, places too low, full, too high or not there, and some wishes are no work for this robot at
-all. Labels of the first hundred seeds are in `benchmarks/data/t7_labels.toml`. They were written by hand from the
+all. Labels of the first hundred seeds are in `data/t7_labels.toml`. They were written by hand from the
 scenes' facts and sizes, before anything was run.
 
 The robot is of full size, and nothing is scaled.
