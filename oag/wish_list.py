@@ -221,8 +221,9 @@ class _Listing:
         for item in self.items:
             alike.setdefault(self.scene.objects[item].category, []).append(item)
         for category, ids in alike.items():
-            noun = f"all {category.replace('_', ' ')}s"
-            yield from self._together("all", ids, noun, None)
+            noun = category.replace("_", " ")
+            plural = f"{noun}es" if noun.endswith(("s", "x", "ch", "sh")) else f"{noun}s"
+            yield from self._together("all", ids, f"all {plural}", None)
 
     def _places_emptied(self) -> Iterator[Wish]:
         for place in self.scene.objects:

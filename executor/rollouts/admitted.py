@@ -84,7 +84,11 @@ class Answers:
         self._key = content_key(json_text(scene.to_json()), str(seed))
         self._known: dict[tuple[str, str], dict[str, Any]] = {}
         if path is not None and path.is_file():
-            for line in path.read_text(encoding="utf-8").splitlines():
+            text = path.read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                # What was interrupted within a line must not swallow the next one.
+                path.write_text(f"{text}\n", encoding="utf-8")
+            for line in text.splitlines():
                 kept = _read(line)
                 if kept is not None and kept.get("key") == self._key:
                     self._known[kept["sentence"], kept["goal"]] = kept
