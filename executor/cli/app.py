@@ -34,7 +34,7 @@ TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 `assets_import.py` and so on."""
 
 _ORDER = (
-    *("run", "plan", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate"),
+    *("run", "plan", "tasks", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate"),
     *("bench replay", "bench photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
     *("assets import", "bddl"),
 )

@@ -128,6 +128,6 @@ def test_a_planner_that_reads_another_goal_does_not_count() -> None:
 def test_a_task_is_plain_data_that_is_read_again(name: str) -> None:
     scene = load(name)
     for found in oag.tasks(scene):
-        data = found.to_json()
+        data: dict[str, Any] = found.to_json()
         assert oag.Task.from_json(data["task"], scene=scene).subtasks == found.task.subtasks
         assert bddl.equivalent(data["goal"], found.wish.goal, scene.categories)

@@ -106,9 +106,9 @@ def _home(home: str, seed: int, attempt: int, rng: np.random.Generator) -> Scene
 
 def _furnished(name: str, rng: np.random.Generator) -> Room:
     """Return a room with furniture along its walls and in the middle, and things on and in it."""
-    room = Room(
-        name, str(rng.choice(["kitchen", "living_room", "bedroom"])), rng, *map(float, rng.uniform(3.4, 5.2, 2))
-    )
+    kind_of_room = str(rng.choice(["kitchen", "living_room", "bedroom"]))
+    depth_m, width_m = map(float, rng.uniform(3.4, 5.2, 2))
+    room = Room(name, kind_of_room, rng, depth_m, width_m)
     models = {kind_: [model for model in LIBRARY if kind(LIBRARY[model]) is kind_] for kind_ in Kind}
     furniture = [
         m for m in (*models[Kind.ARTICULATED], *models[Kind.SUPPORT]) if m not in ("wall", "microwave_side_hinge")

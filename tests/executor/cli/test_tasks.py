@@ -93,9 +93,12 @@ def test_everything_of_a_scene_becomes_a_request(
     capsys: pytest.CaptureFixture[str], asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
-    monkeypatch.setattr(
-        "executor.cli.commands.generate.make_missing", lambda c, series, *a, **k: made.extend(series) or 0
-    )
+
+    def make(campaign: object, series: list[Any], *rest: object, **named: object) -> int:
+        made.extend(series)
+        return 0
+
+    monkeypatch.setattr("executor.cli.commands.generate.make_missing", make)
     words = ["generate", "--all-tasks", KITCHEN, "--limit", "6", "--episodes", "2", "--out", str(tmp_path / "set")]
     assert app.run(words) == 0
     # One of each kind comes before the second of any.

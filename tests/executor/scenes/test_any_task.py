@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
+from importlib import resources
+from typing import Any
 
 import pytest
 
@@ -37,7 +39,7 @@ def test_labels_are_a_hundred_in_two_halves_and_give_reasons_for_what_is_impossi
 
 
 def test_every_kind_has_phrasings_and_a_weight() -> None:
-    data = tomllib.loads((any_task.resources.files(any_task.__package__) / "data" / "any_task.toml").read_text())
+    data = tomllib.loads((resources.files(any_task.__package__) / "data" / "any_task.toml").read_text())
     assert data["weights"].keys() == data["phrasings"].keys()
 
 
@@ -55,7 +57,7 @@ def test_a_refusal_counts_with_a_reason_of_its_label(ended: str, kind: str, true
 
 def test_rates_rest_on_labels() -> None:
     done = {"ended": "succeeded", "stage": "physics", "understood": True, "subtask_names": ["a", "b"], "cpu_s": 4.0}
-    results = [
+    results: list[dict[str, Any]] = [
         {**done, "kind": "open", "possible": "yes"},
         {**done, "kind": "open", "possible": "yes", "ended": "failed"},
         {"kind": "swap", "ended": "refused", "stage": "read", "failure": {"kind": "too-large"}, "possible": "yes"},
