@@ -25,12 +25,13 @@ from executor.rollouts.rollout import rollout
 from executor.rollouts.run_record import describe_rollout
 from executor.scenes.generators import any_task
 from executor.scenes.generators.any_task import AnyWish
-from executor.scenes.pair import NotDrawn
+from executor.scenes.pair import NotDrawn, ScenePair
 from oag import ObjectActionGraph, compose
 from oag.sizes import Sizing
 
 Result = Mapping[str, Any]
 
+_OWN_SIZES = Sizing(keep=True)
 STAGES = ("read", "proof", "geometry", "physics")
 """Where a wish ends: not understood or refused by the reader, not proved, not feasible, or executed."""
 # Label's reason -> codes of refusals and kinds of failures that state it.
@@ -68,6 +69,18 @@ def labels() -> Mapping[int, Label]:
     return {label.seed: label for label in known}
 
 
+def prepare_wish(seed: int) -> tuple[ScenePair, ObjectActionGraph]:
+    """Return the scene and the plan of a wish that was executed, to replay it.
+
+    Raises:
+        QueryError: The wish was refused.
+    """
+    wish = any_task.draw(seed)
+    task = llm.propose(wish.query, wish.scene, sizing=_OWN_SIZES).task
+    pair = ScenePair(f"{any_task.FAMILY}-{seed:06d}", any_task.FAMILY, wish.query, wish.scene, task)
+    return pair, compose(task, scene=wish.scene)
+
+
 def run_wish(seed: int) -> dict[str, Any]:
     """Draw a wish, and do as much of it as can be done: read, prove, ask geometry, execute.
 
@@ -97,7 +110,7 @@ def _label_of(wish: AnyWish) -> dict[str, Any]:
 
 def _pursued(wish: AnyWish) -> dict[str, Any]:
     try:
-        proposal = llm.propose(wish.query, wish.scene, sizing=Sizing(keep=True))
+        proposal = llm.propose(wish.query, wish.scene, sizing=_OWN_SIZES)
     except llm.QueryError as refusal:
         return _refused("proof" if refusal.code == "unproved" else "read", refusal.code, refusal.problem)
     graph = compose(proposal.task, scene=wish.scene)
@@ -125,9 +138,9 @@ def _as_meant(graph: ObjectActionGraph, wish: AnyWish) -> bool:
 def wish_rows(results: Sequence[Result]) -> Iterator[tuple[str, str]]:
     """Yield names and values of the table of T7, for the terminal and for the report."""
     drawn = [result for result in results if result["ended"] != "not-drawn"]
-    able = [result for result in drawn if result.get("possible") == "yes"]
-    unable = [result for result in drawn if result.get("possible") == "no"]
-    counted = able or [result for result in drawn if result.get("possible") is None]
+    able = [result for result in drawn if _possible(result) == "yes"]
+    unable = [result for result in drawn if _possible(result) == "no"]
+    counted = able or [result for result in drawn if _possible(result) is None]
     yield "wishes", f"{len(drawn)}: {len(able)} possible, {len(unable)} impossible, others without a label or unsure"
     for name, holds in _LEVELS.items():
         yield f"{name}, of the possible", _share(counted, holds)
@@ -144,6 +157,12 @@ def wish_rows(results: Sequence[Result]) -> Iterator[tuple[str, str]]:
     cpu_s = [result["cpu_s"] for result in drawn if "cpu_s" in result]
     if cpu_s:
         yield "CPU time of a wish", f"median {median(cpu_s):.1f} s, 90th percentile {np.quantile(cpu_s, 0.9):.1f} s"
+
+
+def _possible(result: Result) -> str | None:
+    """Return the label of a wish, also of one whose process was ended before it said anything."""
+    label = labels().get(result.get("seed", -1))
+    return result.get("possible", None if label is None else label.possible)
 
 
 def has_true_reason(result: Result) -> bool:

@@ -126,7 +126,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
             say(f"  failed: {result['name']}  {message}", style="red")
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
-        if cell.failed and cell.series.family in FAMILIES:
+        if cell.failed:
             say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
 
 
@@ -155,7 +155,7 @@ def _checked(options: Options) -> Shard:
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
     if not options.families:
-        raise BadOption("T1..T7", "is missing", f"at least one of {', '.join(FAMILIES)}")
+        raise BadOption("T1..T7", "is missing", f"at least one of {', '.join((*FAMILIES, 'T7'))}")
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
