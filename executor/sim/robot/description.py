@@ -192,7 +192,10 @@ CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
 DISTRIBUTION = "example-robot-data"
 _PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
 _PACKAGE_PREFIX = "package://example-robot-data/"
-_BASE_FOOTPRINT_M = 0.34
+BASE_SIDE_M = 0.34
+BASE_HEIGHTS_M = (0.03, 0.18)
+"""Between which the base is a box with that side; its pedestal and the mast are above."""
+
 _BASE_MASS_KG = 60.0
 _PEDESTAL_WIDTH_M = 0.16
 _PEDESTAL_BOTTOM_M = 0.18
@@ -358,7 +361,7 @@ def _base(*, visual: bool) -> list[ET.Element]:
     """Return the holonomic base: two sliding links, a turning body with its pedestal, and the arm's mount."""
     body = ET.Element("link", name=BASE_LINK)
     body.append(_inertial(_BASE_MASS_KG, 2.0, "0 0 0.12"))
-    width, pedestal = _BASE_FOOTPRINT_M, MOUNT_HEIGHT_M - _PEDESTAL_BOTTOM_M
+    width, pedestal = BASE_SIDE_M, MOUNT_HEIGHT_M - _PEDESTAL_BOTTOM_M
     # The physical base ends 3 cm above the floor: nearer, the engine would report it as a contact at every step.
     # The wheels' skirt below it is there for cameras only.
     pieces = (
