@@ -15,7 +15,7 @@ import numpy as np
 import bddl
 import llm
 import oag
-from executor.rollouts.admitted import judged
+from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
 from executor.scenes.file import load_scene
 from oag import AdmittedTask, Scene
@@ -27,7 +27,6 @@ SCENES = (
     *("kitchen_t1", "kitchen_t2", "kitchen_t3", "kitchen_t4", "kitchen02-a"),
     *("kitchen07-b", "kitchen12-c", "bedroom01-a", "bedroom05-b", "t4-12000"),
 )
-FEASIBLE_S = 60.0
 
 Found = tuple[Scene, AdmittedTask]
 
@@ -59,12 +58,12 @@ def proves(scene: Scene, one: AdmittedTask) -> bool:
 
 
 def executed(scene: Scene, one: AdmittedTask, seed: int) -> str:
-    """Return how far a wish gets: infeasible, no answer, failed or succeeded."""
-    answer = judged(one, scene, seed, FEASIBLE_S)
-    if not answer.feasible:
-        return f"infeasible: {answer.reason}" if answer.feasible is False else "no answer"
-    began = time.process_time()
-    done = rollout(oag.compose(one.task, scene=scene), scene, seed, vary=False)
+    """Return how far a wish gets: infeasible, failed or succeeded."""
+    answer = feasible(oag.compose(one.task, scene=scene), scene, seed, vary=False)
+    if not answer:
+        return f"infeasible: {answer.reason}"
+    began, planned = time.process_time(), oag.compose(answer.task, scene=scene)
+    done = rollout(planned, scene, seed, vary=False, conditions=answer.conditions())
     return f"{'succeeded' if done.succeeded else 'failed'} in {time.process_time() - began:.1f} s"
 
 

@@ -25,7 +25,7 @@ from executor.rollouts.rollout import rollout
 from executor.rollouts.run_record import describe_rollout
 from executor.scenes.generators import any_task
 from executor.scenes.generators.any_task import AnyWish
-from executor.scenes.pair import NotDrawn, ScenePair
+from executor.scenes.pair import NotDrawn
 from oag import ObjectActionGraph, compose
 from oag.sizes import Sizing
 
@@ -69,18 +69,6 @@ def labels() -> Mapping[int, Label]:
     return {label.seed: label for label in known}
 
 
-def prepare_wish(seed: int) -> tuple[ScenePair, ObjectActionGraph]:
-    """Return the scene and the plan of a wish that was executed, to replay it.
-
-    Raises:
-        QueryError: The wish was refused.
-    """
-    wish = any_task.draw(seed)
-    task = llm.propose(wish.query, wish.scene, sizing=_OWN_SIZES).task
-    pair = ScenePair(f"{any_task.FAMILY}-{seed:06d}", any_task.FAMILY, wish.query, wish.scene, task)
-    return pair, compose(task, scene=wish.scene)
-
-
 def run_wish(seed: int) -> dict[str, Any]:
     """Draw a wish, and do as much of it as can be done: read, prove, ask geometry, execute.
 
@@ -121,7 +109,9 @@ def _pursued(wish: AnyWish) -> dict[str, Any]:
     answer = feasible(graph, wish.scene, wish.seed, vary=False)
     if answer.failure is not None:
         return found | _refused("geometry", answer.failure.kind.value, answer.reason)
-    done = rollout(graph, wish.scene, wish.seed, vary=False)
+    planned = compose(answer.task, scene=wish.scene)
+    found |= {"subtask_names": [subtask.name for subtask in planned.task.subtasks], "repairs": len(answer.detours)}
+    done = rollout(planned, wish.scene, wish.seed, vary=False, conditions=answer.conditions())
     return found | {"stage": "physics"} | describe_rollout(done)
 
 

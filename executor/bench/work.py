@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.bench.any_task import prepare_wish
 from executor.bench.units import Unit
 from executor.campaign.versions import outcome_version
 from executor.records import PlanRefused, Rollout
@@ -19,7 +18,6 @@ from executor.rollouts.evolution_record import Evolution
 from executor.rollouts.evolve import evolve
 from executor.rollouts.rollout import rollout
 from executor.rollouts.run_record import describe_rollout
-from executor.scenes.generators.any_task import FAMILY
 from executor.scenes.generators.families import pair_of, with_paper_flows
 from executor.scenes.pair import ScenePair
 from executor.system.files import content_key, json_text
@@ -53,11 +51,8 @@ def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
 
     Raises:
         NoPaperFlow: The unit requests flows that the paper does not print.
-        QueryError: A wish of T7 was refused, so there is nothing to execute.
     """
     setting = unit.setting
-    if unit.family == FAMILY:
-        return prepare_wish(unit.seed)
     pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, full_size=setting.full_size)
     task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
     return pair, compose(task, scene=pair.scene)

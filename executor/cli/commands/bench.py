@@ -126,7 +126,7 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
             say(f"  failed: {result['name']}  {message}", style="red")
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
-        if cell.failed:
+        if cell.failed and cell.series.family in FAMILIES:
             say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
 
 

@@ -12,6 +12,7 @@ import pytest
 import bddl
 from executor.bench.any_task import _STATED, has_true_reason, labels, wish_rows
 from executor.scenes.generators import any_task
+from executor.scenes.library import load
 from oag.model.scene import FULL_SCALE
 
 SEED = 70056  # A scene that is drawn at the first try.
@@ -23,6 +24,10 @@ def test_equal_seeds_give_equal_wishes_of_their_label() -> None:
     assert first.scene.to_json() == second.scene.to_json()
     assert first.scene.robot.scale == FULL_SCALE
     assert all(thing.scale == (1.0, 1.0, 1.0) for thing in first.scene.objects.values())
+
+
+def test_the_home_of_a_wish_has_a_name() -> None:
+    assert load(f"t7-{SEED}").to_json() == any_task.draw(SEED).scene.to_json()
 
 
 def test_what_is_meant_is_about_the_scene() -> None:

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from executor.assets.library import LIBRARY, entry, kind
-from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, Layout, LayoutError, layouts, read
+from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, LayoutError, layouts, read
 from oag import Kind
 
 # What the paper's twenty printed examples are about.
