@@ -40,7 +40,7 @@ _STATED: Mapping[str, frozenset[str]] = {
     "not-there": frozenset(("unknown-object", "wrong-place")),
     "no-such-part": frozenset(("unknown-object", "affordance")),
     "too-wide": frozenset(("too-large", "too-wide-for-gripper")),
-    "too-large": frozenset(("affordance", "too-large", "unreachable")),
+    "too-large": frozenset(("affordance", "too-large", "unreachable", "no-collision-free-path")),
     "no-opening": frozenset(("affordance",)),
     "no-support": frozenset(("affordance",)),
     "already-so": frozenset(("already-so",)),
