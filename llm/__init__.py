@@ -27,13 +27,13 @@ from llm.errors import (
     RequestError,
 )
 from llm.offline.lexicon import Lexicon, LexiconError
-from llm.offline.planner import OfflinePlanner
+from llm.offline.planner import OfflinePlanner, tasks
 from llm.proposing.proposal import Expanded, Proposal, Proposer
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round
 from oag import Scene
 from oag.model.codec import shown
 from oag.sizes import TO_THE_AIM, Sizing
-from oag.tasks import required_scene
+from oag.task_definition import required_scene
 
 if TYPE_CHECKING:
     from llm.client.recording import Recorder, Replay, connect
@@ -71,6 +71,7 @@ __all__ = [
     "Usage",
     "connect",
     "propose",
+    "tasks",
 ]
 
 

@@ -28,7 +28,7 @@ from oag.model.actions import Action
 from oag.model.diagnostics import Diagnostic, OagError, SceneError, TaskError
 from oag.model.scene import Scene, SceneObject
 from oag.model.symbols import Primitive
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 from oag.verify.edits import Fix
 from oag.verify.verify import Report, Verdict
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from oag.decompositions import Stability, stability
     from oag.normal_form import canonical, canonical_digest
     from oag.planning import plan, repair
+    from oag.wish_list import tasks
 
 __all__ = [
     "Action",
@@ -67,6 +68,7 @@ __all__ = [
     "scene",
     "stability",
     "task",
+    "tasks",
 ]
 
 # What verifying a plan does not need is loaded when it is first asked for.
@@ -77,6 +79,7 @@ _PLACES = {
     "plan": "oag.planning",
     "repair": "oag.planning",
     "stability": "oag.decompositions",
+    "tasks": "oag.wish_list",
 }
 # Names of version 0.2.0 that are now in their rooms alone; the next release no longer finds them here.
 _MOVED = {

@@ -25,7 +25,7 @@ from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.state import State, assume_true, start_state, step
 from oag.primitives.table import RESTING, Placement
 from oag.progression import compile_plan
-from oag.tasks import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
+from oag.task_definition import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
 
 Verb = Literal["open", "close", "pick", "place"]
 _NOTHING: bddl.Formula = bddl.And(())

@@ -29,7 +29,7 @@ from oag.normal_form import canonical, digest_of_form, resolver, with_scene_name
 from oag.perturbations import PERTURBATIONS, Perturbation, Setting, checked, perturbed
 from oag.phrasing import rephrasings
 from oag.picture import bars
-from oag.tasks import Task, required_scene
+from oag.task_definition import Task, required_scene
 from oag.verify.verify import Verdict
 
 Decompose = Callable[[str, Scene], object]

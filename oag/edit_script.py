@@ -13,7 +13,7 @@ import bddl
 from bddl.terminal import pluralize
 from oag.model.codec import brief
 from oag.normal_form import content
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 from oag.verify.edits import ChangeSubtask, DeleteSubtask, Edit, InsertSubtask, SetFlow, SetScale, SetTaskGoal
 
 _FIELDS = ("target", "support_init", "support_goal", "init", "goal")

@@ -24,7 +24,7 @@ from oag.model.symbols import ANY, EEF, HAND, NEAR, Condition, Fact, Value, cond
 from oag.primitives.state import START, State, scene_facts
 from oag.primitives.table import Clause, Needed, converse, with_consequences
 from oag.progression import Assumption, CompiledSubtask, Decision, Grade, Obligation, Step, Trace
-from oag.tasks import Task, label
+from oag.task_definition import Task, label
 
 # Most assumed values in all questions about one plan: some seconds. Deciding for each unknown fact whether it is
 # needed takes as many questions as there are such facts, each about all of them.

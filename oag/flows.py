@@ -43,7 +43,7 @@ from oag.model.symbols import (
 from oag.primitives.state import View, Window, assume_true, contradictions, facts_of, start_state, step, truth_of
 from oag.primitives.table import NAVIGATION, RESTING, Needed, needed, placement_of
 from oag.progression import CompiledSubtask, Trace, compile_plan, compile_subtask, facts_read
-from oag.tasks import SimpleTask, Task, chosen_scene, subtask_place
+from oag.task_definition import SimpleTask, Task, chosen_scene, subtask_place
 from oag.wellformed import check
 
 # The flows that simple tasks have, their numbers open, by the paper's table of initial action flows. Departures: every

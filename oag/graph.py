@@ -41,7 +41,7 @@ from oag.model.symbols import (
 )
 from oag.picture import object_of
 from oag.primitives.table import Clause, Context, effect, requirements
-from oag.tasks import Task, chosen_scene
+from oag.task_definition import Task, chosen_scene
 from oag.verify.fixes import find_fixes
 from oag.verify.verify import Report, verify
 

@@ -51,7 +51,7 @@ from oag.primitives.table import NAVIGATION, RESTING
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
 from oag.sizes import longest_motion_m
-from oag.tasks import SimpleTask, Task, chosen_scene, default_goal
+from oag.task_definition import SimpleTask, Task, chosen_scene, default_goal
 from oag.verify.verify import follow
 from oag.wellformed import check
 

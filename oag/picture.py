@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from oag.model.actions import Action
 from oag.model.symbols import Parameter, Primitive
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 
 # Pixels: a row of eight boxes is as wide as a page.
 _MOST_PER_ROW = 8

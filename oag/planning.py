@@ -41,7 +41,7 @@ from oag.primitives.state import View, Window, contradictions, start_state, step
 from oag.primitives.table import RESTING, Needed, Placement, needed
 from oag.progression import CompiledSubtask, compile_plan, facts_read
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
-from oag.tasks import SimpleTask, Task, chosen_scene, formula_of, required_scene
+from oag.task_definition import SimpleTask, Task, chosen_scene, formula_of, required_scene
 from oag.verify.fix_subtasks import closing, opening, picking, placing
 from oag.verify.verify import Report, Verdict, verify
 from oag.wellformed import check

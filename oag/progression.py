@@ -53,7 +53,7 @@ from oag.primitives.table import (
     placement_of,
     with_consequences,
 )
-from oag.tasks import SimpleTask, label
+from oag.task_definition import SimpleTask, label
 
 
 @dataclass(frozen=True, slots=True)

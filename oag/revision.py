@@ -27,7 +27,7 @@ from oag.model.diagnostics import Diagnostic, FlowError, HistoryFull, NoSuchSubt
 from oag.model.scene import Scene
 from oag.model.symbols import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.primitives.table import NAVIGATION
-from oag.tasks import Task, chosen_scene, subtask_place, unreadable_step
+from oag.task_definition import Task, chosen_scene, subtask_place, unreadable_step
 from oag.verify.verify import Report, Verdict
 
 Outcome = Literal["succeeded", "failed"]

@@ -15,7 +15,7 @@ from typing import Self
 from oag.model.codec import Record
 from oag.model.scene import PAPER_SCALE, RobotPose, Scene, SceneObject, Vector3
 from oag.model.symbols import Primitive, has_rim
-from oag.tasks import Task
+from oag.task_definition import Task
 
 GRIP_CLEARANCE_M = 0.003
 _SPARE_M = 0.001  # Extra clearance of the fingers for a scaled object.
@@ -126,6 +126,16 @@ def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) 
     if seed is None:
         return float(f"{max(gripper.aim_m / width_m, low):.2g}")
     return round(Random(f"{seed} {thing.id}").uniform(low, high), 3)
+
+
+FINGER_ROOM_M = 0.04
+"""Room that two fingers need together around an object that they lower into a vessel."""
+
+
+def has_finger_room(thing: SceneObject, vessel: SceneObject, factor: float) -> bool:
+    """Decide whether fingers can lower an item, scaled by a factor, into an item that is open at the top."""
+    sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
+    return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
 
 
 TO_THE_AIM = Sizing()

@@ -22,7 +22,7 @@ from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import GRIPPER, Kind, Primitive, has_inside
 from oag.normal_form import resolver, with_scene_names
 from oag.rewriting import negated_variants
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 
 try:
     from hypothesis import strategies as st

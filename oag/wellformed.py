@@ -31,7 +31,7 @@ from oag.model.symbols import (
 from oag.primitives.state import contradictions
 from oag.primitives.table import NAVIGATION, placement_of
 from oag.sizes import Gripper, longest_motion_m, scale_factor, too_small
-from oag.tasks import NO_TARGET, SimpleTask, Task, step_place, subtask_place
+from oag.task_definition import NO_TARGET, SimpleTask, Task, step_place, subtask_place
 
 # Other places of one mistake that are listed; further ones are only counted.
 _SHOWN_PLACES = 3

@@ -16,6 +16,7 @@ from statistics import fmean, median
 from typing import Any
 
 from bddl.terminal import pluralize
+from executor.bench.any_task import wish_rows
 from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
@@ -299,7 +300,7 @@ def main_rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
             row.method,
             *(f"{number(row.cells[f][0])} / {number(row.cells[f][1])}" if f in row.cells else DASH for f in FAMILIES),
         )
-    for setting in dict.fromkeys(cell.series.setting for cell in cells):
+    for setting in dict.fromkeys(cell.series.setting for cell in cells if cell.series.family in FAMILIES):
         mine = {cell.series.family: cell for cell in cells if cell.series.setting == setting}
         yield setting.label, *(cell_text(mine[family]) if family in mine else DASH for family in FAMILIES)
         yield SCALE_ROW, *(scale_text(mine[family]) if family in mine else DASH for family in FAMILIES)
@@ -336,6 +337,10 @@ def rate_text(rate: Rate) -> str:
 def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yield the details of a cell: names and values, for the terminal and for the report."""
     asked = cell.series.episodes
+    if cell.series.family not in FAMILIES:
+        yield from wish_rows(cell.results)
+        yield "seeds", seeds_text(cell)
+        return
     yield "success, all units", rate_text(cell.all)
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)

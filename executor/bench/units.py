@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
@@ -15,6 +15,8 @@ from executor.system.files import content_key
 from oag.model.forms import adapter
 
 SCHEMA = "scene2demo-bench-unit/1"
+BenchFamily = Family | Literal["T7"]
+"""Families of pairs, and T7, whose wishes need not have a plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +66,13 @@ class Unit:
     """One episode of a benchmark.
 
     Attributes:
-        family: "T1" to "T6".
-        seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
-        index: Position of the pair in its set; None for T1 to T4.
+        family: "T1" to "T7".
+        seed: For T1 to T4 and T7 the episode's seed; for T5 and T6 that of the set of pairs.
+        index: Position of the pair in its set; None for T1 to T4 and T7.
         setting: Its setting.
     """
 
-    family: Family
+    family: BenchFamily
     seed: Seed
     index: Annotated[StrictInt, Field(ge=0, lt=COUNT)] | None
     setting: BenchSetting
@@ -100,7 +102,7 @@ class Unit:
             ValueError: It is no such data.
         """
         unit = adapter(cls).validate_python(value)
-        if (unit.index is None) is not (unit.family in LONG_HORIZON):
+        if (unit.index is None) is not (unit.family in (*LONG_HORIZON, "T7")):
             raise ValueError(f"{unit.family} has no unit {unit.index}")
         return unit
 
@@ -110,14 +112,14 @@ class Series:
     """Consecutive units of one family in one setting: one cell of the table.
 
     Attributes:
-        family: "T1" to "T6".
+        family: "T1" to "T7".
         seed: Seed of the first episode, or of the first set of pairs.
         episodes: Number of units.
         setting: Their setting.
         version: Version of the program.
     """
 
-    family: Family
+    family: BenchFamily
     seed: Seed
     episodes: Annotated[StrictInt, Field(ge=0, le=MOST_EPISODES)]
     setting: BenchSetting

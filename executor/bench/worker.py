@@ -10,10 +10,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from executor.bench.any_task import run_wish
 from executor.bench.units import Unit
 from executor.bench.work import run_unit
 from executor.campaign.versions import outcome_version
 from executor.records import Rollout
+from executor.scenes.generators.any_task import FAMILY
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.stage import SceneRenderer, shared_renderer
 from executor.system.files import plain
@@ -67,6 +69,8 @@ def main() -> None:
     with shared_renderer() as scene_renderer:
 
         def run(unit: Unit) -> dict[str, Any]:
+            if unit.family == FAMILY:
+                return run_wish(unit.seed)
             return run_unit(unit, partial(_draw_views, scene_renderer()) if unit.setting.views else None)
 
         serve_units(run, outcome_version())

@@ -34,7 +34,21 @@ TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 `assets_import.py` and so on."""
 
 _ORDER = (
-    *("run", "plan", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate", "view"),
+    *(
+        "run",
+        "plan",
+        "tasks",
+        "stability",
+        "rollout",
+        "evolve",
+        "bench",
+        "generate",
+        "dataset",
+        "replay",
+        "train",
+        "evaluate",
+    ),
+    "view",
     *("bench replay", "bench photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
     *("assets import", "bddl"),
 )

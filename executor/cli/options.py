@@ -156,6 +156,7 @@ Profile = Annotated[
     ),
 ]
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
+BenchFamily = Literal["T1", "T2", "T3", "T4", "T5", "T6", "T7"]
 View = Literal["global", "head", "wrist"]
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 Channel = Literal["rgb", "depth", "segmentation"]

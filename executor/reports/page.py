@@ -26,7 +26,7 @@ from oag import Action, Report, recheck
 from oag.model.actions import ActionFlow
 from oag.progression import Grade, Obligation, producer_place
 from oag.revision import Attempt
-from oag.tasks import step_place, subtask_place
+from oag.task_definition import step_place, subtask_place
 
 Strip = tuple[str, Sequence[tuple[bytes, str]]]
 """A row of pictures: its label, and JPEG files with their alternative texts."""

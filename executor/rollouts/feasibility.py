@@ -41,7 +41,7 @@ from executor.skills.session import Hand, Session
 from oag import ObjectActionGraph, Scene, Task, compose
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
 from oag.model.actions import flow_from_json
-from oag.tasks import required_scene
+from oag.task_definition import required_scene
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""

@@ -45,7 +45,7 @@ from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose
 from oag.measurements import GoalReading
 from oag.model.actions import flow_from_json
 from oag.model.codec import shown
-from oag.tasks import required_scene
+from oag.task_definition import required_scene
 
 BOUNDARY_SETTLE_S = 0.5  # Released items come to rest.
 GOAL_HOLDS_S = 1.0  # A goal has to hold for this long.

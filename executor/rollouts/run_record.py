@@ -27,7 +27,7 @@ from oag.measurements import GoalReading, measurements_json
 from oag.model.actions import flow_to_json
 from oag.revision import Attempt, Iteration, Revision
 from oag.sizes import Resizing, planned_resizings, resized_targets, scaled_objects
-from oag.tasks import label
+from oag.task_definition import label
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 

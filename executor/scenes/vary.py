@@ -34,7 +34,7 @@ from oag import Scene, SceneObject
 from oag.model.codec import Document, expected
 from oag.model.diagnostics import InputError
 from oag.model.forms import Form, numbers, unfit, within
-from oag.tasks import required_scene
+from oag.task_definition import required_scene
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000

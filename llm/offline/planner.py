@@ -12,9 +12,10 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import groupby, islice
 
 import bddl
+import oag
 from bddl.grounding import All, Leaf, Negation, Some
 from llm.errors import QueryError, RefusalCode
 from llm.offline.grounding import Grounding, Names
@@ -28,7 +29,6 @@ from llm.offline.subtasks import (
     decompose,
     goal_of,
     is_possible,
-    possible_intents,
     problem,
     scale_factors,
 )
@@ -38,6 +38,7 @@ from oag import Diagnostic, Scene, SimpleTask, Task, Verdict, compose
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.symbols import Kind
 from oag.sizes import TO_THE_AIM, Sizing, planned_resizings
+from oag.wish_list import KINDS, AdmittedTask, OnRefusal, Wish, WishKind, ignore, wishes
 
 _VERBS = {
     "OPEN": IntentKind.OPEN,
@@ -46,6 +47,14 @@ _VERBS = {
     "TAKE": IntentKind.PICK,
     "PUT": IntentKind.PLACE,
     "CLEAR": IntentKind.PLACE,
+}
+# Wishes about one object, and the verb that asks for them.
+_VERB_OF: dict[WishKind, IntentKind] = {
+    "open": IntentKind.OPEN,
+    "close": IntentKind.CLOSE,
+    "pick": IntentKind.PICK,
+    "take-out": IntentKind.PICK,
+    **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
 _ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
@@ -86,7 +95,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
         readable = refusal.code == "ambiguous-reading"
         wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
         suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon)[0])]
-        suggestions = suggestions or [str(wish) for wish in _nearest(tokens, grounding)]
+        suggestions = suggestions or [str(wish) for wish in islice(_nearest(tokens, grounding), _MOST_SUGGESTIONS)]
         raise QueryError(
             refusal.code,
             query,
@@ -190,30 +199,41 @@ def _strange_words(strange: Sequence[str], names: Names, other: Refusal | None) 
     return Refusal(code, unknown, scene=other.scene if other is not None and code == other.code else ())
 
 
-def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> list[Intent]:
-    """Return feasible intents, those nearest to the query's words first.
+def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> Iterator[Wish]:
+    """Yield the wishes that the scene admits, those nearest to the query's words first.
 
-    If the query has a subject, an item to move or a thing to open, with any feasible intent, all results are about
-    it: suggestions about another object do not help.
+    If the query has a subject, an item to move or a thing to open, with any feasible wish, all results are about it:
+    suggestions about another object do not help.
     """
     around, mentioned = grounding.around, grounding.names.mentioned(tuple(token.text for token in tokens))
-    kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
+    verbs = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
     objects = around.scene.objects
 
     def is_subject(key: str) -> bool:
-        if kinds and all(kind.is_about_a_door for kind in kinds):
+        if verbs and all(verb.is_about_a_door for verb in verbs):
             return around.affordances[key].door
         return objects[key].role == "B"
 
-    def distance(wish: Intent) -> tuple[bool, bool, int]:
-        things = [objects[key].category for key in (wish.target, wish.destination) if key]
-        # Putting an object into another of its kind is possible but hardly ever meant.
-        alike = len(set(things)) < len(things)
-        return (alike, wish.kind not in kinds, -len({wish.target, wish.destination} & set(mentioned)))
+    order = {key: number for number, key in enumerate(objects)}
 
-    wishes = possible_intents(around, mentioned or tuple(objects))
+    def distance(wish: Wish) -> tuple[bool, bool, int, int, int]:
+        named = {*wish.targets, wish.place} - {None}
+        kinds = [objects[key].category for key in named if key is not None]
+        # Putting an object into another of its kind is possible but hardly ever meant.
+        alike = len(set(kinds)) < len(kinds)
+        where = order[wish.targets[0]], order.get(wish.place or "", -1)
+        return alike, _VERB_OF[wish.kind] not in verbs, -len(named & set(mentioned)), *where
+
+    about = set(mentioned or objects)
+    single = wishes(around.scene, tuple(_VERB_OF), sizing=around.sizing)
+    ordered = sorted((wish for wish in single if about & {*wish.targets, wish.place}), key=distance)
     subject = next(filter(is_subject, mentioned), None)
-    return sorted([wish for wish in wishes if wish.target == subject] or wishes, key=distance)
+    own = [wish for wish in ordered if subject in wish.targets and _can_be_done(wish, around)]
+    yield from own or (wish for wish in ordered if _can_be_done(wish, around))
+
+
+def _can_be_done(wish: Wish, around: Surroundings) -> bool:
+    return is_possible(Intent(_VERB_OF[wish.kind], wish.targets[0], wish.relation, wish.place), around)
 
 
 def _assumptions(request: Request, around: Surroundings) -> list[str]:
@@ -512,3 +532,25 @@ def _action(step: PlainTask) -> str:
     if step.end is None:
         return f"picks up {step.target}" + ("" if step.start is None else f" {_from(step.start)}")
     return f"puts {step.target} {PREPOSITION[step.end.relation]} {step.end.object_id} and lets go of it"
+
+
+def tasks(
+    scene: Scene,
+    kinds: Collection[WishKind] = KINDS,
+    *,
+    sizing: Sizing = TO_THE_AIM,
+    on_refusal: OnRefusal = ignore,
+) -> Iterator[AdmittedTask]:
+    """Yield the wishes that a scene admits, with sentences and plans of the offline planner.
+
+    Each sentence is read back to a goal that is equivalent to the wish's. Arguments are those of `oag.tasks`.
+    """
+    offline = OfflinePlanner(sizing=sizing)
+
+    def planner(sentence: str) -> Task | None:
+        try:
+            return offline.propose(sentence, scene).task
+        except QueryError:
+            return None
+
+    return oag.tasks(scene, kinds, planner=planner, sizing=sizing, on_refusal=on_refusal)

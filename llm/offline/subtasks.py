@@ -19,12 +19,7 @@ from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request,
 from oag import Action, Primitive, Scene, flows
 from oag.model.actions import ActionFlow
 from oag.model.symbols import GRIPPER
-from oag.sizes import Gripper, Sizing, graspable_items
-
-MOST_NAMED = 12
-MOST_OTHERS = 24
-# Room that two fingers need together around an object that they lower into a vessel.
-FINGER_ROOM_M = 0.04
+from oag.sizes import Gripper, Sizing, graspable_items, has_finger_room
 
 
 def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
@@ -155,32 +150,6 @@ def _lacks(object_id: str, what: str, around: Surroundings, instead: tuple[Inten
     return Refusal("affordance", f"{object_id} ({category}) has {what}", instead=instead)
 
 
-def possible_intents(around: Surroundings, about: Sequence[str]) -> list[Intent]:
-    """Return the feasible intents about one of the objects, in the scene's order.
-
-    Args:
-        around: The scene and its facts.
-        about: The objects. Of many the first `MOST_NAMED` count, each with the first `MOST_OTHERS` of the others. So
-            a scene of hundreds costs no more than one of dozens.
-    """
-    named = set(about[:MOST_NAMED])
-    can = around.affordances
-    objects = around.scene.objects
-    others = [key for key in objects if key not in named]
-    items = {*named, *[key for key in others if objects[key].role == "B"][:MOST_OTHERS]}
-    places = {*named, *[key for key in others if can[key].interior or can[key].surface][:MOST_OTHERS]}
-    alone = (IntentKind.OPEN, IntentKind.CLOSE, IntentKind.PICK)
-    wishes = [Intent(kind, key) for key in objects if key in named for kind in alone]
-    wishes += [
-        Intent(IntentKind.PLACE, key, relation, place)
-        for key in filter(items.__contains__, objects)
-        for place in filter(places.__contains__, objects)
-        if key in named or place in named
-        for relation in RELATIONS
-    ]
-    return [wish for wish in wishes if is_possible(wish, around)]
-
-
 def is_possible(wish: Intent | Request, around: Surroundings) -> bool:
     """Decide whether an intent, or each intent of a request in its turn, is feasible and not fulfilled.
 
@@ -205,8 +174,7 @@ def _has_room(wish: Intent, around: Surroundings) -> bool:
     if not (thing.has_box and vessel.has_box):
         return True
     factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
-    sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
-    return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
+    return has_finger_room(thing, vessel, factor)
 
 
 def with_a_free_hand(request: Request, around: Surroundings) -> list[Request]:

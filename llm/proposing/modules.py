@@ -63,7 +63,7 @@ from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compo
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.symbols import GRIPPER
 from oag.sizes import LEAST_SCALE, TO_THE_AIM, Gripper, Sizing, scale_factor, too_small
-from oag.tasks import UNREADABLE, subtask_place, syntax_issues
+from oag.task_definition import UNREADABLE, subtask_place, syntax_issues
 from oag.wellformed import check as check_form
 
 AnswerT = TypeVar("AnswerT", bound=Answer)

@@ -22,7 +22,7 @@ from oag.model.codec import Source, shown
 from oag.model.scene import Scene
 from oag.model.symbols import Kind
 from oag.primitives.state import scene_facts
-from oag.tasks import Task
+from oag.task_definition import Task
 from oag.wellformed import check as form_of
 
 

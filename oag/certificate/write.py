@@ -25,7 +25,7 @@ from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, satisfy
 from oag.primitives.state import State, facts_of, scene_facts, step, truth_of
 from oag.primitives.table import Needed, converse, excluded, library_sha, needed, with_consequences
 from oag.progression import Assumption, CausalLink, CompiledSubtask, Obligation, Trace, compile_plan
-from oag.tasks import Task
+from oag.task_definition import Task
 
 # Most entries of a distinction times places of the plan: the time to follow the plan in every case.
 _MOST_WORK = 200_000

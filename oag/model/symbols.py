@@ -72,6 +72,15 @@ _SOLID = _words(
 )
 """Categories without an inside; objects of unknown categories may have one."""
 
+_VESSELS = _words("bowl cup mug glass basket box jar pot pan bin bucket")
+"""Items that are open at the top, so that things can be put into them."""
+
+_FLAT = _words("plate tray saucer")
+"""Items that others stand on."""
+
+_BARE = _words("wall sink door chair refrigerator fridge freezer wardrobe")
+"""Furniture on which nothing is put: it is too tall, or has no top."""
+
 _BOARDED = _words("shelf rack bookshelf bookcase shelving")
 """Categories with boards above each other: an item on one is under the next, so that a lift alone does not free it."""
 
@@ -94,6 +103,18 @@ def has_inside(category: str) -> bool:
 def has_boards(category: str) -> bool:
     """Decide whether objects on a category may be under a part of it, as on the boards of a shelf."""
     return _category_words(category)[-1] in _BOARDED
+
+
+def takes_things(category: str, kind: Kind) -> bool:
+    """Decide whether people put things into objects of a category: behind doors, and into what is open at the top."""
+    noun = _category_words(category)[-1]
+    return has_inside(category) if kind is Kind.ARTICULATED else kind is Kind.ITEM and noun in _VESSELS
+
+
+def carries_things(category: str, kind: Kind) -> bool:
+    """Decide whether people put things onto objects of a category: furniture, and items that are flat."""
+    noun = _category_words(category)[-1]
+    return noun in _FLAT if kind is Kind.ITEM else noun not in _BARE
 
 
 def _category_words(category: str) -> list[str]:

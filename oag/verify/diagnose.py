@@ -47,7 +47,7 @@ from oag.progression import (
     producer_place,
 )
 from oag.sizes import planned_resizings
-from oag.tasks import Task, default_goal, is_meant_to_change, label, step_place, subtask_place
+from oag.task_definition import Task, default_goal, is_meant_to_change, label, step_place, subtask_place
 
 
 def needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

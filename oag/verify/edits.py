@@ -13,7 +13,7 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.codec import Record, brief, fields_json
 from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
-from oag.tasks import SimpleTask, Task, default_goal
+from oag.task_definition import SimpleTask, Task, default_goal
 
 _Item = TypeVar("_Item")
 

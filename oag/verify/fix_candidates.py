@@ -13,7 +13,7 @@ from oag.model.symbols import (
 from oag.primitives.state import Entry
 from oag.progression import Obligation, Trace
 from oag.rewriting import Variant
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 from oag.verify.edits import (
     Edit,
     Fix,

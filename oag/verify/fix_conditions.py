@@ -24,7 +24,7 @@ from oag.rewriting import (
     renamed_variants,
     shortened_variants,
 )
-from oag.tasks import SimpleTask, infer_roles
+from oag.task_definition import SimpleTask, infer_roles
 from oag.verify.edits import (
     AddFact,
     ChangeSubtask,

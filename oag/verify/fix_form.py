@@ -24,7 +24,7 @@ from oag.model.symbols import (
 )
 from oag.rewriting import rename_object, replace_atom, shortened_variants
 from oag.sizes import Gripper, scale_factor, too_small
-from oag.tasks import Task
+from oag.task_definition import Task
 from oag.verify.edits import (
     ChangeSubtask,
     Edit,

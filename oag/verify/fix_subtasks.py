@@ -25,7 +25,7 @@ from oag.model.symbols import (
     holding,
 )
 from oag.primitives.table import RESTING, Placement
-from oag.tasks import SimpleTask
+from oag.task_definition import SimpleTask
 from oag.verify.edits import (
     DeleteSubtask,
     InsertSubtask,

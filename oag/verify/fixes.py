@@ -19,7 +19,7 @@ from oag.model.diagnostics import Diagnostic, FixError
 from oag.model.scene import Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, held_by, overlap
 from oag.progression import Grade, Obligation
-from oag.tasks import SimpleTask, Task
+from oag.task_definition import SimpleTask, Task
 from oag.verify.edits import Fix
 from oag.verify.fix_candidates import Candidate, Mistake, numbered
 from oag.verify.fix_conditions import (

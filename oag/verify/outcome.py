@@ -11,7 +11,7 @@ from oag.model.codec import brief
 from oag.model.symbols import ANY, GRIPPER, held_by
 from oag.primitives.state import State, truth_of
 from oag.primitives.table import needed
-from oag.tasks import formula_of
+from oag.task_definition import formula_of
 
 
 class Missing(NamedTuple):

@@ -26,7 +26,7 @@ from oag.picture import drawing, html
 from oag.primitives.state import reset_reason, start_state
 from oag.primitives.table import needed
 from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace, compile_plan
-from oag.tasks import Task
+from oag.task_definition import Task
 from oag.verify.edits import Fix
 from oag.verify.outcome import Missing, PlanState
 from oag.wellformed import check

@@ -15,7 +15,7 @@ import oag
 from oag import testing
 from oag.model.diagnostics import NoSuchSubtask
 from oag.model.symbols import Kind
-from oag.tasks import default_goal
+from oag.task_definition import default_goal
 from tests.bruteforce import Kinds, Literal, Part, World, act, allowed
 
 KITCHEN = {"drawer_0": "drawer", "apple_0": "apple", "bowl_0": "bowl", "table_0": "table"}

@@ -9,7 +9,7 @@ import pytest
 
 import bddl
 import oag
-from oag.tasks import default_goal
+from oag.task_definition import default_goal
 
 PICK: list[Any] = [17, 1, 2, 3, {"7": 0.2}]
 PLACE: list[Any] = [18, {"13": 0.3}, 5]

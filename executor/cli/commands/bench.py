@@ -16,7 +16,7 @@ import tyro
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.options import CommonOptions, Family, Flag, FullSize, KeepSizes, ResultsFolder
+from executor.cli.options import BenchFamily, CommonOptions, Flag, FullSize, KeepSizes, ResultsFolder
 from executor.cli.output import ERR, OUT, bar, print_json, say, tell
 
 if TYPE_CHECKING:
@@ -35,9 +35,10 @@ class Options(CommonOptions):
     """
 
     families: tyro.conf.Positional[
-        Annotated[tuple[Family, ...], tyro.conf.arg(metavar="T1..T6", help_behavior_hint="(required)")]
+        Annotated[tuple[BenchFamily, ...], tyro.conf.arg(metavar="T1..T7", help_behavior_hint="(required)")]
     ]
-    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing."""
+    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing, T7
+    any wishes in any homes, impossible ones among them, by a robot of full size."""
     out: ResultsFolder
     episodes: int = 20
     """How many units of each family; those of T5 and T6 go through one set of pairs after the other."""
@@ -79,7 +80,7 @@ def execute(options: Options) -> int:
     setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes, options.full_size)
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
-        for family in FAMILIES
+        for family in (*FAMILIES, "T7")
         if family in options.families
     ]
     folder.add_series(asked)
@@ -108,11 +109,32 @@ def execute(options: Options) -> int:
 
 def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
     """Print the main table, and the details of the requested cells."""
+    from executor.bench.tables import detail_rows
+    from executor.cli.execution import command_line
+    from executor.scenes.generators.families import FAMILIES
+
+    if families & set(FAMILIES):
+        _print_main_table(cells)
+    for cell in cells:
+        if cell.series.family not in families or cell.series.setting != setting:
+            continue
+        say(f"{cell.series.family}, {setting.label.removeprefix('here: ')}", style="bold")
+        for name, value in detail_rows(cell):
+            say(f"  {name:35} {value}" if cell.series.family == "T7" else f"  {name:31} {value}")
+        for result in cell.failed[:5]:
+            message = (result.get("failure") or {}).get("message", "")
+            say(f"  failed: {result['name']}  {message}", style="red")
+        if len(cell.failed) > 5:
+            say(f"  and {len(cell.failed) - 5} more, in report.html")
+        if cell.failed and cell.series.family in FAMILIES:
+            say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
+
+
+def _print_main_table(cells: Sequence[Cell]) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from executor.bench.tables import FOOTNOTE, detail_rows, main_rows
-    from executor.cli.execution import command_line
+    from executor.bench.tables import FOOTNOTE, main_rows
     from executor.scenes.generators.families import FAMILIES
 
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
@@ -125,19 +147,6 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
     OUT.print(table)
     say(FOOTNOTE)
     say("")
-    for cell in cells:
-        if cell.series.family not in families or cell.series.setting != setting:
-            continue
-        say(f"{cell.series.family}, {setting.label.removeprefix('here: ')}", style="bold")
-        for name, value in detail_rows(cell):
-            say(f"  {name:31} {value}")
-        for result in cell.failed[:5]:
-            message = (result.get("failure") or {}).get("message", "")
-            say(f"  failed: {result['name']}  {message}", style="red")
-        if len(cell.failed) > 5:
-            say(f"  and {len(cell.failed) - 5} more, in report.html")
-        if cell.failed:
-            say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
 
 
 def _checked(options: Options) -> Shard:
@@ -146,7 +155,7 @@ def _checked(options: Options) -> Shard:
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
     if not options.families:
-        raise BadOption("T1..T6", "is missing", f"at least one of {', '.join(FAMILIES)}")
+        raise BadOption("T1..T7", "is missing", f"at least one of {', '.join((*FAMILIES, 'T7'))}")
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)

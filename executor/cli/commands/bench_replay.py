@@ -45,6 +45,11 @@ def execute(options: Options) -> int:
     recorded = BenchFolder(options.folder).find(options.unit)
     if recorded["setting"].get("baseline") is not None:
         raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
+    if recorded["family"] == "T7":
+        sentence = command_line("run", recorded.get("query", "QUERY"), scene=f"t7-{recorded['seed']}", out="FOLDER")
+        raise BadOption(
+            "UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 is shown by: {sentence} --keep-sizes"
+        )
     folder = RunFolder.prepare(options.out, force=options.force)
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")

@@ -6,6 +6,7 @@ seed, and 130 after Ctrl-C.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -56,6 +57,11 @@ class Options(CommonOptions):
     scene: Annotated[Maybe[str], READ_SCENE] = None
     """Name of a scene, or a scene's JSON file, that the sentence is about; t1 to t4: the kitchen that an episode's
     seed draws."""
+    all_tasks: Annotated[Maybe[str], READ_SCENE] = None
+    """Instead of families or a sentence: a scene, of which everything is made that can be done in it. Each wish is
+    gone through by geometry first, and what is infeasible is listed and left out; `tasks` lists the wishes."""
+    limit: Maybe[int] = None
+    """With --all-tasks: most wishes, those of one kind and then another."""
     episodes: int = 20
     """How many episodes of each to make; those that fail are counted, and left out of data sets."""
     seed: int = 0
@@ -100,6 +106,7 @@ class Options(CommonOptions):
 
 
 _BYTES_PER_GB = 10**9
+_FEASIBLE_S = 30.0  # CPU seconds for the question whether a wish is feasible.
 
 
 def execute(options: Options) -> int:
@@ -113,6 +120,9 @@ def execute(options: Options) -> int:
     from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
+    if not series:
+        tell("scene2demo: nothing in the scene is feasible", style="red")
+        return FAILED
     if any(one.first.recording.views for one in series):
         check_drawable()
     for one in series:
@@ -208,7 +218,36 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
         return read_plan(
             Path(plans[0]), {name: value for name, value in _request_fields(options).items() if value != usual[name]}
         )
-    return series_of({**_request_fields(options), "sources": [_source(options)]})
+    check(options.limit is None or options.all_tasks is not None, "--limit", options.limit, "--all-tasks beside it")
+    check(options.limit is None or options.limit >= 1, "--limit", options.limit, "at least 1")
+    sources = [_source(options)] if options.all_tasks is None else list(_everything(options, options.all_tasks))
+    return series_of({**_request_fields(options), "sources": sources}) if sources else ()
+
+
+def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
+    """Yield a source for every feasible wish of a scene; the answers are kept beside the folder for the next run."""
+    from executor.rollouts.admitted import Answers, in_turn
+    from executor.scenes.file import scene_for
+    from executor.scenes.validation import require_valid
+    from llm import tasks
+    from oag.sizes import Sizing
+
+    check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene beside it")
+    scene = scene_for("", name, full_size=options.full_size)
+    require_valid(scene)
+    answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed)
+    counts: Counter[str] = Counter()
+    for answer in answers.of(in_turn(tasks(scene, sizing=Sizing(None, options.keep_sizes))), _FEASIBLE_S):
+        word = "feasible" if answer.feasible else answer.reason
+        counts["feasible" if answer.feasible else "left out"] += 1
+        if not options.json:
+            tell(f"  {answer.found.sentence:50} {word}", style=None if answer.feasible else "yellow")
+        if answer.feasible:
+            yield {"query": answer.found.sentence, "scene": name}
+        if counts["feasible"] == options.limit:
+            break
+    if not options.json:
+        tell(f"  {counts['feasible']} wishes are feasible, {counts['left out']} are left out")
 
 
 def _source(options: Options) -> dict[str, Any]:

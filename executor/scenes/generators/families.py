@@ -7,6 +7,7 @@ Names:
 kitchen02-b          the second variation of a room, with the usual seed
 kitchen02-13000-b    the same with its seed: the name in its records
 t1-12000             the kitchen of a long-horizon task drawn from this seed; its records have t1_012000
+t7-70000             the home of a wish of T7
 t1                   where episodes have seeds: each episode gets the kitchen of its own seed
 """
 
@@ -24,7 +25,7 @@ from pydantic import Field, StrictInt
 
 from bddl import near_names
 from bddl.errors import Scene2DemoError
-from executor.scenes.generators import household, long_horizon
+from executor.scenes.generators import any_task, household, long_horizon
 from executor.scenes.generators.household import VARIATIONS
 from executor.scenes.library import SceneNotFound
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
@@ -134,6 +135,7 @@ USUAL_KITCHENS = range(12000, 12003)
 
 _ROOM = re.compile(r"([a-z]+\d+)(?:-(\d{1,10}))?-([a-c])")
 _KITCHEN = re.compile(r"[tT]([1-4])[-_](\d{1,10})")
+_HOME = re.compile(r"[tT]7[-_](\d{1,10})")
 _KITCHENS = re.compile(r"[tT][1-4]")
 
 
@@ -190,4 +192,6 @@ def draw_named(name: str) -> Scene | None:
         return household.pair(int(seed or USUAL_SEED), index).scene
     if (found := _KITCHEN.fullmatch(name)) is not None and int(found[2]) <= LARGEST_SEED:
         return long_horizon.draw(f"T{found[1]}", int(found[2])).scene
+    if (found := _HOME.fullmatch(name)) is not None and int(found[1]) <= LARGEST_SEED:
+        return any_task.draw(int(found[1])).scene
     return None

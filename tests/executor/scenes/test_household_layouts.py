@@ -7,9 +7,8 @@ from collections import Counter
 import pytest
 
 from executor.assets.library import LIBRARY, entry, kind
-from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, Layout, LayoutError, layouts, read
+from executor.scenes.generators.household import CLUTTER, COUNT, KINDS, VARIATIONS, LayoutError, layouts, read
 from oag.model.symbols import Kind
-from tests.source_tree import ROOT
 
 # What the paper's twenty printed examples are about.
 PRINTED = (
@@ -84,18 +83,6 @@ def test_a_thing_that_starts_open_has_one_door() -> None:
             if wish.start_fraction > 0.0:
                 assert KINDS[thing.kind].single, f"{layout.name}: no {thing.kind} has one door alone"
                 assert not thing.model or thing.model in KINDS[thing.kind].single
-
-
-def table_row(layout: Layout) -> str:
-    """Return a layout's line of the table in docs/scenes.md."""
-    queries = "; ".join(f"“{wish.query}”" for wish in layout.wishes)
-    return f"| `{layout.name}` | {' '.join(wish.family for wish in layout.wishes)} | {queries} |"
-
-
-def test_the_table_of_the_page_is_up_to_date() -> None:
-    page = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    missing = [table_row(layout) for layout in layouts() if table_row(layout) not in page]
-    assert not missing, "docs/scenes.md lacks:\n" + "\n".join(missing)
 
 
 @pytest.mark.parametrize(

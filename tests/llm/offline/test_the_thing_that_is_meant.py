@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 import llm
-from llm.offline import subtasks
+from llm.offline import planner
 from llm.offline.grounding import Names
 from oag import Scene
 from tests.llm.kitchens import conjuncts
@@ -115,7 +115,7 @@ def _calls(monkeypatch: pytest.MonkeyPatch, owner: object, name: str, run: Calla
 def test_more_things_in_the_scene_do_not_mean_more_candidates(monkeypatch: pytest.MonkeyPatch, query: str) -> None:
     few, many = _apples(60), _apples(600)
     counts = [
-        _calls(monkeypatch, subtasks, "is_possible", lambda scene=scene: llm.propose(query, scene))
+        _calls(monkeypatch, planner, "is_possible", lambda scene=scene: llm.propose(query, scene))
         for scene in (few, many)
     ]
     assert 0 < counts[0] == counts[1]
