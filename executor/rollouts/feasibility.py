@@ -9,7 +9,7 @@ succeeded: slips, stalls and whatever else takes forces are for the physics to d
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,9 @@ class Feasibility:
             "primitive": self.primitive or None,
             "failure": None if self.failure is None else self.failure.to_json(),
             "in_the_way": list(self.in_the_way),
-            "detours": [{"first": d.first, "count": d.count, "reason": d.reason} for d in self.detours],
+            "detours": [asdict(detour) for detour in self.detours],
+            "plan": self.task.to_json() if self.detours else None,
+            "avoided": sorted(map(list, self.avoided)),
             "subtasks": [subtask.to_json() for subtask in self.subtasks],
         }
 
