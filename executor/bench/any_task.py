@@ -150,7 +150,7 @@ def wish_rows(results: Sequence[Result]) -> Iterator[tuple[str, str]]:
 
 
 def _possible(result: Result) -> str | None:
-    """Return the label of a wish, also of one whose process was ended before it said anything."""
+    """Return the label of a wish, also of one whose process was ended before it gave a result."""
     label = labels().get(result.get("seed", -1))
     return result.get("possible", None if label is None else label.possible)
 

@@ -218,21 +218,21 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
         return read_plan(
             Path(plans[0]), {name: value for name, value in _request_fields(options).items() if value != usual[name]}
         )
-    check(options.limit is None or options.all_tasks is not None, "--limit", options.limit, "--all-tasks beside it")
+    check(options.limit is None or options.all_tasks is not None, "--limit", options.limit, "--all-tasks as well")
     check(options.limit is None or options.limit >= 1, "--limit", options.limit, "at least 1")
     sources = [_source(options)] if options.all_tasks is None else list(_everything(options, options.all_tasks))
     return series_of({**_request_fields(options), "sources": sources}) if sources else ()
 
 
 def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
-    """Yield a source for every feasible wish of a scene; the answers are kept beside the folder for the next run."""
+    """Yield a source for every feasible wish of a scene; the answers are kept next to the folder for the next run."""
     from executor.rollouts.admitted import Answers, in_turn
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
     from llm import tasks
     from oag.sizes import Sizing
 
-    check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene beside it")
+    check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene with it")
     scene = scene_for("", name, full_size=options.full_size)
     require_valid(scene)
     answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed)

@@ -54,7 +54,7 @@ class Options(CommonOptions):
 def execute(options: Options) -> int:
     """Print each wish as soon as it is proved, and a table of how many there are by kind."""
     check(options.most is None or options.most >= 1, "--most", options.most, "at least 1")
-    check(options.out is None or options.feasible, "--out", options.out, "--feasible beside it")
+    check(options.out is None or options.feasible, "--out", options.out, "--feasible as well")
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
         from executor.cli.execution import check_seed, check_unit_limit

@@ -18,8 +18,8 @@ KITCHEN = "kitchen_t4"
 
 def tasks(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
     code = app.run(["tasks", *map(str, words)])
-    told = capsys.readouterr()
-    return code, told.out, told.err
+    printed = capsys.readouterr()
+    return code, printed.out, printed.err
 
 
 @pytest.fixture
@@ -111,4 +111,4 @@ def test_all_tasks_stands_alone(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     out = str(tmp_path / "set")
     assert app.run(["generate", "T1", "--all-tasks", KITCHEN, "--out", out]) == 2
     assert app.run(["generate", "T1", "--limit", "3", "--out", out]) == 2
-    assert "--all-tasks beside it" in capsys.readouterr().err
+    assert "--all-tasks as well" in capsys.readouterr().err
