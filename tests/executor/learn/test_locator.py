@@ -39,7 +39,7 @@ def data(picked: EpisodeStore) -> Demonstrations:
 def test_the_hands_points_stand_still_when_seen_from_the_hand(data: Demonstrations) -> None:
     assert data.clouds is not None and data.numbers.shape[1] == ROBOT_NUMBERS + THING_NUMBERS
     seen: list[torch.Tensor] = []
-    locator = Locator(1, 0, (8,))
+    locator = Locator(17, 1, 0, (8,))
     locator.whole.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
     moments = np.arange(int(data.ends[0]))
     with torch.inference_mode():
