@@ -433,10 +433,14 @@ class PlacementLookahead:
     def _allows_placement(self, key: float, budget: int) -> bool:
         if (key, budget) not in self._known:
             example = self._examples.get(key)
-            self._known[key, budget] = example is None or self._can_be_put(example, budget)
+            allows, exhausted = (True, False) if example is None else self._can_be_put(example, budget)
+            self._known[key, budget] = allows
+            if exhausted:
+                self._known[key, MOST_CANDIDATES] = False
         return self._known[key, budget]
 
-    def _can_be_put(self, goal: HandGoal, budget: int) -> bool:
+    def _can_be_put(self, goal: HandGoal, budget: int) -> tuple[bool, bool]:
+        """Return whether a hand can place the item, and whether all candidates were looked at within the budget."""
         world, oracle = self._world, self._planner.oracle
         carried = Carried(self._item, inverse(goal.T_world_eef) @ world.T_world_link(self._item))
         upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
@@ -454,8 +458,15 @@ class PlacementLookahead:
         oracle.carried = carried
         try:
             candidates = base_candidates(self._planner.robot, wanted, self._here, TURNS_RAD)
-            openings = (self._has_way_in(c, OVER_M if upward[c.goal.region] else THROUGH_M) for c in candidates)
-            return any(itertools.islice((way for way in openings if way is not None), budget))
+            looked_at = 0
+            for candidate in candidates:
+                way_in = self._has_way_in(candidate, OVER_M if upward[candidate.goal.region] else THROUGH_M)
+                if way_in:
+                    return True, False
+                looked_at += way_in is not None
+                if looked_at == budget:
+                    return False, False
+            return False, True
         finally:
             oracle.carried = None
 

@@ -18,9 +18,11 @@ import numpy as np
 from executor.assets.asset_geometry import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn, rotation_z
 from executor.planning.collision import CollisionOracle
+from executor.planning.floor import FloorPlan
 from executor.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, base_move, base_turn, connect, segment, shorten
 from executor.sim.robot.kinematics import Kinematics, LineTracker
 from executor.sim.world import World
+from executor.system.effort import CANDIDATE_S
 from oag import Action, Primitive
 
 BASE_MARGINS_M = (0.03, 0.012, 0.006)
@@ -56,6 +58,7 @@ class Planner:
     Attributes:
         robot: Its record.
         seed: Of the episode.
+        floor: Where the base cannot stand, without asking the oracle.
         effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
     """
 
@@ -64,6 +67,7 @@ class Planner:
         self.kinematics: Kinematics = oracle.kinematics
         self.robot = oracle.robot
         self.tracker = LineTracker(oracle.kinematics)
+        self.floor = FloorPlan(oracle)
         self.effort = self.kinematics.effort
         self.seed = 0
         self.rng = np.random.default_rng(0)
@@ -179,6 +183,9 @@ class Planner:
 
         def edge_is_free(a: Array, b: Array) -> bool:
             way = segment(self.robot, full(a), full(b), base_share=share)
+            if self.floor.taken(way[:, :3]).any():
+                self.effort.add(CANDIDATE_S)
+                return False
             return self.oracle.is_path_free(way, margin_m=margin_m)
 
         if not self.oracle.is_free(full(goal), margin_m=margin_m):

@@ -192,7 +192,8 @@ class FreeFloor:
         self._planner.effort.add(CANDIDATE_S)
         key = tuple(np.round(base, 5))
         if key not in self._known:
-            self._known[key] = is_base_free(self._planner, base, self._margin_m)
+            taken = bool(self._planner.floor.taken(base[None])[0])
+            self._known[key] = not taken and is_base_free(self._planner, base, self._margin_m)
         return self._known[key]
 
 

@@ -306,7 +306,7 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
     ]
     rows += [
         ("possible sentences: planned and proved", _share(possible, lambda chain: chain["planned"])),
-        ("  of all, reachable", _share(possible, lambda chain: chain["reachable"])),
+        ("  of all, feasible", _share(possible, lambda chain: chain["feasible"])),
         ("  of all, succeeded in physics", _share(possible, lambda chain: chain["succeeded"])),
         ("  of all, as asked", _share(possible, lambda chain: chain["as_asked"])),
         ("  of all, as asked and nothing scaled", _share(possible, _is_done_in_true_size)),

@@ -1,8 +1,8 @@
 """Measure reconstructions of real pictures, with what a person drew and wrote about each, and the sentences in them.
 
 Every picture goes the way of a user: its boxes are read, the scene is made, and each sentence is planned, proved, asked
-for its reach and executed in that scene. If the reader refuses a file of boxes for labels that it does not know, those
-boxes are left out, as a user would leave them out, and count as lost.
+whether it is feasible, and executed in that scene. If the reader refuses a file of boxes for labels that it does not
+know, those boxes are left out, as a user would leave them out, and count as lost.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ from executor.photo.inputs.picture import read_picture
 from executor.photo.output import prepared, visible_surfaces, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
+from executor.rollouts.feasibility import feasible
 from executor.rollouts.goals import judge, judge_at_rest
 from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.file import scene_for
 from executor.scenes.models import FLAT, NoMatchingModel
-from executor.scenes.reachability import reach
 from executor.scenes.validation import require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
@@ -387,12 +387,12 @@ def _asked(
     *,
     full_size: bool,
 ) -> dict[str, Any]:
-    """Return how far a sentence comes: planned, reachable, succeeded, and as asked; and where it ends."""
+    """Return how far a sentence comes: planned, feasible, succeeded, and as asked; and where it ends."""
     began = time.process_time()
     record: dict[str, Any] = {
         "sentence": request["sentence"],
         "possible": bool(request["possible"]),
-        **dict.fromkeys(("planned", "reachable", "succeeded", "as_asked"), False),
+        **dict.fromkeys(("planned", "feasible", "succeeded", "as_asked"), False),
         "stage": "no scene",
         "why": "",
         "scaled": {},
@@ -424,7 +424,7 @@ def _chain(
     *,
     full_size: bool,
 ) -> None:
-    """Plan, prove, ask for reach and execute a sentence as `run` does, and write into its record."""
+    """Plan, prove, ask whether it is feasible, and execute a sentence as `run` does, and write into its record."""
     record["stage"] = "scene"
     scene = scene_for(request["sentence"], scene_file, robot=chosen_robot("", full_size=full_size))
     require_valid(scene)
@@ -435,18 +435,18 @@ def _chain(
     if not report:
         record["why"] = str(report)
         return
-    record |= {"planned": True, "stage": "reach"}
-    found = reach(scene.with_scales(graph.task.scales), graph.task)
-    record |= {"reachable": found.reachable, "stage": "execution"}
-    if not found.reachable:
-        record["why"] = found.reason
-    # `run` does not ask for reach, and tries.
+    record |= {"planned": True, "stage": "feasibility"}
+    found = feasible(graph, scene, 0)
+    record |= {"feasible": found.feasible}
+    if found.failure is not None:
+        record |= {"stage": f"feasibility: {found.failure.kind.value}", "why": found.reason}
+        return
+    record["stage"] = "execution"
     done = rollout(graph, scene, 0)
     failure = failure_of(done)
     record["succeeded"] = done.succeeded
     if failure is not None:
-        stage = "execution" if found.reachable else "reach"
-        record |= {"stage": f"{stage}: {failure.kind.value}", "why": failure.message}
+        record |= {"stage": f"execution: {failure.kind.value}", "why": failure.message}
         return
     words = reached(request["goals"], [thing["id"] for thing in picture.things], made, done)
     record |= {"as_asked": not words, "stage": "goal" if words else "", "why": words}

@@ -178,7 +178,9 @@ CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
 """The lens of the head camera in the base's frame: the front of the housing on top of the mast."""
 
 _PACKAGE = "package://"
-_BASE_FOOTPRINT_M = 0.34
+BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
+"""The base is a box of that side, from that height up to its chassis'; pedestal, lift and mast are above."""
+
 _BASE_MASS_KG = 60.0
 _PEDESTAL_WIDTH_M = 0.16
 _MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
@@ -365,12 +367,12 @@ def _base(robot: Robot, *, visual: bool) -> list[ET.Element]:
     """Return the holonomic base: two sliding links, a turning body with its pedestal, a lift, and the arm's mount."""
     body = ET.Element("link", name=BASE_LINK)
     body.append(_inertial(_BASE_MASS_KG, 2.0, "0 0 0.12"))
-    width, top = _BASE_FOOTPRINT_M, robot.chassis_m
+    width, top, bottom = BASE_SIDE_M, robot.chassis_m, BASE_BOTTOM_M
     pedestal = robot.mount_m - top
     # The physical base ends 3 cm above the floor: nearer, the engine would report it as a contact at every step.
     # The wheels' skirt below it is there for cameras only.
     pieces = (
-        ((width, width, top - 0.03), (top + 0.03) / 2, (0.25, 0.27, 0.30), True),
+        ((width, width, top - bottom), (top + bottom) / 2, (0.25, 0.27, 0.30), True),
         ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), top + pedestal / 2, (0.6, 0.6, 0.62), True),
         ((width - 0.04, width - 0.04, 0.03), 0.015, (0.04, 0.04, 0.05), False),
     )

@@ -136,7 +136,7 @@ def test_a_plane_is_found_among_other_points() -> None:
 
 THING = {"made": "", "lost": "x 1.5 cm", "named": False, "outline_iou": 0.0, "support": "on a", "support_right": False}
 THING |= {"size_ratios": None, "nearer_m": None}
-CHAIN = {"possible": True, "planned": True, "reachable": True, "succeeded": False, "as_asked": False, "scaled": {}}
+CHAIN = {"possible": True, "planned": True, "feasible": True, "succeeded": False, "as_asked": False, "scaled": {}}
 CHAIN |= {"stage": "execution: slipped"}
 PICTURE = {"half": "tuning", "has_depth": True, "refused": "", "refused_kind": "", "refused_as_given": ""}
 PICTURE |= {"refused_as_given_kind": "", "level": None, "invented": [], "cpu_s": 10.0, "things": [], "sentences": []}

@@ -83,9 +83,9 @@ def test_ways_are_looked_for_longer_where_none_is_found_at_once(
 ) -> None:
     usual, asked = _pitches_that_lead_on(0.60, worlds), []
 
-    def can_be_put(_: PlacementLookahead, goal: HandGoal, looked_at: int) -> bool:
+    def can_be_put(_: PlacementLookahead, goal: HandGoal, looked_at: int) -> tuple[bool, bool]:
         asked.append(looked_at)
-        return looked_at > LOOKED_AT and round(np.rad2deg(pitch_of(goal.T_world_eef))) == 82
+        return looked_at > LOOKED_AT and round(np.rad2deg(pitch_of(goal.T_world_eef))) == 82, False
 
     monkeypatch.setattr(PlacementLookahead, "_can_be_put", can_be_put)
     assert _pitches_that_lead_on(0.60, worlds) == {pitch: pitch == 82 for pitch in usual}
