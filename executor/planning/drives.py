@@ -144,7 +144,6 @@ APART_FROM = 3
 """Rows of a withdrawal, a centimetre or two, in which the fingers come free of what they held."""
 
 SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)  # Straight back first.
-WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)  # Until the arm has room to go home.
 ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)  # Where straight back is taken.
 PUSHED_M = 0.003
 """A path on which the open hand would be so deep inside the released object pushes it."""
@@ -289,7 +288,8 @@ def _straight_home(planner: Planner, q: Array) -> Array | None:
 def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
     """Return a slide of the base and the arm's path home from there, or None."""
     blocked: set[float] = set()
-    for distance_m in WITHDRAW_M:
+    withdraw_m = planner.robot.withdraw_m
+    for distance_m in withdraw_m:
         for heading in headings[:1] if not distance_m else headings:
             out = base_move(q, distance_m, heading)
             if heading in blocked:
@@ -297,7 +297,7 @@ def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array
             if distance_m and not _is_slide_free(planner, out[0], out[1]):
                 blocked.add(heading)
                 continue
-            iterations = 150 if distance_m < WITHDRAW_M[-1] else 600
+            iterations = 150 if distance_m < withdraw_m[-1] else 600
             path = planner.arm_path(out[1], np.array(planner.robot.home), iterations=iterations)
             if path is not None:
                 return [out[:1], path] if distance_m else [path]
@@ -320,7 +320,7 @@ def _meets_a_wall(planner: Planner, start: Array, end: Array) -> bool:
 
 def _is_behind_a_wall(planner: Planner, q: Array) -> bool:
     """Return whether the path straight back leads through something thinner than the base's usual steps."""
-    back = base_move(q, WITHDRAW_M[1], float(q[2]) + np.pi)
+    back = base_move(q, planner.robot.withdraw_m[1], float(q[2]) + np.pi)
     with planner.oracle.leaving(q):
         return planner.oracle.is_path_free(segment(planner.robot, *back)) and _meets_a_wall(planner, *back)
 

@@ -76,6 +76,7 @@ class Robot:
         reaches_m: From the base's axis to the hand, the most comfortable first.
         close_reaches_m: Reaches with the elbow high, where there is no room farther off.
         tucked_m: Reaches with which things are carried over the base.
+        withdraw_m: How far the base backs out, until the arm has room to go home.
         mirrored: For each of the arm's joints the sign and the addition [rad] that mirror it in the plane of the base's
             x axis and the arm's first axis.
         hand: Lengths of the hand.
@@ -107,6 +108,7 @@ class Robot:
     reaches_m: tuple[float, ...]
     close_reaches_m: tuple[float, ...]
     tucked_m: tuple[float, ...]
+    withdraw_m: tuple[float, ...]
     mirrored: tuple[tuple[float, float], ...]
     hand: HandShape
 
@@ -200,6 +202,7 @@ PAPER_ROBOT = Robot(
     reaches_m=(0.45, 0.40, 0.50, 0.35, 0.55),
     close_reaches_m=(0.30, 0.25),
     tucked_m=(0.36, 0.40, 0.32),
+    withdraw_m=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65),
     mirrored=(*((-1.0, 0.0), (1.0, 0.0)) * 3, (-1.0, math.pi / 2)),
     hand=HandShape(
         opening_m=0.056,
@@ -224,17 +227,8 @@ FULL_SIZE = replace(
     stretched_m=0.96,
     comfort_m=(0.80, 0.50),
     wrist_m=0.21,
-    hand=HandShape(
-        opening_m=0.08,
-        aim_m=0.071,
-        least_m=0.05,
-        palm_room_m=0.035,
-        palm_half_m=0.033,
-        fingertip_m=0.010,
-        finger_half_m=0.011,
-        finger_thick_m=0.017,
-        press_tip_m=0.017,
-    ),
+    # Lengths of the smaller hand, as grasps were planned before robots had records: stored results stay repeatable.
+    hand=replace(PAPER_ROBOT.hand, opening_m=0.08, aim_m=0.071, least_m=0.05),
 )
 """A Panda that nothing is scaled for, its mount as low as the paper's."""
 
@@ -248,6 +242,18 @@ LIFTED = replace(
     reaches_m=(0.55, 0.50, 0.60, 0.45, 0.65, 0.70),
     close_reaches_m=(0.40, 0.35),
     tucked_m=(0.40, 0.45, 0.36),
+    withdraw_m=(0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.95),
+    hand=HandShape(
+        opening_m=0.08,
+        aim_m=0.071,
+        least_m=0.05,
+        palm_room_m=0.035,
+        palm_half_m=0.033,
+        fingertip_m=0.010,
+        finger_half_m=0.011,
+        finger_thick_m=0.017,
+        press_tip_m=0.017,
+    ),
 )
 """The arm is on a carriage, which the mast of the head camera guides: as low as level hands need it at a table."""
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executor.envs.hand_control import ARM_SPEEDS_RAD_S, OWED_M, Elbow, HandFollower
+from executor.envs.hand_control import OWED_M, Elbow, HandFollower, arm_speeds
 from executor.envs.scene_environment import target_speeds
 from executor.geometry import Array
 from executor.sim.robot.actions import arm_chain, hand_actions, joint_limits
@@ -73,7 +73,7 @@ def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way(elbow: E
         action = STILL.copy()
         action[:3] = step
         after = follower.joint_target(target, action)
-        assert (np.abs(after - target)[3:10] <= ARM_SPEEDS_RAD_S * PERIOD_S + 1e-9).all()
+        assert (np.abs(after - target)[3:10] <= arm_speeds(PAPER_ROBOT) * PERIOD_S + 1e-9).all()
         assert (after[3:10] >= low).all() and (after[3:10] <= high).all()
         target = after
     assert np.allclose(_hand(target), _hand(START) + ways[-1] - ways[0], atol=2e-3)

@@ -13,11 +13,14 @@ from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import Demonstrations, read_demonstrations
 from executor.learn.evaluation import environment_for
 from executor.learn.networks import Locator, PolicyNetwork
-from executor.learn.observations import ROBOT_NUMBERS, THING_NUMBERS
+from executor.learn.observations import THING_NUMBERS, robot_number_count
 from executor.learn.policy_record import PolicyRecord
 from executor.learn.settings import PolicySettings
 from executor.learn.training import Trainer
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.learn.conftest import small
+
+ROBOT_NUMBERS = robot_number_count(PAPER_ROBOT)
 
 pytestmark = pytest.mark.physics
 FROM_HAND = slice(4, 7)

@@ -26,10 +26,10 @@ from executor.learn.evaluation import NEAR_M, EpisodeOutcome, OutcomeWatch, envi
 from executor.learn.networks import NetworkSizes, PolicyNetwork
 from executor.learn.observations import (
     HANDLE_NUMBERS,
-    ROBOT_NUMBERS,
     THING_NUMBERS,
     own_numbers,
     primitive_of,
+    robot_number_count,
     state_numbers,
     subtask_of,
 )
@@ -52,7 +52,7 @@ from oag.model.robots import FULL_SIZE, PAPER_ROBOT
 from oag.model.symbols import Primitive
 from tests.executor.learn.conftest import small
 
-AGENT = agent_numbers(PAPER_ROBOT)
+AGENT, ROBOT_NUMBERS = agent_numbers(PAPER_ROBOT), robot_number_count(PAPER_ROBOT)
 
 pytestmark = pytest.mark.physics
 

@@ -139,7 +139,7 @@ def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore
 def test_joints_are_put_right_by_where_the_hand_is_foretold_to_be(picked: EpisodeStore) -> None:
     settings = small(acts={"hand": True})
     data = read_demonstrations([picked.path], settings)
-    assert action_size(settings.acts) == 17
+    assert action_size(settings.acts, PAPER_ROBOT) == 17
     moment = int(np.flatnonzero(data.phases == data.steps.index(2))[0])
     chunk = data.chunks(np.array([moment]), 8)[0][0]
     exact = to_world_targets(PAPER_ROBOT, data.qpos[moment], chunk[:, :11])
