@@ -284,7 +284,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     @property
     def target(self) -> Array:
-        """(12,) present joint targets of the drives."""
+        """(J,) present joint targets of the drives."""
         return self._running().target.copy()
 
     @property
