@@ -212,11 +212,11 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Detour:
-    """Subtasks that a rollout inserted into its plan, which was then proved again.
+    """A repair of a plan, which was then proved again.
 
     Attributes:
-        first: Index, in the plan that ran, of the first inserted subtask.
-        count: How many were inserted.
+        first: Index, in the plan that ran, of the first inserted subtask, or of the first that is done otherwise.
+        count: How many were inserted; 0 where subtasks are done in another order or another way.
         reason: Why, as a clause.
     """
 
@@ -291,6 +291,8 @@ class Rollout:
 
 def _detour_note(task: Task, detour: Detour) -> str:
     end = detour.first + detour.count
+    if not detour.count:
+        return f"from subtask {detour.first + 1} on the plan was changed: {detour.reason}"
     names = " and ".join(subtask.name for subtask in task.subtasks[detour.first : end])
     numbers, were = (
         (f"subtask {end}", "was") if detour.count == 1 else (f"subtasks {detour.first + 1} to {end}", "were")

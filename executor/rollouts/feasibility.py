@@ -9,8 +9,7 @@ succeeded: slips, stalls and whatever else takes forces are for the physics to d
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,17 +29,24 @@ from executor.records import (
 )
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import as_failure, judge, judge_at_rest
-from executor.rollouts.rollout import MORE, found_no_place, regrasps, require_graph
+from executor.rollouts.repairs import Failed, Ways, repairs
+from executor.rollouts.rollout import USUAL, RunConditions, require_graph
 from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.sim.world import World
 from executor.skills.control import Bystanders
 from executor.skills.dry_run import DryController, DryState, DryWorld
-from executor.skills.library import LIBRARY, bounded
+from executor.skills.library import LIBRARY, MOST_EFFORT_S, bounded
 from executor.skills.session import Hand, Session
 from oag import ObjectActionGraph, Scene, Task, compose, flow_from_json
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
 from oag.task import required_scene
+
+MOST_REPAIRS = 4
+"""How many repaired plans are gone through; together they may take as much effort as one primitive."""
+
+Start = tuple[DryState, Hand]
+"""What a subtask starts from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +91,13 @@ class Feasibility:
     """Whether a plan can be done, by geometry.
 
     Attributes:
-        task: The plan that was gone through: the given one, or one with insertions.
+        task: The plan that was gone through: the given one, or a repaired one; to be run with `conditions`.
         subtasks: Those that were gone through; the last one failed where the plan is not feasible.
         failure: Why the plan is not feasible, or None.
         primitive: Name of the step that failed; "" where a goal did not hold, or nothing failed.
-        detours: Insertions into the plan.
+        detours: Repairs of the plan.
         cpu_s: CPU time of the dry run.
+        avoided: Joints that are not to be opened: behind them there is no place.
     """
 
     task: Task
@@ -99,6 +106,11 @@ class Feasibility:
     primitive: str
     detours: tuple[Detour, ...]
     cpu_s: float
+    avoided: Ways = frozenset()
+
+    def conditions(self, usual: RunConditions = USUAL) -> RunConditions:
+        """Return the conditions under which a rollout of the plan makes the same choices."""
+        return replace(usual, avoided=self.avoided, detours=self.detours)
 
     @property
     def feasible(self) -> bool:
@@ -131,7 +143,9 @@ class Feasibility:
             "primitive": self.primitive or None,
             "failure": None if self.failure is None else self.failure.to_json(),
             "in_the_way": list(self.in_the_way),
-            "detours": [{"first": d.first, "count": d.count, "reason": d.reason} for d in self.detours],
+            "detours": [asdict(detour) for detour in self.detours],
+            "plan": self.task.to_json() if self.detours else None,
+            "avoided": sorted(map(list, self.avoided)),
             "subtasks": [subtask.to_json() for subtask in self.subtasks],
         }
 
@@ -183,6 +197,8 @@ class DryRun:
     def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener = ignore) -> None:
         self._scene, self._seed, self._listen = scene, seed, listen
         self._detours: tuple[Detour, ...] = ()
+        self._avoided: Ways = frozenset()
+        self._repairs_left = MOST_REPAIRS
         self._adopt(graph)
 
     def verdict(self) -> Feasibility:
@@ -198,7 +214,9 @@ class DryRun:
         failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
         failure = failed.failure or failure if failed is not None else None
         primitive = next((step.primitive for step in failed.steps if step.failure), "") if failed is not None else ""
-        return Feasibility(self._task, done, failure, primitive, self._detours, time.process_time() - began)
+        return Feasibility(
+            self._task, done, failure, primitive, self._detours, time.process_time() - began, self._avoided
+        )
 
     def _adopt(self, graph: ObjectActionGraph) -> None:
         require_flows(graph.task)
@@ -207,43 +225,56 @@ class DryRun:
             raise PlanRefused(report)
         self._graph, self._task, self._goals = graph, graph.task, report.regressed_goals
 
-    def _subtasks(self) -> Iterator[FeasibleSubtask]:
-        index = 0
-        while index < len(self._task.subtasks):
-            start, held = self._state(), self._hand.held
-            done = [self._subtask(index)]
-            if found_no_place(done[0].record, self._task.subtasks[index], held):
-                done = self._regrasped(index, start) or done
-            yield from done
-            index += len(done)
+    def _subtasks(self) -> list[FeasibleSubtask]:
+        starts, done = list[Start](), list[FeasibleSubtask]()
+        while len(done) < len(self._task.subtasks):
+            starts.append(self._state())
+            done.append(self._subtask(len(done)))
             if not done[-1].record.succeeded:
-                return
+                with self._planner.effort.limited(MOST_EFFORT_S):
+                    mended = self._mended(done, starts)
+                if not mended:
+                    break
+        return done
 
-    def _regrasped(self, index: int, start: tuple[DryState, Hand]) -> list[FeasibleSubtask] | None:
-        """Return the subtasks where setting the held item down and taking it again helps, else None."""
-        as_it_was, item = self._graph, self._task.subtasks[index].target
-        for support, task in regrasps(self._task, index, self._scene):
+    def _mended(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
+        """Go through repaired plans until one gets past what failed; return whether one does, with both lists changed.
+
+        Args:
+            done: The subtasks so far; the last one failed.
+            starts: The state at the start of each.
+        """
+        before, index = tuple(one.record for one in done[:-1]), len(done) - 1
+        held = starts[index][1].held
+        failed = Failed(self._task, index, done[index].record, self._scene, held, before, self._avoided)
+        graph, avoided, detours = self._graph, self._avoided, self._detours
+        for repair in repairs(failed):
+            if self._repairs_left == 0:
+                break
             try:
-                self._adopt(compose(task, scene=as_it_was.scene))
+                self._adopt(compose(repair.task, scene=graph.scene))
             except PlanRefused:
                 continue
-            self._restore(start)
-            done: list[FeasibleSubtask] = []
-            for added in range(MORE + 1):
-                done.append(self._subtask(index + added))
-                if not done[-1].record.succeeded:
-                    break
-            else:
-                reason = f"no place can be got to with this grasp: {item} is taken again from {support}"
-                self._detours = (*self._detours, Detour(index, MORE, reason))
-                return done
-        self._adopt(as_it_was)
-        return None
+            self._repairs_left -= 1
+            self._avoided, self._detours = repair.avoided, (*detours, repair.detour)
+            self._restore(starts[repair.first])
+            redone, again = done[: repair.first], starts[: repair.first]
+            while len(redone) <= repair.last and (len(redone) == repair.first or redone[-1].record.succeeded):
+                again.append(self._state())
+                redone.append(self._subtask(len(redone)))
+            got_there = len(redone) > repair.last
+            # Behind what was in the way there may be more.
+            if got_there and (redone[-1].record.succeeded or (held is None and self._mended(redone, again))):
+                done[:], starts[:] = redone, again
+                return True
+        self._adopt(graph)
+        self._avoided, self._detours = avoided, detours
+        return False
 
-    def _state(self) -> tuple[DryState, Hand]:
+    def _state(self) -> Start:
         return self._world.state, self._hand
 
-    def _restore(self, state: tuple[DryState, Hand]) -> None:
+    def _restore(self, state: Start) -> None:
         dry, self._hand = state
         self._world.restore(dry)
         self._control = DryController(self._world, dry.q, float(dry.fingers_m.mean()))
@@ -261,6 +292,7 @@ class DryRun:
             later=self._task.subtasks[index + 1 :],
             hand=self._hand,
             handled=frozenset(earlier.target for earlier in self._task.subtasks[:index]),
+            avoided=self._avoided,
         )
         self._planner.start_subtask(world, self._seed, index)
         self._tell("subtask-start", index, -1, subtask.name)

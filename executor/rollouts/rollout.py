@@ -1,21 +1,16 @@
 """Execute a task's plan by physics: subtask by subtask, each from an exact checkpoint.
 
-A subtask that finds no place for a held item is preceded by a regrasp. The hand keeps its pitch from taking to putting.
-What stands among others may allow steep hands only, and a low compartment level ones only; on a free top both work.
-Two more subtasks set the item down and take it again; the graph verifies the plan again before it runs.
+A subtask that finds no place for a held item is preceded by another grasp (`executor.rollouts.repairs`). The graph
+verifies the plan again before it runs.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-import bddl
 from bddl import Formula
-from executor.assets.library import asset_for
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
 from executor.records import (
@@ -34,6 +29,7 @@ from executor.records import (
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import StepWatch, as_failure, judge, judge_at_rest
 from executor.rollouts.recording import TrajectoryRecorder, summarize_peaks
+from executor.rollouts.repairs import MORE, Ways, found_no_place, regrasps
 from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
 from executor.sim.belief import believed_scene, true_scene
@@ -46,89 +42,17 @@ from executor.skills.library import LIBRARY, Runner, bounded
 from executor.skills.session import Hand, Session
 from executor.skills.trajectories import NO_NOISE, CommandNoise
 from oag import (
-    Action,
-    ActionFlow,
     ObjectActionGraph,
     Primitive,
     Scene,
-    SceneObject,
-    SimpleTask,
     Task,
     TaskError,
     compose,
     flow_from_json,
 )
-from oag.flows import PLACE, taking
-from oag.measurements import GoalReading, SupportDrive, first_of
+from oag.measurements import GoalReading
 from oag.model.codec import shown
-from oag.model.symbols import GRIPPER
 from oag.task import required_scene
-
-MORE = 2
-"""How many subtasks are inserted: the thing is set down, and taken again."""
-
-MOST_SUPPORTS = 2
-"""On how many supports a thing is set down, one after the other, before the plan is left as it was."""
-
-
-def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None) -> bool:
-    """Return whether a held item could not be put anywhere in its place, whatever the open numbers.
-
-    Args:
-        held: Id of the item in the gripper at the start.
-    """
-    chosen_here = any(action.unfilled for action in subtask.flow or ())
-    if record.succeeded or held != subtask.target or subtask.support_goal is None or not chosen_here:
-        return False
-    drives = (first_of(step.measurements, SupportDrive) for step in record.steps)
-    return any(drive is not None and drive.nominal for drive in drives)
-
-
-def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]:
-    """Yield tasks in which an item is set down and taken again before it is put where a subtask wants it.
-
-    Args:
-        index: Index of the subtask that found no place.
-
-    Returns:
-        Ids of supports, first the one that it stood on, then the nearest ones to that, each with its task.
-    """
-    place = task.subtasks[index]
-    taken = [s for s in task.subtasks[:index] if s.target == place.target and s.support_init in scene.objects]
-    if not taken:
-        return
-    first = str(taken[-1].support_init)
-    here = np.array(scene[first].position)
-    far_m = {
-        name: float(np.linalg.norm(np.array(thing.position) - here))
-        for name, thing in scene.objects.items()
-        if name != place.support_goal and thing.role == "A" and _has_a_top(scene, name)
-    }
-    for support in sorted(far_m, key=lambda name: (far_m[name], name))[:MOST_SUPPORTS]:
-        more = (_set_down(place.target, support), _taken_again(place.target, scene[support]))
-        yield support, replace(task, subtasks=(*task.subtasks[:index], *more, *task.subtasks[index:]))
-
-
-def _has_a_top(scene: Scene, name: str) -> bool:
-    return any(region.kind == "surface" for region in asset_for(scene[name]).regions)
-
-
-def _set_down(item: str, support: str) -> SimpleTask:
-    held, on = bddl.Atom("inside", (item, GRIPPER)), bddl.Atom("ontop", (item, support))
-    detail = f"Set {item} down on {support}, where it can be taken otherwise."
-    return SimpleTask(f"set_{item}_down", detail, item, None, support, held, on, _flow(PLACE))
-
-
-def _taken_again(item: str, support: SceneObject) -> SimpleTask:
-    on = bddl.Atom("ontop", (item, support.id))
-    detail = f"Take {item} again, as it can be put where it goes."
-    flow = _flow(taking("ontop", support.category))
-    return SimpleTask(f"take_{item}_again", detail, item, support.id, None, on, bddl.Not(on), flow)
-
-
-def _flow(primitives: tuple[Primitive, ...]) -> ActionFlow:
-    return tuple(Action(primitive) for primitive in primitives)
-
 
 BOUNDARY_SETTLE_S = 0.5  # Released items come to rest.
 GOAL_HOLDS_S = 1.0  # A goal has to hold for this long.
@@ -145,6 +69,8 @@ class RunConditions:
         physics: Settings that an experiment changes.
         noise: Noise in the drive commands.
         stances: How many are planned wherever one is chosen (`Session.stances`).
+        avoided: Joints that are not to be opened, as a dry run found (`Feasibility.conditions`).
+        detours: Insertions that the plan has already.
     """
 
     record_hz: float = RECORD_HZ
@@ -152,6 +78,8 @@ class RunConditions:
     physics: Physics = STANDARD
     noise: CommandNoise = NO_NOISE
     stances: int = 1
+    avoided: Ways = frozenset()
+    detours: tuple[Detour, ...] = ()
 
 
 USUAL = RunConditions()
@@ -199,7 +127,7 @@ class Run:
         self.planner = Planner(CollisionOracle(self.oracle_world))
         self.recorder = TrajectoryRecorder(self.planner.kinematics, self.record_hz)
         self.subtasks: list[SubtaskRecord] = []
-        self.detours: tuple[Detour, ...] = ()
+        self.avoided, self.detours = conditions.avoided, conditions.detours
         self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
@@ -375,6 +303,7 @@ class Run:
             hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
             handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
             stances=self.stances,
+            avoided=self.avoided,
         )
 
     def _step(

@@ -399,7 +399,8 @@ def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     target = session.subtask.target
     if action.primitive is Primitive.ARTICULATE_CLOSE:
         return handles_to_close(session.believed, target)
-    return handles_to_open(session.believed, target, session.later)
+    wanted = handles_to_open(session.believed, target, session.later)
+    return tuple(handle for handle in wanted if (target, handle.joint) not in session.avoided) or wanted
 
 
 def adopt_first(session: Session, strategies: Iterator[Iterator[Stance[Any]]]) -> Session | int:

@@ -118,6 +118,7 @@ class Session:
         handled: Ids of the things that the hand has held: where they are is known.
         stances: Number of plans for each stance or placement, each by a seed of its own from 0 on. The one with the arm
             nearest to home is taken; 1 takes the one that the episode's seed gives.
+        avoided: Objects' ids, each with a joint that is opened only where the object has no other.
     """
 
     world: World
@@ -132,6 +133,7 @@ class Session:
     plan: Plan = field(default_factory=Plan)
     handled: frozenset[str] = frozenset()
     stances: int = 1
+    avoided: frozenset[tuple[str, str]] = frozenset()
 
     @property
     def q(self) -> Array:

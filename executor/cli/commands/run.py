@@ -235,6 +235,8 @@ def _ask_feasibility(record: RunRecord, options: Options) -> RunRecord:
         found = feasible(record.graph, record.graph.scene, options.seed)
     if not options.json:
         tell(f"feasible, in {found.cpu_s:.1f} s of CPU time" if found else f"not feasible: {found.reason}")
+        for detour in found.detours:
+            tell(f"note: {detour.reason}", style="yellow")
     return replace(record, feasibility=found)
 
 
@@ -243,18 +245,17 @@ def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     from executor.cli.execution import RolloutProgress
     from executor.records import RolloutInterrupted
     from executor.rollouts.rollout import RunConditions, rollout
+    from oag import compose
 
     began = time.perf_counter()
     interrupted = False
     try:
         with RolloutProgress(quiet=options.json) as progress:
-            done = rollout(
-                record.graph,
-                record.graph.scene,
-                options.seed,
-                listen=progress,
-                conditions=RunConditions(record_hz=options.record_hz),
-            )
+            graph, conditions = record.graph, RunConditions(record_hz=options.record_hz)
+            if record.feasibility is not None:
+                conditions = record.feasibility.conditions(conditions)
+                graph = compose(record.feasibility.task, scene=graph.scene)
+            done = rollout(graph, graph.scene, options.seed, listen=progress, conditions=conditions)
     except RolloutInterrupted as stop:
         done, interrupted = stop.partial, True
     wall = {"planning and physics": time.perf_counter() - began}

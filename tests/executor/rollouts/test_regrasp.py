@@ -12,7 +12,8 @@ from bddl import format
 from executor.geometry import pitch_of, transform_from_quaternion
 from executor.records import Event, Rollout, SubtaskRecord
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.rollout import MOST_SUPPORTS, Run, found_no_place, regrasps, resume, rollout
+from executor.rollouts.repairs import MOST_SUPPORTS, found_no_place, regrasps
+from executor.rollouts.rollout import Run, resume, rollout
 from executor.rollouts.run_record import RunRecord, filled_task
 from executor.scenes import library
 from executor.sim.detectors import Overlap

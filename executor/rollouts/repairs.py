@@ -1,0 +1,239 @@
+"""Repairs: other plans for what a subtask failed at, by the reason of the failure.
+
+A failed subtask leaves facts: what is in the way, that no place was found with this grasp, which door was opened for
+it. Each repair of the table makes plans of them, the likeliest first. The graph proves a repaired plan again before
+anything of it runs.
+
+Another grasp: the hand keeps its pitch from taking to putting. What stands among others may allow steep hands only, and
+a low compartment level ones only; on a free top both work. Two more subtasks set the item down and take it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import bddl
+from executor.assets.library import asset_for
+from executor.records import Detour, SubtaskRecord
+from oag import Action, ActionFlow, Primitive, Scene, SceneObject, SimpleTask, Task
+from oag.flows import PLACE, taking
+from oag.measurements import JointMotion, SupportDrive, Unplanned, first_of
+from oag.model.symbols import GRIPPER
+
+MORE = 2
+"""How many subtasks are inserted: a thing is set down and taken again, or taken and set down elsewhere."""
+
+MOST_SUPPORTS = 2
+"""On how many supports a thing is set down, one after the other, before the plan is left as it was."""
+
+MOST_BLOCKERS = 2  # Of those that are named, the most frequent first.
+
+Ways = frozenset[tuple[str, str]]
+"""Ids of articulated objects, each with a joint that is not to be opened."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A subtask that failed, with what led to it.
+
+    Attributes:
+        task: The plan.
+        index: Index of the subtask.
+        record: What it did.
+        scene: The concrete scene.
+        held: Id of the item in the gripper at its start, or None.
+        before: The records of the subtasks before it.
+        avoided: Joints that are not to be opened.
+    """
+
+    task: Task
+    index: int
+    record: SubtaskRecord
+    scene: Scene
+    held: str | None
+    before: tuple[SubtaskRecord, ...] = ()
+    avoided: Ways = frozenset()
+
+    @property
+    def subtask(self) -> SimpleTask:
+        """The subtask."""
+        return self.task.subtasks[self.index]
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """Another plan.
+
+    Attributes:
+        task: The plan; what comes before `first` is as it was.
+        first: Index of the subtask from which it is gone through again.
+        last: Index in it of the subtask that had failed.
+        detour: What was inserted, and why.
+        avoided: Joints that are not to be opened.
+    """
+
+    task: Task
+    first: int
+    last: int
+    detour: Detour
+    avoided: Ways
+
+
+def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None) -> bool:
+    """Return whether a held item could not be put anywhere in its place, whatever the open numbers.
+
+    Args:
+        held: Id of the item in the gripper at the start.
+    """
+    chosen_here = any(action.unfilled for action in subtask.flow or ())
+    if record.succeeded or held != subtask.target or subtask.support_goal is None or not chosen_here:
+        return False
+    drives = (first_of(step.measurements, SupportDrive) for step in record.steps)
+    return any(drive is not None and drive.nominal for drive in drives)
+
+
+def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]:
+    """Yield tasks in which an item is set down and taken again before it is put where a subtask wants it.
+
+    Args:
+        index: Index of the subtask that found no place.
+
+    Returns:
+        Ids of supports, first the one that it stood on, then the nearest ones to that, each with its task.
+    """
+    place = task.subtasks[index]
+    taken = [s for s in task.subtasks[:index] if s.target == place.target and s.support_init in scene.objects]
+    if not taken:
+        return
+    for support in _tops_near(scene, str(taken[-1].support_init), place.support_goal):
+        more = (_set_down(place.target, support), _taken_again(place.target, scene[support]))
+        yield support, _with(task, index, *more)
+
+
+def another_door(failed: Failed) -> Iterator[Repair]:
+    """Yield the plan in which another door or drawer of the support is opened, where what was opened has no place."""
+    if not found_no_place(failed.record, failed.subtask, failed.held):
+        return
+    support = failed.subtask.support_goal
+    for index in range(failed.index - 1, -1, -1):
+        opened = failed.task.subtasks[index]
+        if opened.target != support or not any(a.primitive is Primitive.ARTICULATE_OPEN for a in opened.flow or ()):
+            continue
+        motions = (first_of(step.measurements, JointMotion) for step in failed.before[index].steps)
+        joints = {motion.joint for motion in motions if motion is not None}
+        avoided = failed.avoided | {(support, joint) for joint in joints}
+        if any((support, handle.joint) not in avoided for handle in asset_for(failed.scene[support]).handles):
+            reason = f"{failed.subtask.target} finds no place behind {' and '.join(sorted(joints))} of {support}"
+            yield Repair(failed.task, index, failed.index, Detour(index, 0, reason), avoided)
+        return
+
+
+def another_grasp(failed: Failed) -> Iterator[Repair]:
+    """Yield plans in which the item is set down and taken again, where no place can be got to with its grasp."""
+    if found_no_place(failed.record, failed.subtask, failed.held):
+        item = failed.subtask.target
+        for support, task in regrasps(failed.task, failed.index, failed.scene):
+            yield _inserting(
+                failed, task, MORE, f"no place can be got to with this grasp: {item} is taken again from {support}"
+            )
+
+
+def another_order(failed: Failed) -> Iterator[Repair]:
+    """Yield plans in which what is in the way is handled first, where the plan handles it later all the same."""
+    index, subtasks = failed.index, failed.task.subtasks
+    for blocker in _blockers(failed):
+        start = next((k for k in range(index + 1, len(subtasks)) if subtasks[k].target == blocker), None)
+        if start is None:
+            continue
+        end = next((k for k in range(start, len(subtasks)) if subtasks[k].target != blocker), len(subtasks))
+        run = subtasks[start:end]
+        rest = (*subtasks[index:start], *subtasks[end:])
+        task = replace(failed.task, subtasks=(*subtasks[:index], *run, *rest))
+        reason = f"{blocker} is in the way of {failed.subtask.target}, and is handled first"
+        yield Repair(task, index, index + len(run), Detour(index, 0, reason), failed.avoided)
+
+
+def moved_aside(failed: Failed) -> Iterator[Repair]:
+    """Yield plans in which what is in the way is set down elsewhere first, on its own support or a near one."""
+    for blocker in _blockers(failed):
+        under = _supports(failed, blocker)
+        for support in _tops_near(failed.scene, under, None) if under is not None else ():
+            on = bddl.Atom("ontop", (blocker, str(under)))
+            flow = _flow(taking("ontop", failed.scene[str(under)].category))
+            detail = f"Take {blocker}, which is in the way of {failed.subtask.target}."
+            take = SimpleTask(f"take_{blocker}_away", detail, blocker, under, None, on, bddl.Not(on), flow)
+            task = _with(failed.task, failed.index, take, _set_down(blocker, support))
+            reason = f"{blocker} is in the way of {failed.subtask.target}, and is set down elsewhere on {support}"
+            yield _inserting(failed, task, MORE, reason)
+
+
+REPAIRS: tuple[Callable[[Failed], Iterator[Repair]], ...] = (another_door, another_grasp, another_order, moved_aside)
+
+
+def repairs(failed: Failed) -> Iterator[Repair]:
+    """Yield the plans of all repairs that the reason of a failure admits, the smallest change first."""
+    for repair in REPAIRS:
+        yield from repair(failed)
+
+
+def _blockers(failed: Failed) -> list[str]:
+    """Return the items in the way of an empty hand, the most frequent first; bodies are named "id/link"."""
+    failure = failed.record.failure
+    found = first_of(failure.measurements, Unplanned) if failure is not None and failed.held is None else None
+    named = [part.partition("/")[0] for pair in (found.in_the_way or () if found else ()) for part in pair.split()]
+    items = (name for name in named if name in failed.scene.objects and failed.scene[name].role == "B")
+    return [name for name in dict.fromkeys(items) if name != failed.subtask.target][:MOST_BLOCKERS]
+
+
+def _supports(failed: Failed, item: str) -> str | None:
+    """Return what an item stands on by the scene's facts and the plan so far; None where that is not known."""
+    known = [fact for fact in failed.scene.facts if isinstance(fact, bddl.Atom)]
+    under = next((fact.args[1] for fact in known if fact.predicate == "ontop" and fact.args[0] == item), None)
+    for subtask in failed.task.subtasks[: failed.index]:
+        if subtask.target == item:
+            under = subtask.support_goal
+    return under if under in failed.scene.objects else None
+
+
+def _tops_near(scene: Scene, first: str, but: str | None) -> list[str]:
+    """Return supports with a top: the given one, then the nearest ones to it."""
+    here = np.array(scene[first].position)
+    far_m = {
+        name: float(np.linalg.norm(np.array(thing.position) - here))
+        for name, thing in scene.objects.items()
+        if name != but and thing.role == "A" and _has_a_top(scene, name)
+    }
+    return sorted(far_m, key=lambda name: (far_m[name], name))[:MOST_SUPPORTS]
+
+
+def _has_a_top(scene: Scene, name: str) -> bool:
+    return any(region.kind == "surface" for region in asset_for(scene[name]).regions)
+
+
+def _with(task: Task, index: int, *more: SimpleTask) -> Task:
+    return replace(task, subtasks=(*task.subtasks[:index], *more, *task.subtasks[index:]))
+
+
+def _inserting(failed: Failed, task: Task, count: int, reason: str) -> Repair:
+    index = failed.index
+    return Repair(task, index, index + count, Detour(index, count, reason), failed.avoided)
+
+
+def _set_down(item: str, support: str) -> SimpleTask:
+    held, on = bddl.Atom("inside", (item, GRIPPER)), bddl.Atom("ontop", (item, support))
+    detail = f"Set {item} down on {support}, where it can be taken otherwise."
+    return SimpleTask(f"set_{item}_down", detail, item, None, support, held, on, _flow(PLACE))
+
+
+def _taken_again(item: str, support: SceneObject) -> SimpleTask:
+    on = bddl.Atom("ontop", (item, support.id))
+    detail = f"Take {item} again, as it can be put where it goes."
+    flow = _flow(taking("ontop", support.category))
+    return SimpleTask(f"take_{item}_again", detail, item, support.id, None, on, bddl.Not(on), flow)
+
+
+def _flow(primitives: tuple[Primitive, ...]) -> ActionFlow:
+    return tuple(Action(primitive) for primitive in primitives)

@@ -1,0 +1,109 @@
+"""Repairs: each reason of a failure gives other plans, and the graph proves those before they are gone through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+import bddl
+import llm
+import oag
+from executor.assets.library import asset_for
+from executor.records import Failure, FailureKind, StepRecord, SubtaskRecord
+from executor.rollouts.repairs import Failed, Repair, another_door, another_order, moved_aside, repairs
+from executor.scenes.library import load
+from oag import Scene, SceneObject
+from oag.measurements import JointMotion, Measurement, SupportDrive, Unplanned
+
+WIDTH_M = 0.045
+"""Of things that the hand takes as they are."""
+
+
+def with_cans(*places_m: tuple[float, float]) -> Scene:
+    """The kitchen with narrow cans on the table, off the glass by the given offsets."""
+    kitchen = load("kitchen_t1")
+    x, y, z = kitchen["glass_0"].position
+    bottom = z - kitchen["glass_0"].extent_m[2] / 2
+    upright, one, size = (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (WIDTH_M, WIDTH_M, 0.10)
+    cans = {
+        f"can_{k}": SceneObject(f"can_{k}", "can", "can", (x + dx, y + dy, bottom + 0.05), upright, size, one)
+        for k, (dx, dy) in enumerate(places_m)
+    }
+    facts = (*kitchen.facts, *(bddl.Atom("ontop", (name, "table_0")) for name in cans))
+    return replace(kitchen, objects={**kitchen.objects, **cans}, facts=facts)
+
+
+def step(primitive: str, *measurements: Measurement, failure: Failure | None = None) -> StepRecord:
+    return StepRecord(0, 0, primitive, 1, 0.0, 0.0, 0.0, measurements, failure)
+
+
+def record(task: oag.Task, index: int, *steps: StepRecord) -> SubtaskRecord:
+    return SubtaskRecord(index, task.subtasks[index].name, task.subtasks[index].flow or (), steps, (), "", b"", {})
+
+
+def blocked(scene: Scene, query: str, index: int, *bodies: str) -> Failed:
+    """A pick that failed since the hand meets some bodies."""
+    task = llm.propose(query, scene).task
+    found = Unplanned(target=task.subtasks[index].target, in_the_way=bodies)
+    failure = Failure(FailureKind.NO_PATH, "no way", (found,))
+    return Failed(task, index, record(task, index, step("NAVIGATE_TO_TARGET", failure=failure)), scene, None)
+
+
+def proved(failed: Failed, table: Callable[[Failed], Iterator[Repair]]) -> list[Repair]:
+    return [one for one in table(failed) if oag.compose(one.task, scene=failed.scene).verify()]
+
+
+def test_what_is_in_the_way_is_set_down_elsewhere_by_a_plan_that_is_proved() -> None:
+    failed = blocked(with_cans((0.06, 0.0)), "put the glass into the refrigerator", 1, "panda_hand and can_0/can")
+    found = proved(failed, moved_aside)
+    assert found
+    for repair in found:
+        names = [one.name for one in repair.task.subtasks]
+        assert names[1:3] == ["take_can_0_away", "set_can_0_down"] and repair.last == 3
+        assert [*names[:1], *names[3:]] == [one.name for one in failed.task.subtasks]
+        assert repair.detour.count == 2 and "can_0" in repair.detour.reason
+    assert not proved(failed, another_order), "the plan does not handle the can"
+
+
+def test_what_the_plan_handles_later_is_handled_first() -> None:
+    scene = with_cans((0.06, 0.0))
+    failed = blocked(scene, "put the glass and the can into the refrigerator", 1, "can_0/can")
+    (repair,) = proved(failed, another_order)
+    targets = [one.target for one in repair.task.subtasks]
+    assert targets.index("can_0") == 1 and targets[repair.last] == "glass_0"
+    assert sorted(one.name for one in repair.task.subtasks) == sorted(one.name for one in failed.task.subtasks)
+
+
+@pytest.mark.parametrize("body", ["refrigerator_0/door", "wall_9/wall", "glass_0/glass"])
+def test_furniture_the_target_and_strangers_are_not_moved(body: str) -> None:
+    failed = blocked(with_cans(), "put the glass into the refrigerator", 1, f"panda_hand and {body}")
+    assert not list(repairs(failed))
+
+
+def test_another_drawer_is_opened_where_the_first_has_no_place() -> None:
+    kitchen = load("kitchen_t1")
+    size = (0.6, 0.5, 0.85)
+    place, upright, one = (1.5, -1.5, size[2] / 2), (1.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    drawers = SceneObject("cabinet_0", "bottom_cabinet", "cabinet_drawers", place, upright, size, one, {"drawers": 3})
+    facts = (*kitchen.facts, bddl.Not(bddl.Atom("open", ("cabinet_0",))))
+    scene = replace(kitchen, objects={**kitchen.objects, "cabinet_0": drawers}, facts=facts)
+    task = llm.propose("put the glass into the cabinet", scene).task
+    names = [one.name for one in task.subtasks]
+    opening, placing = 0, next(k for k, name in enumerate(names) if name.startswith("put"))
+    motion = JointMotion("drawer_0_slide", "rigid arc", 0.0, 0.8, 0.8, 0.3)
+    before = tuple(
+        record(task, k, step("ARTICULATE_OPEN", motion) if k == opening else step("GRASP")) for k in range(placing)
+    )
+    nowhere = SupportDrive("cabinet_0", stance="nominal: the flow's numbers reach no free spot")
+    failure = Failure(FailureKind.NO_PATH, "no place", ())
+    last = record(task, placing, step("NAVIGATE_TO_SUPPORT", nowhere), step("MOVE_BASE_FORWARD", failure=failure))
+    failed = Failed(task, placing, last, scene, "glass_0", before)
+    (repair,) = another_door(failed)
+    assert repair.avoided == {("cabinet_0", "drawer_0_slide")} and repair.task == task
+    assert (repair.first, repair.last, repair.detour.count) == (opening, placing, 0)
+    handles = {handle.joint for handle in asset_for(scene["cabinet_0"]).handles}
+    assert len(handles) == 3
+    everything = frozenset(("cabinet_0", joint) for joint in handles)
+    assert not list(another_door(replace(failed, avoided=everything)))
