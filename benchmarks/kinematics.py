@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, quaternion_wxyz
-from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
-from executor.sim.robot.kinematics import ARM, DOF, Kinematics
+from executor.sim.robot.description import BASE_LINK, robot_urdf
+from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.system.extras import load_sapien
 from oag import Scene
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 
 ROOT = Path(__file__).parent.parent
@@ -89,13 +90,15 @@ def clik(world: World) -> Solver:
     sapien = load_sapien()
 
     model = world.robot.create_pinocchio_model()
-    eef = [link.name for link in world.robot.links].index(TCP_LINK)
+    eef = [link.name for link in world.robot.links].index(PAPER_ROBOT.tip_link)
     mask = np.array([0] * 3 + [1] * 7 + [0] * 2, dtype=np.int32)
 
     def solve(T: Array) -> Array | None:
         pose = sapien.Pose(T[:3, 3], quaternion_wxyz(T))
-        q, converged, _ = model.compute_inverse_kinematics(eef, pose, initial_qpos=np.zeros(DOF), active_qmask=mask)
-        return np.asarray(q[ARM], dtype=float) if converged else None
+        q, converged, _ = model.compute_inverse_kinematics(
+            eef, pose, initial_qpos=np.zeros(len(PAPER_ROBOT.joint_names)), active_qmask=mask
+        )
+        return np.asarray(q[PAPER_ROBOT.arm], dtype=float) if converged else None
 
     return lambda wanted: [solve(T) for T in wanted]
 
@@ -106,7 +109,7 @@ def pytorch_kinematics(urdf: Path) -> Solver:
     import torch
 
     torch.manual_seed(0)
-    chain = pk.build_serial_chain_from_urdf(urdf.read_bytes(), TCP_LINK, root_link_name=BASE_LINK)
+    chain = pk.build_serial_chain_from_urdf(urdf.read_bytes(), PAPER_ROBOT.tip_link, root_link_name=BASE_LINK)
     limits = torch.tensor(chain.get_joint_limits()).T
     solver = pk.PseudoInverseIK(
         chain,
@@ -139,7 +142,13 @@ class Ikpy:
             subprocess.run([sys.executable, "-m", "venv", str(PEERS)], check=True)
         if subprocess.run([str(python), "-c", "import ikpy"], capture_output=True).returncode:
             subprocess.run([str(python), "-m", "pip", "install", "--quiet", PEER], check=True)
-        command = [str(python), str(ROOT / "benchmarks" / "peer_kinematics.py"), str(urdf), BASE_LINK, TCP_LINK]
+        command = [
+            str(python),
+            str(ROOT / "benchmarks" / "peer_kinematics.py"),
+            str(urdf),
+            BASE_LINK,
+            PAPER_ROBOT.tip_link,
+        ]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def measure(self, wanted: Array) -> tuple[list[Array | None], float]:
@@ -161,7 +170,7 @@ def main() -> None:
     options = parser.parse_args()
     scene = Scene(name="empty", robot=RobotPose(), objects={}, facts=(), closed=frozenset())
     with World(scene) as world:
-        kinematics = Kinematics(world.robot)
+        kinematics = Kinematics(world.robot, world.model)
         urdf = robot_urdf(visual=False)
         solvers: dict[str, Solver | Ikpy] = {
             "ours, first posture": ours(kinematics),

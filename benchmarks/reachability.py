@@ -63,7 +63,7 @@ def table(kinematics: Kinematics, *, upright: bool) -> list[str]:
 def main() -> None:
     """Print both tables."""
     with World(Scene("empty", RobotPose(), {})) as world:
-        kinematics = Kinematics(world.robot)
+        kinematics = Kinematics(world.robot, world.model)
         for upright, what in ((False, "level (items, upright bars)"), (True, "vertically (level bars)")):
             print(f"\nFingers that close {what}: best margin in degrees at reach in m, reaches that are possible\n")
             print("\n".join(table(kinematics, upright=upright)))

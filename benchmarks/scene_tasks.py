@@ -20,7 +20,7 @@ from executor.rollouts.rollout import rollout
 from executor.scenes.file import load_scene
 from oag import AdmittedTask, Scene
 from oag.measurements import clopper_pearson
-from oag.model.scene import FULL_SCALE
+from oag.model.robots import FULL_SIZE
 from oag.wish_list import KINDS
 
 SCENES = (
@@ -34,7 +34,7 @@ Found = tuple[Scene, AdmittedTask]
 def listed(name: str, full_size: bool) -> list[Found]:
     """Return what a scene admits, and print how much that is and how long it took."""
     scene = load_scene(name)
-    scene = scene.with_robot(FULL_SCALE) if full_size else scene
+    scene = scene.with_robot(FULL_SIZE.name) if full_size else scene
     refused = Counter[str]()
     began, first_s, found = time.process_time(), 0.0, list[AdmittedTask]()
     for one in llm.tasks(scene, on_refusal=lambda wish, why: refused.update([why.code])):

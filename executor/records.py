@@ -29,7 +29,7 @@ class DriveCommand:
     """One command to the drives, and for how many physics steps it held.
 
     Attributes:
-        path: (N, 10) base and arm waypoints of a motion, timed at `speed`; one row is a pose to hold, at rest.
+        path: (N, Q) base and arm waypoints of a motion, timed at `speed`; one row is a pose to hold, at rest.
         finger_m: Target of each finger, from the middle [m].
         speed: Fraction of the speed limits along the path.
         followed: Physics steps for which the timed path was followed; not all of it where something ended the motion.
@@ -189,9 +189,9 @@ class Trajectory:
 
     Attributes:
         time_s: (N,) simulated time.
-        robot_qpos: (N, 12) joint positions; base_x, base_y, base_yaw, seven arm joints, two fingers.
-        robot_qvel: (N, 12) joint velocities.
-        robot_target: (N, 12) drive targets: the action that was commanded.
+        robot_qpos: (N, J) joint positions, in the order of the robot's `joint_names`.
+        robot_qvel: (N, J) joint velocities.
+        robot_target: (N, J) drive targets: the action that was commanded.
         eef_pose: (N, 7) TCP position and quaternion w x y z in the world.
         object_poses: id -> (N, 7) root pose of each dynamic object in the world.
         joint_positions: id -> (N, J) joints of each articulated object.

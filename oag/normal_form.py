@@ -27,7 +27,8 @@ import bddl
 from oag.certificate.recheck import digest
 from oag.flows import complete
 from oag.model.actions import Action, ActionFlow
-from oag.model.scene import ROBOT, RobotPose, Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
+from oag.model.scene import ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -50,7 +51,6 @@ from oag.primitives.state import START
 from oag.primitives.table import NAVIGATION, RESTING
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
-from oag.sizes import longest_motion_m
 from oag.task_definition import SimpleTask, Task, chosen_scene, default_goal
 from oag.verify.verify import follow
 from oag.wellformed import check
@@ -354,7 +354,7 @@ def merge_moves(flow: Sequence[Action]) -> ActionFlow:
     merged: list[Action] = []
     for primitive, group in groupby(flow, key=lambda action: action.primitive):
         # What is merged is no longer than what every robot's hand can do.
-        largest = longest_motion_m(primitive, RobotPose()) or _LARGEST.get(parameter_kind(primitive))
+        largest = PAPER_ROBOT.longest_motion_m(primitive) or _LARGEST.get(parameter_kind(primitive))
         for known, part in groupby(group, key=lambda action: isinstance(action.parameter, int | float)):
             actions = tuple(part)
             if largest is None or not known or len(actions) == 1:

@@ -1,4 +1,4 @@
-"""Sizes of objects and of the hand: the widest grasp, the factor that scales an item to it, and the longest motion.
+"""Sizes of objects and of the hand: the widest grasp, and the factor that scales an item to it.
 
 Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
 the opening of the robot's gripper. Widths are drawn from a seed, and nothing loses more than two fifths of its size
@@ -13,8 +13,8 @@ from random import Random
 from typing import Self
 
 from oag.model.codec import Record
-from oag.model.scene import PAPER_SCALE, RobotPose, Scene, SceneObject, Vector3
-from oag.model.symbols import Primitive, has_rim
+from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
+from oag.model.symbols import has_rim
 from oag.task_definition import Task
 
 GRIP_CLEARANCE_M = 0.003
@@ -40,9 +40,9 @@ class Gripper:
 
     @classmethod
     def of(cls, robot: RobotPose) -> Self:
-        """Return the hand of a robot, by its size."""
-        larger = robot.scale / PAPER_SCALE
-        return cls(round(0.056 * larger, 4), round(0.05 * larger, 3), round(0.035 * larger, 3))
+        """Return the hand of a scene's robot."""
+        hand = robot.model.hand
+        return cls(hand.opening_m, hand.aim_m, hand.least_m)
 
     @property
     def widest_m(self) -> float:
@@ -62,29 +62,6 @@ class Gripper:
 
 PAPER_GRIPPER = Gripper.of(RobotPose())
 """The hand of the paper's robot; a robot of full size takes everything that it takes."""
-
-_SIDEWAYS = frozenset(
-    (
-        Primitive.MOVE_EEF_FORWARD,
-        Primitive.MOVE_EEF_BACKWARD,
-        Primitive.MOVE_EEF_LEFT,
-        Primitive.MOVE_EEF_RIGHT,
-    )
-)
-_MOUNT_M = 0.30  # Of the arm on the base, whatever its size.
-_SHOULDER_M = 0.333  # Above the mount; this and the next at full size.
-_STRETCHED_M = 0.96  # From the shoulder to between the fingertips: a Panda's 0.855 m and the hand.
-
-
-def longest_motion_m(primitive: Primitive, robot: RobotPose) -> float | None:
-    """Return the longest distance [m] by which a primitive can move a robot's hand; None where it moves no hand.
-
-    Vertically it reaches from the floor to the height of the stretched arm, else from one side of the shoulder to the
-    other.
-    """
-    if primitive in (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN):
-        return round(_MOUNT_M + (_SHOULDER_M + _STRETCHED_M) * robot.scale, 2)
-    return round(2 * _STRETCHED_M * robot.scale, 2) if primitive in _SIDEWAYS else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from oag.model.symbols import (
 )
 from oag.primitives.state import contradictions
 from oag.primitives.table import NAVIGATION, placement_of
-from oag.sizes import Gripper, longest_motion_m, scale_factor, too_small
+from oag.sizes import Gripper, scale_factor, too_small
 from oag.task_definition import NO_TARGET, SimpleTask, Task, step_place, subtask_place
 
 # Other places of one mistake that are listed; further ones are only counted.
@@ -308,7 +308,7 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
             found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
-        elif (longest_m := longest_motion_m(action.primitive, found.scene.robot)) is not None:
+        elif (longest_m := found.scene.robot.model.longest_motion_m(action.primitive)) is not None:
             _check_motion(found, (index, position), action, longest_m)
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"

@@ -11,9 +11,8 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.planning.drives import drive_to
-from executor.planning.stances import PARKED_CLEARANCE_M, REACHES_M, HandGoal, Stance, is_base_free
+from executor.planning.stances import PARKED_CLEARANCE_M, HandGoal, Stance, is_base_free
 from executor.records import Failure, FailureKind
-from executor.sim.robot.kinematics import ARM
 from executor.skills.grasp import approach
 from executor.skills.library import Runner
 from executor.skills.navigate import follow_legs
@@ -39,8 +38,9 @@ def stance_before(
         followup: What comes after.
     """
     kinematics, oracle = session.planner.kinematics, session.planner.oracle
-    for goal, reach_m in itertools.product(goals, REACHES_M):
-        base = goal.base_before(reach_m, 0.0)
+    robot = session.planner.robot
+    for goal, reach_m in itertools.product(goals, robot.reaches_m):
+        base = goal.base_before(robot, reach_m, 0.0)
         if not is_base_free(session.planner, base, PARKED_CLEARANCE_M):
             continue
         for solution in kinematics.solve(goal.T_world_eef, base):
@@ -49,7 +49,7 @@ def stance_before(
             T_back[:3, 3] -= before_m * T_back[:3, 2]
             line = session.planner.line(q, T_back).path if before_m else q[None]
             if line is not None and oracle.is_free(line[-1]):
-                return Stance(q, line[::-1].copy(), kinematics.margin(line[:, ARM]), 0.0, followup, 0.0)
+                return Stance(robot, q, line[::-1].copy(), kinematics.margin(line[:, robot.arm]), 0.0, followup, 0.0)
     return None
 
 

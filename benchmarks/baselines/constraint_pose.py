@@ -102,7 +102,7 @@ def stroke(session: Session, action: Action) -> StepResult:
     outward = world.T_world_link(target, handle.link)[:3, :3] @ np.array(handle.outward)
     sign = 1.0 if action.primitive is Primitive.ARTICULATE_OPEN else -1.0
     session.sync_planner()
-    monitor = session.monitor(handle_contacts(target, handle), gripped=target)
+    monitor = session.monitor(handle_contacts(session.planner.robot, target, handle), gripped=target)
     path = base_move(session.q, STROKE_M, heading_of(sign * outward))
     if session.control.follow(path, speed=STROKE_SPEED, monitor=monitor) is not None:
         session.control.rest()
@@ -169,7 +169,11 @@ def _constrained_stance(session: Session) -> Stance[Any] | Failure:
         if (failure := misfit(target, asset, session.gripper)) is not None:
             return failure
         fits, T_item = fits_between(asset, session.gripper), world.T_world_link(target)
-        goals = _facing_robot(item_goals(asset, T_item) if fits else rim_goals(asset, T_item), session.q, T_item)
+        goals = _facing_robot(
+            item_goals(session.planner.robot.hand, asset, T_item) if fits else rim_goals(asset, T_item),
+            session.q,
+            T_item,
+        )
         followup = Lift(
             _with_fixed_numbers([move for _, move in moves_after(session, Primitive.GRASP)]), at_rim=not fits
         )

@@ -31,6 +31,7 @@ from executor.sim.robot.actions import actions_between, arm_chain, joint_limits
 from executor.sim.world import World
 from executor.system.extras import require
 from oag import Primitive, Scene, SimpleTask, compose
+from oag.model.robots import Robot
 
 ENTRY = "executor.envs:scene2demo/"
 SOURCE_SEEDS = range(62_800, 62_805)
@@ -39,7 +40,6 @@ executor fails or does more than the plan has."""
 
 DRIVE_M_S, TURN_RAD_S, HAND_M_S = 0.5, 0.8, 0.25  # Slower than planned motions: they are not checked for collisions.
 WAITS_S = 5.0
-_ARM = slice(3, 10)
 _NAVIGATION = (Primitive.NAVIGATE_TO_TARGET.name, Primitive.NAVIGATE_TO_SUPPORT.name)
 
 
@@ -107,7 +107,7 @@ def demonstration(family: str, index: int | None) -> tuple[Segment, ...]:
             thing = reference_object(subtask)
             pose = motion.object_poses[thing][rows[0]] if thing in motion.object_poses else None
             T = _placed(pair.scene, thing) if pose is None else transform_from_quaternion(pose[:3], pose[3:])
-            segments.append(Segment(T, tuple(_moments(pair.scene.robot.scale, targets[rows]))))
+            segments.append(Segment(T, tuple(_moments(pair.scene.robot.model, targets[rows]))))
         return tuple(segments)
     raise NoDemonstration(f"the executor did {family} {index} with none of the seeds {source_seeds_text()}")
 
@@ -198,7 +198,7 @@ def _environment(family: str) -> Any:
 
 def _actions(env: Any, segments: tuple[Segment, ...]) -> Iterator[Array]:
     """Yield the hand actions of the whole task; an object's pose is read when its segment begins."""
-    (now,) = _moments(env.episode.scene.robot.scale, env.target[None])
+    (now,) = _moments(env.episode.scene.robot.model, env.target[None])
     for subtask, segment in zip(env.episode.task.subtasks, segments, strict=True):
         moments = transform_segment(segment, env.world.T_world_link(reference_object(subtask)))
         for after in (*interpolate_moments(now, moments[0]), *moments):
@@ -208,11 +208,11 @@ def _actions(env: Any, segments: tuple[Segment, ...]) -> Iterator[Array]:
         yield action_between(now, now)
 
 
-def _moments(scale: float, targets: Array) -> Iterator[HandPose]:
+def _moments(robot: Robot, targets: Array) -> Iterator[HandPose]:
     """Yield the moments of joint targets (N, 12)."""
-    widest_m = joint_limits(scale)[-1, 1]
-    for target, T in zip(targets, arm_chain(scale).forward(targets[:, _ARM]), strict=True):
-        yield HandPose(target[:3].copy(), T, float(target[10:].mean() / widest_m))
+    widest_m = joint_limits(robot)[-1, 1]
+    for target, T in zip(targets, arm_chain(robot).forward(targets[:, robot.arm]), strict=True):
+        yield HandPose(target[robot.base].copy(), T, float(target[robot.fingers].mean() / widest_m))
 
 
 def _placed(scene: Scene, thing: str) -> Array:

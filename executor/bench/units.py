@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictBool, StrictInt
+from pydantic import AfterValidator, Field, StrictBool, StrictInt
 
 from executor.scenes.generators.families import LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.generators.household import COUNT
 from executor.scenes.vary import MOST_EPISODES
 from executor.system.files import content_key
 from oag.model.forms import adapter
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, chosen_robot, known_robot
 
 SCHEMA = "scene2demo-bench-unit/1"
 BenchFamily = Family | Literal["T7"]
@@ -30,6 +31,7 @@ class BenchSetting:
         keep_sizes: Whether handled things keep their sizes.
         full_size: Whether the robot is of full size.
         baseline: Name of what acts in place of the executor, such as those of `benchmarks.baselines`.
+        robot: Name of the robot; empty for the paper's, or where `full_size` is said, which is another word for one.
     """
 
     flows: Flows = "planned"
@@ -38,11 +40,24 @@ class BenchSetting:
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
     baseline: Annotated[str, Field(pattern="^[a-z-]{1,40}$")] | None = None
+    robot: Annotated[str, AfterValidator(known_robot)] = ""
+
+    def __post_init__(self) -> None:
+        if self.robot == FULL_SIZE.name:
+            object.__setattr__(self, "full_size", True)
+        if self.robot in (FULL_SIZE.name, PAPER_ROBOT.name):
+            object.__setattr__(self, "robot", "")
+
+    @property
+    def robot_name(self) -> str:
+        """Name of the robot."""
+        return chosen_robot(self.robot, full_size=self.full_size) or PAPER_ROBOT.name
 
     @property
     def name(self) -> str:
         """Short name that is valid in file names."""
         words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes, "full-size": self.full_size}
+        words[self.robot] = bool(self.robot)
         own = [self.flows] if self.baseline is None else [self.baseline]
         return "-".join([*own, *(word for word, enabled in words.items() if enabled)])
 
@@ -57,6 +72,7 @@ class BenchSetting:
             "pictures": self.views,
             "own sizes": self.keep_sizes,
             "full-size robot": self.full_size,
+            self.robot: bool(self.robot),
         }
         return " + ".join([f"here: {own}", *(word for word, enabled in words.items() if enabled)])
 

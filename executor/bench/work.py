@@ -53,7 +53,7 @@ def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
         NoPaperFlow: The unit requests flows that the paper does not print.
     """
     setting = unit.setting
-    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, full_size=setting.full_size)
+    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, robot=setting.robot_name)
     task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
     return pair, compose(task, scene=pair.scene)
 

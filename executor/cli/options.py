@@ -65,6 +65,14 @@ KeepSizes = Annotated[
 FullSize = Annotated[
     Flag, option_help("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")
 ]
+# A test holds these against the records; reading them here would make every `--help` load the graph.
+RobotName = Annotated[
+    Maybe[Literal["paper", "panda", "panda-lift"]],
+    option_help(
+        "Which robot, by default the scene's, else the paper's: a Panda of 0.7 of its size, one of full size (what "
+        "--full-size says too), or that on a lift."
+    ),
+]
 Video = Annotated[Flag, negated_flag("Draw no pictures and no video.")]
 Size = Annotated[
     tuple[int, int], option_help("Width and height of the robot's views; the overview is drawn twice as large.")

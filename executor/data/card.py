@@ -17,6 +17,7 @@ from executor.data.units import DemoUnit
 from executor.geometry import heading_of, transform_from_quaternion
 from executor.system.files import content_key, json_text
 from oag.measurements import clopper_pearson
+from oag.model.robots import robot_of_record
 
 _MOST_RANGES = 6
 _LOOKS = ("lights", "surfaces", "cameras")
@@ -183,8 +184,8 @@ class Contents:
         failures: Failures by kind.
         store_bytes: Bytes of all units' folders.
         samples: Samples of kept episodes.
-        rates_hz, scales, versions, programs: Values that occur: rates, robot scales, versions of libraries, hashes of
-            the program.
+        rates_hz, robots, versions, programs: Values that occur: rates, robots in words, versions of libraries,
+            hashes of the program.
         views: Camera -> number of kept episodes with it.
         varieties: Label of an origin -> differences between its demonstrations.
         scaled: Category of things whose size was drawn or fitted to the gripper -> the minimum and maximum factor.
@@ -198,7 +199,7 @@ class Contents:
     store_bytes: int = 0
     samples: int = 0
     rates_hz: set[float] = field(default_factory=set)
-    scales: set[float] = field(default_factory=set)
+    robots: set[str] = field(default_factory=set)
     views: Counter[str] = field(default_factory=Counter)
     versions: set[tuple[str, str]] = field(default_factory=set)
     programs: set[str] = field(default_factory=set)
@@ -284,7 +285,7 @@ def _count(found: Contents, episode: StoredEpisode, *, kept: bool) -> None:
         return
     found.samples += int(meta["samples"])
     found.rates_hz.add(float(meta["record_hz"]))
-    found.scales.add(float(meta["robot"]["scale"]))
+    found.robots.add(robot_of_record(meta["robot"]).words)
     found.views.update(unit.recording.views)
     found.versions.update((str(name), str(version)) for name, version in meta["versions"].items())
     found.varieties.setdefault(unit.origin.label, Variety()).add(meta)
@@ -375,13 +376,13 @@ def page(store: EpisodeStore) -> str:
 def _summary(found: Contents) -> str:
     simulated_s = sum(part.simulated_s for part in found.parts.values())
     rates = ", ".join(f"{rate:g}" for rate in sorted(found.rates_hz)) or "-"
-    scales = " or ".join(f"{scale:g}" for scale in sorted(found.scales)) or "-"
+    robots = " or ".join(sorted(found.robots)) or "robot"
     more = f"{found.repeats} more repeat one of these, state by state, and are left out. " if found.repeats else ""
     words = f"{found.kept} demonstrations, {simulated_s / 60:.1f} minutes of simulated time, {found.samples} samples"
     return (
         "# Demonstrations by Scene2Demo\n\n"
         f"{words} at {rates} Hz. {more}Views: {shares(found.views, found.kept)}. "
-        f"A mobile Panda at {scales} of its size, in the SAPIEN simulator. Every plan was proved before anything "
+        f"A mobile {robots}, in the SAPIEN simulator. Every plan was proved before anything "
         "moved, and every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its "
         "id, is for validation; they come last, and none has the states of one for training.\n\nLicence: Apache-2.0."
     )

@@ -3,10 +3,10 @@
 Row i has the observation at sample i, and the command from there until sample i + 1. At the last sample the last
 command stays. Columns, all at the rate of the recording:
 
-    observation.state              (20) joints: base x, y (m), yaw (rad), seven of the arm (rad), two fingers (m); the
-                                   point between the fingertips in the world: x y z (m), quaternion x y z w; gripper
-                                   opening (m)
-    observation.velocity           (12) of the joints, m/s and rad/s
+    observation.state              (J + 8) joints of the robot's record, 12 of the paper's: base x, y (m), yaw (rad),
+                                   a lift (m), the arm (rad), two fingers (m); the point between the fingertips in the
+                                   world: x y z (m), quaternion x y z w; gripper opening (m)
+    observation.velocity           (J) of the joints, m/s and rad/s
     observation.environment_state  (216) things and handles, see `executor.data.state_readers`
     observation.object_poses       (7 M) movable objects, in the order of the episode's `object_ids`: x y z (m) in the
                                    world, quaternion x y z w; M is the maximum over the set, unused numbers are 0
@@ -15,8 +15,8 @@ command stays. Columns, all at the rate of the recording:
                                    x right, y down, z ahead
     observation.point_cloud        (1024, 4) on request: x y z in the robot's base (m), 1 on the hand;
                                    `executor.data.state_readers`
-    action                         (10) `executor.sim.robot.actions.hand_actions`
-    action.joint_target            (12) joint targets for the next sample, m and rad
+    action                         (H) `executor.sim.robot.actions.hand_actions`
+    action.joint_target            (J) joint targets for the next sample, m and rad
     subtask_index, primitive_index running subtask and primitive; a primitive's number in flows, 0 between primitives
     next.reward                    1 / number of subtasks in the last row of each; of a demonstration they add up to 1
     next.done                      true in the last row
@@ -172,7 +172,7 @@ class Episode:
 def motion_columns(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.float32]]:
     """Return the columns that follow from a motion's arrays (`executor.data.samples`) alone."""
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
-    opening_m = qpos[:, 10:12].sum(axis=1, keepdims=True)
+    opening_m = qpos[:, -2:].sum(axis=1, keepdims=True)
     state = np.concatenate([qpos, quaternions_last(arrays["eef_pose"]), opening_m], axis=1, dtype=np.float32)
     return {
         "observation.state": state,

@@ -26,7 +26,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
+from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, ValidationError
 
 from bddl.files import read_bounded_text
 from executor.campaign.engine import Campaign, Job
@@ -40,6 +40,7 @@ from executor.system.extras import require
 from oag.model.codec import Document
 from oag.model.diagnostics import InputError
 from oag.model.forms import Form, first_mistake
+from oag.model.robots import chosen_robot, known_robot
 
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 AXES: tuple[Axis, ...] = ("target", "surfaces", "lights", "cameras", "physics")
@@ -71,6 +72,7 @@ class _SourceOptions(Form):
     flows: Flows = "planned"
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
+    robot: Annotated[str, AfterValidator(known_robot)] = ""
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
 
 
@@ -160,7 +162,9 @@ def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoS
     for origin in _origins(wanted, scene_folder):
         index = indices_of(origin.family)[0]
         flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
-        yield DemoSeries(DemoUnit(origin, wanted.seed, index, variation, recording, *flags), wanted.episodes)
+        yield DemoSeries(
+            DemoUnit(origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot), wanted.episodes
+        )
 
 
 def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[Origin]:
@@ -173,7 +177,7 @@ def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[Origin]:
         # Scenes drawn by seeds follow from the seeds and the program.
         yield Origin(query=wanted.query, scene=name)
         return
-    scene = scene_for(wanted.query, name, full_size=wanted.full_size)
+    scene = scene_for(wanted.query, name, robot=chosen_robot(wanted.robot, full_size=wanted.full_size))
     require_valid(scene)
     yield Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))
 

@@ -23,16 +23,21 @@ from executor.assets.asset_geometry import shape_mesh
 from executor.assets.model import Asset
 from executor.geometry import Array, inverse, quaternions_last
 from executor.sim.engine import ROBOT, pose_matrix
-from executor.sim.robot.actions import TARGETS
-from executor.sim.robot.description import FINGER_LINKS, HAND_LINK, TCP_LINK
 from executor.sim.world import World
 from executor.system.extras import require
 from oag import Task
+from oag.model.robots import Robot
 
 Vector = NDArray[np.float32]
 
-AGENT = TARGETS + 7 + 1
-"""Joint positions (12: base x y yaw, arm, fingers), hand pose in the world (x y z, quaternion x y z w), opening (m)."""
+AGENT_MORE = 7 + 1
+"""Numbers of a robot's own state after its joints: hand pose in the world (x y z, quaternion x y z w), opening (m)."""
+
+
+def agent_numbers(robot: Robot) -> int:
+    """Return the length of a robot's own state."""
+    return len(robot.joint_names) + AGENT_MORE
+
 
 THINGS, THING = 12, 14
 """Rows of things: used (1 or 0), position x y z, quaternion x y z w, extent along its axes (3), grasp point x y z."""
@@ -86,11 +91,11 @@ class StateReader:
         self._place(range(len(self.things)))
 
     def agent(self) -> Vector:
-        """Return (AGENT,) the robot's own state."""
+        """Return (J + AGENT_MORE,) the robot's own state: joints, hand pose, opening."""
         qpos = np.asarray(self._world.robot.get_qpos())
-        hand = self._world.robot.find_link_by_name(TCP_LINK).entity_pose
+        hand = self._world.robot.find_link_by_name(self._world.model.tip_link).entity_pose
         pose = quaternions_last(np.concatenate([hand.p, hand.q]))
-        return np.concatenate([qpos, pose, [qpos[TARGETS - 2 :].sum()]]).astype(np.float32)
+        return np.concatenate([qpos, pose, [qpos[self._world.model.fingers].sum()]]).astype(np.float32)
 
     def environment(self) -> Vector:
         """Return (ENVIRONMENT,) things and handles."""
@@ -131,8 +136,6 @@ would get two or three, and the hand has to find it to a centimetre."""
 _NEAR_BAR_M = 0.03  # Distance from the bar's middle line: the bar and the begin of its posts.
 _TRIED = 20_000  # Candidates; of those on a door of 1 m2 a bar of 20 cm has 200.
 
-_HAND = (HAND_LINK, *FINGER_LINKS)
-
 
 class CloudReader:
     """Read one world into a point cloud.
@@ -149,7 +152,7 @@ class CloudReader:
         bodies = {(name, link.name) for name, asset in world.assets.items() for link in asset.links}
         surfaces = {(name, link): _surface(world, name, link) for name, link in sorted(bodies)}
         surfaces = {body: mesh for body, mesh in surfaces.items() if mesh is not None}
-        hands = {(ROBOT, link): _robot_surface(world, link) for link in _HAND}
+        hands = {(ROBOT, link): _robot_surface(world, link) for link in world.model.gripper_links}
         first = [name for name in named if name in world.assets]
         shares = _shared(NAMED_POINTS, [1.0] * len(first))
         self._parts: list[tuple[str, str, Array]] = list(_sampled(hands, HAND_POINTS, rng))

@@ -14,7 +14,7 @@ from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, StrictFloat, StrictInt
+from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
 
 from executor.scenes.generators.families import HOUSEHOLD, LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.room import Draws, Perturbation
@@ -25,6 +25,7 @@ from executor.sim.robot.description import FINGER_FRICTION
 from executor.system.files import content_key, json_text, plain
 from oag import Scene, Task
 from oag.model.forms import adapter
+from oag.model.robots import FULL_SIZE, chosen_robot, known_robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +182,8 @@ class DemoUnit:
         stances: Number of stances planned at each choice (`Session.stances`), so that the choice follows from
             observable state. 1 takes the one that the unit's seed gives.
         takeover: Policy that acted before the planner; None for an episode from its start.
+        robot: Name of the robot; empty for the scene's own, a family's is the paper's. `full_size` is another word for
+            the Panda of full size.
     """
 
     origin: Origin
@@ -194,14 +197,26 @@ class DemoUnit:
     full_size: StrictBool = False
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
     takeover: Takeover | None = None
+    robot: Annotated[str, AfterValidator(known_robot)] = ""
 
     def __post_init__(self) -> None:
+        if self.robot == FULL_SIZE.name:
+            # One request has one id, however it was worded.
+            object.__setattr__(self, "full_size", True)
+            object.__setattr__(self, "robot", "")
+        if self.robot and self.full_size:
+            raise ValueError(f"the robot {self.robot} is not the Panda of full size; keep one of them")
         if self.takeover is not None and (self.evolve or self.flows == "paper"):
             raise ValueError("a plan that goes on from where a policy came to is the planner's, and no flow is revised")
         if (self.index is None) is not (self.origin.family not in HOUSEHOLD):
             raise ValueError(f"{self.origin.label} has no unit {self.index}")
         if self.flows == "paper" and self.origin.family not in LONG_HORIZON:
             raise ValueError(f"the paper prints no flows for {self.origin.label}")
+
+    @property
+    def robot_name(self) -> str:
+        """Name of the chosen robot; empty where none is."""
+        return chosen_robot(self.robot, full_size=self.full_size)
 
     @property
     def name(self) -> str:
@@ -269,6 +284,8 @@ class DemoUnit:
             del data["takeover"]
         elif not self.takeover.pushes:
             del data["takeover"]["pushes"]
+        if not self.robot:
+            del data["robot"]
         return data
 
     @classmethod

@@ -25,7 +25,6 @@ _PER_SAMPLE = (
     *("packed_states", "time_s", "subtask", "step", "robot_qpos", "robot_qvel", "robot_target", "eef_pose"),
     *("object_poses", "joint_positions"),
 )
-_JOINTS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +101,10 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     for name in _PER_SAMPLE:
         if len(arrays[name]) != count:
             yield f"it has {len(arrays[name])} rows of {name}, and says {count} samples"
+    joints = len(episode.scene.robot.model.joint_names)
     for name in ("robot_qpos", "robot_qvel", "robot_target"):
-        if arrays[name].shape[1:] != (_JOINTS,):
-            yield f"{name} has {arrays[name].shape[1:]} numbers a row, {_JOINTS} belong there"
+        if arrays[name].shape[1:] != (joints,):
+            yield f"{name} has {arrays[name].shape[1:]} numbers a row, {joints} belong there"
     if arrays["object_poses"].shape[1:] != (len(meta["object_ids"]), 7):
         yield f"it has poses of {arrays['object_poses'].shape[1]} objects, and names {len(meta['object_ids'])}"
     found = len(joint_names(episode))

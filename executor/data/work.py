@@ -57,6 +57,7 @@ from executor.system.workers import HandoverRefused
 from llm.errors import RefusalCode
 from llm.offline.reader import paraphrases
 from oag import ObjectActionGraph, Scene, SceneObject, Task, compose
+from oag.model.robots import PAPER_ROBOT, record_of_robot
 from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 from oag.sizes import Sizing, resized_targets
@@ -180,15 +181,13 @@ def prepare_unit(unit: DemoUnit) -> Prepared:
             unit.seed,
             unit.index,
             keep_sizes=unit.keep_sizes,
-            full_size=unit.full_size,
+            robot=unit.robot_name or PAPER_ROBOT.name,
             changes=LayoutChanges(unit.draws if unit.variation.target else None, distracted),
         )
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return Prepared(pair.query, compose(task, scene=pair.scene), pair.perturbations)
     origin = unit.origin
-    nominal = _scene(
-        origin.query, scene_name_for_seed(origin.scene, unit.seed), origin.scene_key, full_size=unit.full_size
-    )
+    nominal = _scene(origin.query, scene_name_for_seed(origin.scene, unit.seed), origin.scene_key, unit.robot_name)
     perturbations: dict[str, Perturbation] = {}
     if unit.variation.target:
         perturbations = draw_perturbations(nominal, llm.propose(unit.origin.query, nominal).task, unit.draws)
@@ -255,8 +254,8 @@ def _distractor_adder(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
 
 
 @lru_cache(maxsize=4)
-def _scene(query: str, name: str, key: str, *, full_size: bool) -> Scene:
-    scene = scene_for(query, name, full_size=full_size)
+def _scene(query: str, name: str, key: str, robot: str) -> Scene:
+    scene = scene_for(query, name, robot=robot)
     if key and (found := scene_key(scene)) != key:
         raise HandoverRefused(
             f"the scene {name} is not what it was when its episodes were asked for (key {found}, not {key}): its "
@@ -308,7 +307,7 @@ def drawn_values(unit: DemoUnit, scene: Scene, perturbations: Mapping[str, Pertu
 
 def meta_of(made: Made) -> dict[str, Any]:
     """Return the content of a unit's `unit.json` about a rollout; `docs/datasets.md` documents each key."""
-    done, scale = made.rollout, made.rollout.scene.robot.scale
+    done, robot = made.rollout, made.rollout.scene.robot.model
     task = filled_task(done)
     report = compose(task, scene=made.graph.scene).verify()
     return {
@@ -325,7 +324,7 @@ def meta_of(made: Made) -> dict[str, Any]:
         "record_hz": done.record_hz,
         "object_ids": list(done.trajectory.object_poses),
         "joint_ids": list(done.trajectory.joint_positions),
-        "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
+        "robot": {**record_of_robot(robot), "drives": [list(drive) for drive in drives(robot)]},
         "versions": versions(),
     }
 

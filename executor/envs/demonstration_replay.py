@@ -24,8 +24,7 @@ from executor.envs import TASK_ID
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.recording import repeat
 from executor.sim.engine import STANDARD, Physics
-from executor.sim.robot.actions import hand_actions, joint_limits
-from executor.sim.robot.description import ARM_HOME
+from executor.sim.robot.actions import OPENING, hand_actions, joint_limits
 from executor.system.extras import require
 from executor.system.workers import serve
 from oag import Scene, Task
@@ -127,7 +126,7 @@ def replay_episode(episode: StoredEpisode, mode: ReplayMode) -> ReplayOutcome:
         return ReplayOutcome(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
     targets = episode.arrays["robot_target"]
     before = np.concatenate([start_target(episode.scene, episode.start)[None], targets[:-1]])
-    actions = targets if mode == "joint_target" else hand_actions(episode.scene.robot.scale, before, targets)
+    actions = targets if mode == "joint_target" else hand_actions(episode.scene.robot.model, before, targets)
     return replay_actions(
         episode.name, episode.task, episode.scene, actions, rate_hz, mode, physics, start=episode.start
     )
@@ -153,7 +152,7 @@ def replay_table(episode: Episode, rate_hz: float, action_mode: Literal["joint_t
         actions = np.concatenate([first, episode.columns["action.joint_target"][:-1]])
     else:
         actions = np.concatenate(
-            [hand_actions(scene.robot.scale, start_target(scene, start)[None], first), episode.columns["action"][:-1]]
+            [hand_actions(scene.robot.model, start_target(scene, start)[None], first), episode.columns["action"][:-1]]
         )
     return replay_actions(
         str(about["name"]),
@@ -184,7 +183,7 @@ def replay_actions(
         name: Name of the demonstration.
         task: The task.
         scene: The concrete scene.
-        actions: (N, 12) or (N, 10), see `executor.sim.robot.actions`.
+        actions: (N, J) or (N, H), see `executor.sim.robot.actions`.
         rate_hz: Actions per second.
         action_mode: Kind of the actions.
         physics: Physics of the world, where the demonstration varied it.
@@ -211,7 +210,7 @@ def replay_actions(
 
 
 def start_target(scene: Scene, start: Checkpoint | None = None) -> NDArray[np.float64]:
-    """Return the (12,) joint targets at an episode's start.
+    """Return the (J,) joint targets at an episode's start.
 
     Args:
         scene: Its concrete scene.
@@ -219,8 +218,9 @@ def start_target(scene: Scene, start: Checkpoint | None = None) -> NDArray[np.fl
     """
     if start is not None:
         return np.array([*start.target, start.finger_target_m, start.finger_target_m])
-    pose, opening_m = scene.robot, joint_limits(scene.robot.scale)[-1, 1]
-    return np.array([*pose.position[:2], pose.yaw_rad, *ARM_HOME, opening_m, opening_m])
+    pose, opening_m = scene.robot, joint_limits(scene.robot.model)[-1, 1]
+    start_q = pose.model.start(pose.position[0], pose.position[1], pose.yaw_rad)
+    return np.array([*start_q, opening_m, opening_m])
 
 
 def _then_hold(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[NDArray[Any]]:
@@ -228,7 +228,7 @@ def _then_hold(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[N
     yield from actions
     still = np.array(actions[-1])
     if action_mode == "paper":
-        still[[0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
+        still[np.arange(len(still)) != OPENING] = 0.0
     for _ in range(more):
         yield still
 

@@ -21,7 +21,6 @@ from executor.scenes.generators.families import Family, indices_of
 from executor.scenes.room import Perturbation
 from executor.sim.detectors import GRIPPER, read
 from executor.sim.engine import ROBOT, STANDARD, Physics
-from executor.sim.robot.description import TCP_LINK
 from executor.sim.world import World
 from executor.skills.control import STILL_M
 from oag import ObjectActionGraph, Scene, Task, compose
@@ -65,7 +64,7 @@ EpisodeSource = Callable[[int, int | None], DrawnEpisode]
 """Seed and index of a pair in its set -> the episode."""
 
 
-def family_source(family: Family, variation: Variation = UNVARIED, *, full_size: bool = False) -> EpisodeSource:
+def family_source(family: Family, variation: Variation = UNVARIED, *, robot: str = "") -> EpisodeSource:
     """Return the source of a family's benchmark episodes.
 
     A set of T5 or T6 has many pairs; without an index the seed selects one.
@@ -73,7 +72,7 @@ def family_source(family: Family, variation: Variation = UNVARIED, *, full_size:
     Args:
         family: "T1" to "T6".
         variation: Variation besides the seed's draws.
-        full_size: Whether the robot is of full size.
+        robot: Name of the robot; by default the paper's.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
@@ -83,25 +82,25 @@ def family_source(family: Family, variation: Variation = UNVARIED, *, full_size:
         if index not in indices:
             known = "none" if indices == (None,) else ", ".join(str(number) for number in indices)
             raise ValueError(f"{family} has no index {index}; it has {known}")
-        return _draw_episode(DemoUnit(Origin(family=family), seed, index, variation, full_size=full_size))
+        return _draw_episode(DemoUnit(Origin(family=family), seed, index, variation, robot=robot))
 
     return draw
 
 
-def query_source(query: str, scene: str, variation: Variation = UNVARIED, *, full_size: bool = False) -> EpisodeSource:
+def query_source(query: str, scene: str, variation: Variation = UNVARIED, *, robot: str = "") -> EpisodeSource:
     """Return the source of episodes of a sentence in a scene that the seed varies.
 
     Args:
         query: The sentence.
         scene: Name of a scene, or a scene's JSON file.
         variation: Variation besides the seed's draws.
-        full_size: Whether the robot is of full size, whatever the scene's robot.
+        robot: Name of the robot; by default the scene's own.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
         if index is not None:
             raise ValueError(f"a sentence has no index {index}; only T5 and T6 have")
-        return _draw_episode(DemoUnit(Origin(query=query, scene=scene), seed, variation=variation, full_size=full_size))
+        return _draw_episode(DemoUnit(Origin(query=query, scene=scene), seed, variation=variation, robot=robot))
 
     return draw
 
@@ -266,7 +265,7 @@ def hand_distance_m(world: World, object_id: str) -> float:
 
     That is the nearest point on the bars of its handles, in their present poses; without handles, of its bounding box.
     """
-    asset, hand = world.assets[object_id], world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    asset, hand = world.assets[object_id], world.T_world_link(ROBOT, world.model.tip_link)[:3, 3]
 
     def off_m(link: str | None, middle_m: Vector, axes: Array, half_m: Array) -> float:
         local = (inverse(world.T_world_link(object_id, link)) @ np.array([*hand, 1.0]))[:3] - middle_m

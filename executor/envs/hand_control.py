@@ -21,10 +21,10 @@ from scipy.spatial.transform import Rotation
 from executor.assets.model import Shape
 from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
 from executor.sim.engine import pose_matrix
-from executor.sim.robot.actions import arm_chain, joint_limits
-from executor.sim.robot.description import ARM_HOME
+from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, arm_chain, joint_limits
 from executor.sim.robot.kinematics import pose_error
 from executor.sim.world import World
+from oag.model.robots import Robot
 
 _FLOOR = Shape("box", (50.0, 50.0, 0.5), (0.0, 0.0, -0.5))
 _LOOK_EVERY, _ROAM_M = 5, 0.5
@@ -131,8 +131,8 @@ CLEAR_M = 0.06
 SPARE_RAD = 0.3
 """Reserve of joint limits: with less, wrists turned into their limits, from where no elbow motion leads back."""
 
-LINKS = {"panda_link3": 3, "panda_link4": 4, "panda_link5": 5, "panda_link6": 6}
-"""Links that the null motion moves, with the number of joints before each; the last link moves with the hand."""
+FIRST_FREE_LINK = 3
+"""Links from this one to the one before the last are moved by the null motion; each has as many joints before it."""
 
 _POINTS = 16  # On each link: 3 to 5 cm apart.
 _HOMEWARD = 0.1  # Share of the distance home per action: within a second the elbow is on its home side.
@@ -141,7 +141,6 @@ _DEEPEST_M = 0.04  # Maximum penetration in costs: deeper inside, the nearest fa
 _POSTURE_STEP_RAD, _STEPS = 0.25, 6  # Searched postures to either side: up to 1.5 rad, the observed range of elbows.
 _LONGEST_RAD = 0.2  # Maximum joint motion of an action.
 _DAMPING, _FLAT = 1e-4, 1e-12
-_ARM_JOINTS = slice(3, 10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,10 +148,10 @@ class HandTarget:
     """Present pose of a hand in the base frame, and its targets now and soon.
 
     Attributes:
-        jacobian: (6, 7) motion and turn of the hand per joint, in the base's axes.
+        jacobian: (6, A) motion and turn of the hand per joint, in the base's axes.
         errors: (2, 6) pose errors, m and rad.
         wanted: (2, 4, 4) target now, and soon at the present motion.
-        bases: (2, 3) x, y [m] and yaw [rad] of the base then.
+        bases: (2, B) coordinates of the base then.
     """
 
     jacobian: Array
@@ -169,23 +168,25 @@ class Elbow:
     """
 
     def __init__(self, world: World) -> None:
-        scale = world.scene.robot.scale
-        self._chain, self._limits = arm_chain(scale), joint_limits(scale)[_ARM_JOINTS]
+        robot = world.model
+        self._chain, self._limits = arm_chain(robot), joint_limits(robot)[robot.arm]
+        self._home = np.array(robot.home)
         self._obstacles = Obstacles(world)
+        links = robot.arm_links[FIRST_FREE_LINK : len(robot.arm_joints)]
         # (L, 3, P) in link frames; a joint's frame is that of the link it turns.
-        self._points = np.stack([_points(world, link).T for link in LINKS])[:, None, None]
-        self._turned_by = np.array(list(LINKS.values())) - 1
+        self._points = np.stack([_points(world, link).T for link in links])[:, None, None]
+        self._turned_by = np.arange(FIRST_FREE_LINK, FIRST_FREE_LINK + len(links)) - 1
 
     def posture_change(self, arm: Array, hand: HandTarget, *, homeward: bool) -> Array:
-        """Return the (7,) change of posture [rad] that leaves the hand in place.
+        """Return the (A,) change of posture [rad] that leaves the hand in place.
 
         Args:
-            arm: (7,) the posture [rad].
+            arm: (A,) the posture [rad].
             hand: Pose and targets of the hand.
             homeward: Whether the arm goes home where nothing is in the way.
         """
         null_motions, back = _null_motions_and_inverses(hand.jacobian[None])
-        home = _HOMEWARD * float(null_motions[0] @ (np.array(ARM_HOME) - arm)) if homeward else 0.0
+        home = _HOMEWARD * float(null_motions[0] @ (self._home - arm)) if homeward else 0.0
         arms = arm + _steps(back, hand.errors)
         step = self._cheapest(arms, null_motions[0], hand, home) if self._costs(arms[None], hand.bases).any() else home
         return np.asarray(np.clip(step, -_LONGEST_RAD, _LONGEST_RAD) * null_motions[0])
@@ -194,8 +195,8 @@ class Elbow:
         """Return the distance along the null motion [rad] to the posture of lowest cost.
 
         Args:
-            arms: (2, 7) postures near those with the hand at its target, now and soon.
-            null_motion: (7,) the null motion: it leaves the hand in place.
+            arms: (2, A) postures near those with the hand at its target, now and soon.
+            null_motion: (A,) the null motion: it leaves the hand in place.
             hand: Targets of the hand.
             home: Distance to go where all else is equal [rad].
         """
@@ -230,10 +231,12 @@ class Elbow:
         return float(along_rad[k]) + _POSTURE_STEP_RAD * float(cost[k - 1] - cost[k + 1]) / (2.0 * bend)
 
     def _costs(self, arms: Array, bases: Array) -> Array:
-        """Return (M, 2) costs of missing clearance of postures (M, 2, 7) over (2, 3) bases."""
+        """Return (M, 2) costs of missing clearance of postures (M, 2, A) over (2, B) bases."""
         shape = arms.shape[:2]
         frames = self._chain.frames(arms.reshape(-1, arms.shape[-1]))[self._turned_by].reshape(-1, *shape, 4, 4)
-        frames = np.stack([transform(rotation_z(yaw), [x, y, 0.0]) for x, y, yaw in bases.tolist()]) @ frames
+        frames = (
+            np.stack([transform(rotation_z(yaw), [x, y, sum(lift)]) for x, y, yaw, *lift in bases.tolist()]) @ frames
+        )
         places = (frames[..., :3, :3] @ self._points + frames[..., :3, 3:]).swapaxes(-1, -2)
         gaps = self._obstacles.distances_m(places.reshape(-1, 3), CLEAR_M).reshape(places.shape[:-1])
         short_m = np.clip(CLEAR_M - gaps.min(axis=-1), 0.0, CLEAR_M + _DEEPEST_M)
@@ -242,10 +245,10 @@ class Elbow:
 
 
 def _null_motions_and_inverses(jacobians: Array) -> tuple[Array, Array]:
-    """Return, for N postures, (N, 7) null motions of the hand, and (N, 7, 6) damped inverse Jacobians."""
+    """Return, for N postures, (N, A) null motions of the hand, and (N, A, 6) damped inverse Jacobians."""
     U, sizes, V = np.linalg.svd(jacobians)
     damped = sizes / (sizes**2 + _DAMPING)
-    return V[:, 6], (V[:, :6].swapaxes(1, 2) * damped[:, None]) @ U.swapaxes(1, 2)
+    return V[:, -1], (V[:, :6].swapaxes(1, 2) * damped[:, None]) @ U.swapaxes(1, 2)
 
 
 def _steps(back: Array, error: Array) -> Array:
@@ -264,9 +267,16 @@ def _points(world: World, link: str) -> Array:
     return np.asarray(corners[chosen])
 
 
-ARM_SPEEDS_RAD_S = np.array([2.175] * 4 + [2.61] * 3)
+_ARM_SPEED_RAD_S, _WRIST_SPEED_RAD_S = 2.175, 2.61
 """Joint speed limits of a Panda by Franka Robotics. With an elbow unlike the demonstration's, the same hand motion
 needs twice the speed in some joint; at the 1.2 rad/s of planned motions hands fell 5 cm behind."""
+
+
+def arm_speeds(robot: Robot) -> Array:
+    """Return (A,) the speed limits of a robot's arm that follows hand actions [rad/s]."""
+    wrist = robot.wrist
+    return np.array([_ARM_SPEED_RAD_S] * (len(robot.arm_joints) - wrist) + [_WRIST_SPEED_RAD_S] * wrist)
+
 
 OWED_M, OWED_RAD = 0.05, 0.3
 """Maximum lead of the hand's target over the arm: what half a second can catch up."""
@@ -275,13 +285,11 @@ AHEAD_S = 0.3
 """Prediction horizon of the elbow, at constant motion of hand and base: the time of a change of side. With a longer
 one, hands that will have stopped seem to run into things."""
 
-_ARM = slice(3, 10)
 _INSET_RAD = 0.002  # Distance of commands from the arm's limits.
 _FREE = 1e-4  # Weight of the elbow relative to the hand, m and rad squared: 0.1 rad costs the hand 0.01 mm.
 _FINE = 1e-6
 _ITERATIONS = 3  # After one iteration an unconstrained hand is within 0.01 mm.
 _NEAR, _REACHED = 1e-3, 1e-5  # Below the first the Jacobian is exact to a thousandth; the second counts as there.
-_JOINTS, _STILL = np.eye(7), np.zeros(7)  # Equal weights of the arm's joints, and no change.
 _APART_RAD = 1e-12  # Slack of bounds: those of a fixed joint coincide.
 
 
@@ -289,45 +297,48 @@ class HandFollower:
     """Follows hand targets, action by action; later actions catch up what one leaves undone.
 
     Args:
-        scale: The robot's, of a Panda's full size.
-        target: (12,) initial joint targets.
+        robot: Its record.
+        target: (J,) initial joint targets.
         period_s: Duration of an action [s].
         elbow: Elbow posture control.
     """
 
-    def __init__(self, scale: float, target: Array, period_s: float, elbow: Elbow) -> None:
+    def __init__(self, robot: Robot, target: Array, period_s: float, elbow: Elbow) -> None:
         self._elbow = elbow
-        self._chain, self._limits = arm_chain(scale), joint_limits(scale)
-        self._wanted = self._chain.forward(np.asarray(target, float)[None, _ARM])[0]
-        self._most_rad = ARM_SPEEDS_RAD_S * period_s
+        self._chain, self._limits = arm_chain(robot), joint_limits(robot)
+        self._robot = robot
+        self._wanted = self._chain.forward(np.asarray(target, float)[None, robot.arm])[0]
+        self._most_rad = arm_speeds(robot) * period_s
         self._ahead = AHEAD_S / period_s
         self._now_and_soon = np.array([[1.0], [1.0 + self._ahead]])
 
     def joint_target(self, before: Array, action: Array) -> Array:
-        """Return the (12,) joint targets of a hand action.
+        """Return the (J,) joint targets of a hand action.
 
         The arm takes a posture near the previous one, within its limits and speeds, with its elbow moving to its own
         target. Where the hand cannot get all the way at once, it gets as near as it can, and owes the rest, up to
         `OWED_M` and `OWED_RAD`.
 
         Args:
-            before: (12,) present joint targets of the drives.
-            action: (10,) a hand action, see `executor.sim.robot.actions`.
+            before: (J,) present joint targets of the drives.
+            action: (H,) a hand action, see `executor.sim.robot.actions`.
         """
         before, action = np.asarray(before, float), np.asarray(action, float)
         cosine, sine = np.cos(before[2]), np.sin(before[2])
-        ahead, aside = action[7:9]
-        base = before[:3] + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, action[9]]
-        fingers = np.full(2, action[6] * self._limits[-1, 1])
+        ahead, aside, *more = action[BASE_NUMBERS_FROM:]
+        was = before[self._robot.base]
+        base = was + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, *more]
+        fingers = np.full(2, action[OPENING] * self._limits[-1, 1])
         wanted = _move_pose(self._wanted, self._now_and_soon * action[:6])
         self._wanted = wanted[0]
-        bases = np.stack([base, base + self._ahead * (base - before[:3])])
+        bases = np.stack([base, base + self._ahead * (base - was)])
         moves = bool(action[:6].any())
-        return np.concatenate([base, self._posture(before[_ARM], wanted, bases, moves=moves), fingers])
+        return np.concatenate([base, self._posture(before[self._robot.arm], wanted, bases, moves=moves), fingers])
 
     def _posture(self, before: Array, wanted: Array, bases: Array, *, moves: bool) -> Array:
-        """Return the (7,) next posture with the hand at its target now, or as near as possible."""
-        low, high = self._limits[_ARM, 0] + _INSET_RAD, self._limits[_ARM, 1] - _INSET_RAD
+        """Return the (A,) next posture with the hand at its target now, or as near as possible."""
+        limits = self._limits[self._robot.arm]
+        low, high = limits[:, 0] + _INSET_RAD, limits[:, 1] - _INSET_RAD
         low = np.maximum(np.minimum(low, before), before - self._most_rad)
         high = np.minimum(np.maximum(high, before), before + self._most_rad)
         reached, jacobians = self._chain.forward_and_jacobian(before[None])
@@ -340,7 +351,7 @@ class HandFollower:
         for _ in range(_ITERATIONS):
             reached, jacobians = self._chain.forward_and_jacobian(arm[None])
             error = pose_error(wanted[:1], reached)[0]
-            step = _solve_within_bounds(jacobians[0], error, _FINE, _STILL, low - arm, high - arm)
+            step = _solve_within_bounds(jacobians[0], error, _FINE, np.zeros_like(arm), low - arm, high - arm)
             arm = np.clip(arm + step, low, high)
             if _norm(error) < _NEAR and _norm(error - jacobians[0] @ step) < _REACHED:
                 return arm
@@ -370,19 +381,20 @@ def _norm(vector: Array) -> float:
 
 
 def _solve_within_bounds(jacobian: Array, error: Array, weight: float, wish: Array, low: Array, high: Array) -> Array:
-    """Solve for the (7,) change of posture within bounds that brings a hand nearest to its target.
+    """Solve for the (A,) change of posture within bounds that brings a hand nearest to its target.
 
     Args:
-        jacobian: (6, 7) motion and turn of the hand per joint.
+        jacobian: (6, A) motion and turn of the hand per joint.
         error: (6,) pose error, m and rad.
         weight: Weight of rad squared off the elbow's change, relative to m and rad squared of the hand.
-        wish: (7,) the elbow's preferred change.
-        low, high: (7,) bounds.
+        wish: (A,) the elbow's preferred change.
+        low, high: (A,) bounds.
     """
-    free = np.linalg.solve(jacobian.T @ jacobian + weight * _JOINTS, jacobian.T @ error + weight * wish)
+    joints = np.eye(len(wish))  # Equal weights of the arm's joints.
+    free = np.linalg.solve(jacobian.T @ jacobian + weight * joints, jacobian.T @ error + weight * wish)
     if (np.clip(free, low - _APART_RAD, high + _APART_RAD) == free).all():
         return np.asarray(free)
     # The unbounded solution takes a tenth of the time.
-    rows = np.concatenate([jacobian, np.sqrt(weight) * _JOINTS])
+    rows = np.concatenate([jacobian, np.sqrt(weight) * joints])
     sought = np.concatenate([error, np.sqrt(weight) * wish])
     return np.asarray(lsq_linear(rows, sought, (low - _APART_RAD, high + _APART_RAD), method="bvls").x)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from executor.data.state_readers import AGENT, ENVIRONMENT
+from executor.data.state_readers import ENVIRONMENT, agent_numbers
 from executor.sim.render.cameras import VIEWS
-from executor.sim.robot.actions import HAND_NUMBERS, TARGETS
+from executor.sim.robot.actions import hand_numbers
 from executor.system.extras import installed_version, require
+from oag.model.robots import PAPER_ROBOT, chosen_robot, robot_named
 
 TYPE = "scene2demo"
 _FIRST_TASK = "T1-v0"
@@ -53,8 +54,8 @@ def register() -> None:
     """Register the environment type with LeRobot, which has to be installed.
 
     Its options on LeRobot's command line are `--env.task`, `--env.observation_mode` ("state" or "pixels"),
-    `--env.action_mode`, `--env.normalised`, `--env.full_size`, `--env.fps`, `--env.width`, `--env.height`,
-    `--env.episode_length`.
+    `--env.action_mode`, `--env.normalised`, `--env.full_size`, `--env.robot`, `--env.fps`, `--env.width`,
+    `--env.height`, `--env.episode_length`.
     """
     base = importlib.import_module("lerobot.envs.configs").EnvConfig
     kinds = importlib.import_module("lerobot.configs.types")
@@ -70,14 +71,17 @@ def register() -> None:
         action_mode: str = "joint_target"
         normalised: bool = False
         full_size: bool = False
+        robot: str = ""
         width: int = 128
         height: int = 128
 
         def __post_init__(self) -> None:
-            numbers = TARGETS if self.action_mode == "joint_target" else HAND_NUMBERS
+            robot = robot_named(chosen_robot(self.robot, full_size=self.full_size) or PAPER_ROBOT.name)
+            joints = len(robot.joint_names)
+            numbers = joints if self.action_mode == "joint_target" else hand_numbers(robot)
             self.features = {
                 "action": feature(kind.ACTION, (numbers,)),
-                "agent_pos": feature(kind.STATE, (AGENT,)),
+                "agent_pos": feature(kind.STATE, (agent_numbers(robot),)),
             }
             self.features_map = {"action": "action", "agent_pos": "observation.state"}
             if self.observation_mode == "state":
@@ -96,6 +100,7 @@ def register() -> None:
                 "action_mode": self.action_mode,
                 "normalised": self.normalised,
                 "full_size": self.full_size,
+                "robot": self.robot,
                 "rate_hz": float(self.fps),
                 "size": (self.width, self.height),
                 "render_mode": "rgb_array",

@@ -15,7 +15,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from executor.data.state_readers import AGENT, ENVIRONMENT, LARGEST, POINTS, CloudReader, StateReader, named_objects
+from executor.data.state_readers import (
+    ENVIRONMENT,
+    LARGEST,
+    POINTS,
+    CloudReader,
+    StateReader,
+    agent_numbers,
+    named_objects,
+)
 from executor.data.units import UNVARIED, Variation
 from executor.envs.episodes import (
     DrawnEpisode,
@@ -26,7 +34,7 @@ from executor.envs.episodes import (
     query_source,
     task_source,
 )
-from executor.envs.hand_control import ARM_SPEEDS_RAD_S, Elbow, HandFollower
+from executor.envs.hand_control import Elbow, HandFollower, arm_speeds
 from executor.geometry import Array
 from executor.rollouts.checkpoint import Checkpoint
 from executor.scenes.generators.families import Family
@@ -36,12 +44,12 @@ from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.frames import Picture, check_size
 from executor.sim.render.stage import SceneRenderer, Stage
-from executor.sim.robot.actions import HAND_NUMBERS, TARGETS, joint_limits
+from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, hand_numbers, joint_limits
 from executor.sim.world import World
 from executor.skills.control import FINGER_SPEED_M_S
-from executor.skills.trajectories import SPEED_LIMITS
+from executor.skills.trajectories import speed_limits
 from oag import Scene, Task
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, chosen_robot, known_robot, robot_named
 
 
 class Views:
@@ -88,13 +96,18 @@ class Views:
 
 
 SLACK = 1.001  # Slack of speed limits: recorded targets are rounded.
-SPEEDS = np.array([*SPEED_LIMITS, FINGER_SPEED_M_S, FINGER_SPEED_M_S])
-"""Speed limits of targets, those of planned motions: m/s, rad/s; base, arm, fingers."""
 
-FOLLOWING_SPEEDS = np.concatenate([SPEEDS[:3], ARM_SPEEDS_RAD_S, SPEEDS[10:]])
-"""Speed limits where the arm follows hand actions."""
 
-_MOVERS = 10  # Base and arm; fingers press, without a velocity target.
+def target_speeds(robot: Robot, *, following: bool = False) -> Array:
+    """Return (J,) the speed limits of targets, those of planned motions, m/s and rad/s; base, arm, fingers.
+
+    Args:
+        robot: Its record.
+        following: Whether the arm follows hand actions.
+    """
+    planned = speed_limits(robot)
+    arm = arm_speeds(robot) if following else planned[robot.arm]
+    return np.array([*planned[robot.base], *arm, FINGER_SPEED_M_S, FINGER_SPEED_M_S])
 
 
 def steps_each(rate_hz: float, timestep_s: float = TIMESTEP_S) -> int:
@@ -110,16 +123,16 @@ class Simulation:
         start: Start of the episode.
         rate_hz: Actions per second of simulated time.
         physics: Changed physics of an experiment or a varied demonstration.
-        speeds: (12,) speed limits of targets, m/s and rad/s.
+        follows: Whether the arm follows hand actions.
 
     Attributes:
         world: The physics.
-        target: (12,) present joint targets of the drives.
+        target: (J,) present joint targets of the drives.
         period_s: Duration of an action [s].
     """
 
     def __init__(
-        self, scene: Scene, start: Checkpoint, rate_hz: float, physics: Physics = STANDARD, speeds: Array = SPEEDS
+        self, scene: Scene, start: Checkpoint, rate_hz: float, physics: Physics = STANDARD, *, follows: bool = False
     ) -> None:
         self.world, control = start.restore(scene, lambda: None, physics=physics)
         # The engine finds contacts by stepping, and a restored world has none.
@@ -127,9 +140,10 @@ class Simulation:
         self._each = steps_each(rate_hz, self.world.timestep_s)
         self.period_s = self._each * self.world.timestep_s
         self._joints = list(self.world.robot.active_joints)
-        self._low, self._high = joint_limits(scene.robot.scale).T
-        self._speeds = speeds
-        self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
+        self._low, self._high = joint_limits(scene.robot.model).T
+        self._speeds = target_speeds(scene.robot.model, following=follows)
+        self._movers = scene.robot.model.movers  # Base and arm; fingers press, without a velocity target.
+        self.target = np.array([*control.target, control.finger_target_m, control.finger_target_m])
 
     def advance(self, wanted: Array) -> None:
         """Move the drive targets towards new ones until the next action is due.
@@ -138,24 +152,24 @@ class Simulation:
         are due at whole multiples of the period, as samples of demonstrations are taken.
 
         Args:
-            wanted: (12,) joint targets.
+            wanted: (J,) joint targets.
         """
-        world = self.world
+        world, movers = self.world, self._movers
         count = self._each - world.steps % self._each
         duration_s = count * world.timestep_s
         start = self.target.copy()
         # Targets of pressing fingers lie far beyond their positions; they return from the positions.
-        held_m = np.asarray(world.robot.get_qpos(), dtype=float)[_MOVERS:]
+        held_m = np.asarray(world.robot.get_qpos(), dtype=float)[movers:]
         wanted = np.clip(np.asarray(wanted, dtype=float), self._low, self._high)
-        start[_MOVERS:] = np.clip(
-            held_m, np.minimum(start[_MOVERS:], wanted[_MOVERS:]), np.maximum(start[_MOVERS:], wanted[_MOVERS:])
+        start[movers:] = np.clip(
+            held_m, np.minimum(start[movers:], wanted[movers:]), np.maximum(start[movers:], wanted[movers:])
         )
         most = SLACK * duration_s * self._speeds
         change = np.clip(wanted - start, -most, most)
-        for joint, speed in zip(self._joints[:_MOVERS], (change[:_MOVERS] / duration_s).tolist(), strict=True):
+        for joint, speed in zip(self._joints[:movers], (change[:movers] / duration_s).tolist(), strict=True):
             joint.set_drive_velocity_target(speed)
         # Constant targets are set once: setting costs a tenth of a physics step.
-        moving = [k for k in range(TARGETS) if change[k] or start[k] != self.target[k]]
+        moving = [k for k in range(len(change)) if change[k] or start[k] != self.target[k]]
         tell = [self._joints[k].set_drive_target for k in moving]
         for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * change)[:, moving].tolist():
             for tell_joint, target in zip(tell, targets, strict=True):
@@ -188,7 +202,8 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: "rgb_array": `render` draws the global view.
         physics: Physics of a varied demonstration.
         variation: Variation of seeds besides layout and places, where they draw something.
-        full_size: Whether the robot is of full size; a concrete scene has its own.
+        full_size: Another word for the robot "panda".
+        robot: Name of the robot; by default the scene's own, or the paper's. A concrete scene has its own.
         start: Start of the episode of `task`, if it is not the scene's.
 
     Attributes:
@@ -219,12 +234,14 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         variation: Variation = UNVARIED,
         full_size: bool = False,
         start: Checkpoint | None = None,
+        robot: str = "",
     ) -> None:
         # Arguments for copies; no other locals exist here yet.
         self._arguments = {name: value for name, value in locals().items() if name != "self"}
         self.family = family
-        self._episode_source = _episode_source(family, scene, query, task, physics, variation, full_size, start)
-        self._scale = scene.robot.scale if isinstance(scene, Scene) else FULL_SCALE if full_size else PAPER_SCALE
+        chosen = known_robot(chosen_robot(robot, full_size=full_size))
+        self._episode_source = _episode_source(family, scene, query, task, physics, variation, chosen, start)
+        self._robot = scene.robot.model if isinstance(scene, Scene) else robot_named(chosen or PAPER_ROBOT.name)
         _check_choice("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
         _check_choice("action_mode", action_mode, ("joint_target", "paper"))
         _check_choice("render_mode", render_mode, (None, "rgb_array"))
@@ -233,10 +250,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._size = check_size((int(size[0]), int(size[1])))
         self._modes = (observation_mode, action_mode)
         self._rate_hz, self._normalised, self.render_mode = rate_hz, normalised, render_mode
-        self._limits = action_limits(action_mode, rate_hz, self._scale)
+        self._limits = action_limits(action_mode, rate_hz, self._robot)
         low, high = (-np.ones(len(self._limits[0])), np.ones(len(self._limits[0]))) if normalised else self._limits
         self.action_space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-        self.observation_space = _observation_space(observation_mode, self._size)
+        self.observation_space = _observation_space(observation_mode, self._size, self._robot)
         # Video writers need an integer.
         fps = round(1.0 / (steps_each(rate_hz) * TIMESTEP_S))
         self.metadata = {**type(self).metadata, "render_fps": fps}
@@ -267,7 +284,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     @property
     def target(self) -> Array:
-        """(12,) present joint targets of the drives."""
+        """(J,) present joint targets of the drives."""
         return self._running().target.copy()
 
     @property
@@ -295,24 +312,22 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             The observation, and the info.
 
         Raises:
-            ValueError: There is no such seed or index, or the scene's robot is of another size.
+            ValueError: There is no such seed or index, or the scene's robot is another one.
             NotDrawn: No room could be drawn for this seed.
         """
         super().reset(seed=seed)
         index = (options or {}).get("index")
         episode = self._drawn(seed, None if index is None else int(index))
-        if episode.scene.robot.scale != self._scale:
-            raise ValueError(
-                f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
-            )
+        if (found := episode.scene.robot.model) is not self._robot:
+            word = "full_size=True" if found is FULL_SIZE else f"robot={found.name!r}"
+            raise ValueError(f"{self.task}: the scene's robot is a {found.words}; make the environment with {word}")
         self._episode, self.task_description = episode, episode.query
         self._leave()
         follows = self._modes[1] == "paper"
-        speeds = FOLLOWING_SPEEDS if follows else SPEEDS
-        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
+        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, follows=follows)
         world = self._simulation.world
         self._follower = (
-            HandFollower(self._scale, self._simulation.target, self._simulation.period_s, Elbow(world))
+            HandFollower(self._robot, self._simulation.target, self._simulation.period_s, Elbow(world))
             if follows
             else None
         )
@@ -421,33 +436,34 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._simulation = None
 
 
-def action_limits(mode: ActionMode, rate_hz: float, scale: float) -> tuple[Array, Array]:
+def action_limits(mode: ActionMode, rate_hz: float, robot: Robot) -> tuple[Array, Array]:
     """Return the minimum and maximum of each number of an action, in m, rad and shares.
 
     Args:
         mode: Kind of actions.
         rate_hz: Actions per second; differences shrink with it.
-        scale: The robot's scale; 1 is a full-size Panda.
+        robot: Its record.
     """
-    limits = joint_limits(scale)
+    limits = joint_limits(robot)
     if mode == "joint_target":
         return limits[:, 0], limits[:, 1]
     # Driving along both room axes at once is faster along the base's own.
-    driving = SPEEDS[:3] * [np.sqrt(2.0), np.sqrt(2.0), 1.0]
+    driving = speed_limits(robot)[robot.base]
+    driving[:2] *= np.sqrt(2.0)
     most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
-    most[-3:] *= 1.001
+    most[BASE_NUMBERS_FROM:] *= 1.001
     low, high = -most, most
     pressing_m, opening_m = limits[-1]
-    low[6], high[6] = pressing_m / opening_m, 1.0
-    assert len(low) == HAND_NUMBERS
+    low[OPENING], high[OPENING] = pressing_m / opening_m, 1.0
+    assert len(low) == hand_numbers(robot)
     return low, high
 
 
-def _observation_space(mode: ObservationMode, size: tuple[int, int]) -> spaces.Dict:
+def _observation_space(mode: ObservationMode, size: tuple[int, int], robot: Robot) -> spaces.Dict:
     def numbers(*shape: int) -> spaces.Box:
         return spaces.Box(-LARGEST, LARGEST, shape, np.float32)
 
-    parts: dict[str, spaces.Space[Any]] = {"agent_pos": numbers(AGENT)}
+    parts: dict[str, spaces.Space[Any]] = {"agent_pos": numbers(agent_numbers(robot))}
     if mode == "state":
         parts["environment_state"] = numbers(ENVIRONMENT)
     elif mode == "point_cloud":
@@ -465,7 +481,7 @@ def _episode_source(
     task: Task | None,
     physics: Physics,
     variation: Variation,
-    full_size: bool,
+    robot: str,
     start: Checkpoint | None,
 ) -> EpisodeSource:
     """Return the source of episodes.
@@ -474,11 +490,11 @@ def _episode_source(
         ValueError: There is none, or more than one.
     """
     if family is not None and scene is None and task is None and not query:
-        return family_source(family, variation, full_size=full_size)
+        return family_source(family, variation, robot=robot)
     if family is None and task is not None and isinstance(scene, Scene):
         return task_source(task, scene, query, physics, start)
     if family is None and task is None and query and isinstance(scene, str | Path):
-        return query_source(query, str(scene), variation, full_size=full_size)
+        return query_source(query, str(scene), variation, robot=robot)
     raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")
 
 

@@ -21,9 +21,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from executor.data.state_readers import AGENT_MORE
 from executor.envs.episodes import family_source
 from executor.learn.action_chunks import to_world_targets
-from executor.learn.demonstrations import MOST_GRASP_MODES, EpisodeKind, LearnedFrom, draw_point_indices
+from executor.learn.demonstrations import MOST_GRASP_MODES, EpisodeKind, LearnedFrom, draw_point_indices, robot_of_kinds
 from executor.learn.networks import PolicyNetwork
 from executor.learn.observations import (
     Numbers,
@@ -37,7 +38,7 @@ from executor.learn.observations import (
 from executor.learn.phases import PlanFollower
 from executor.learn.policy_record import ABOUT, NotAPolicy, PolicyRecord, load_network, normalise, read_record
 from executor.learn.settings import Acts, PolicySettings, Sees
-from executor.sim.robot.actions import HAND_NUMBERS, TARGETS
+from executor.sim.robot.actions import hand_numbers
 from executor.system.files import content_key, json_text, read_json
 
 
@@ -166,14 +167,14 @@ class TrainedPolicy:
         self._grasp_modes.clear()
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
-        """Return the next action: (12,) joint targets or (10,) a hand action.
+        """Return the next action: (J,) joint targets or (H,) a hand action.
 
         Raises:
             NotAPolicy: It is not finite.
         """
         self._observe(observation)
         if not self._waiting:
-            chunk = self._predict_actions(np.asarray(observation["agent_pos"], float)[:12])
+            chunk = self._predict_actions(np.asarray(observation["agent_pos"], float)[:-AGENT_MORE])
             self._waiting = list(require_finite(chunk, self.folder))
         return self._waiting.pop(0)
 
@@ -207,7 +208,7 @@ class TrainedPolicy:
         return self._grasp_modes[self.subtask]
 
     def _predict_actions(self, qpos: NDArray) -> NDArray:
-        """Predict the next actions: (execute, 12 or 10).
+        """Predict the next actions: (execute, J or H).
 
         If the phase advanced, query the network again with the new phase: no demonstration shows an action of a
         finished step.
@@ -215,7 +216,9 @@ class TrainedPolicy:
         found, logits = self._query_network()
         if logits is not None:
             before, sees, (numbers, _, cloud) = self._follower.phase, self._settings.sees, self._frames[-1]
-            self._follower.go_on(logits[0], shown_numbers(numbers[None], sees.places, sees.things, sees.handles)[0])
+            self._follower.go_on(
+                logits[0], shown_numbers(self.record.robot, numbers[None], sees.places, sees.things, sees.handles)[0]
+            )
             if self._follower.phase != before:
                 self._frames[-1] = (numbers, self._follower.phase, cloud)
                 found, logits = self._query_network()
@@ -224,7 +227,7 @@ class TrainedPolicy:
         mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
         chunk = (found * deviation + mean)[: self.execute]
         if self._settings.acts.kind == "joint_target":
-            chunk = to_world_targets(qpos, chunk, self.record.scale)
+            chunk = to_world_targets(self.record.robot, qpos, chunk)
         return chunk
 
     def _query_network(self) -> tuple[NDArray, NDArray | None]:
@@ -263,7 +266,6 @@ _NO_EFFECT = ("seed", "output_dir", "job_name", "resume", "checkpoint_path", "wa
 """Keys of a training without effect on the weights, and its seed."""
 
 _MOST_CHUNK = 64  # Longest chunk of this program's settings.
-_ACTION_KINDS: Mapping[int, Literal["joint_target", "paper"]] = {HAND_NUMBERS: "paper", TARGETS: "joint_target"}
 
 
 def is_stock(folder: Path) -> bool:
@@ -296,8 +298,11 @@ class LeRobotPolicy:
         if pictures := sorted(getattr(config, "image_features", None) or ()):
             raise NotAPolicy(f"{folder} sees {', '.join(pictures)}; here it is shown the state, and no pictures")
         numbers = int(config.action_feature.shape[0])
-        if numbers not in _ACTION_KINDS:
-            known = " or ".join(map(str, _ACTION_KINDS))
+        robot = robot_of_kinds(data.kinds)
+        action_kinds: dict[int, Literal["joint_target", "paper"]]
+        action_kinds = {hand_numbers(robot): "paper", len(robot.joint_names): "joint_target"}
+        if numbers not in action_kinds:
+            known = " or ".join(map(str, action_kinds))
             raise NotAPolicy(f"{folder} does {numbers} numbers at a time; the environment takes {known}")
         self.execute = int(getattr(config, "n_action_steps", 1))
         chunk = min(max(int(getattr(config, "chunk_size", self.execute)), self.execute), _MOST_CHUNK)
@@ -305,7 +310,7 @@ class LeRobotPolicy:
         self.record = PolicyRecord(
             settings=PolicySettings(
                 sees=Sees(kind="state"),
-                acts=Acts(kind=_ACTION_KINDS[numbers], chunk=chunk, execute=min(self.execute, chunk)),
+                acts=Acts(kind=action_kinds[numbers], chunk=chunk, execute=min(self.execute, chunk)),
             ),
             seed=_seed(folder),
             rate_hz=data.rate_hz,
@@ -349,7 +354,7 @@ class LeRobotPolicy:
         return 0
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
-        """Return the next action: (12,) joint targets or (10,) a hand action."""
+        """Return the next action: (J,) joint targets or (H,) a hand action."""
         batch = {
             "observation.state": _batch_of_one(observation["agent_pos"]),
             "observation.environment_state": _batch_of_one(observation["environment_state"]),
@@ -392,7 +397,7 @@ def _sentences(kind: EpisodeKind) -> Callable[[int], str]:
     if kind.origin.family is None:
         return lambda seed: kind.origin.query
     # As the environment draws and caches it: nothing is drawn twice.
-    draw = family_source(kind.origin.family, kind.variation, full_size=kind.full_size)
+    draw = family_source(kind.origin.family, kind.variation, robot=kind.robot_name)
     return lambda seed: draw(seed, None).query
 
 

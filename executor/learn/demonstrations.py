@@ -11,17 +11,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import AfterValidator, ValidationError
 
 from executor.data.episode import CLOUD, CORRECTION, DEMONSTRATION, FAILURE, Episode
 from executor.data.formats.export import open_set
 from executor.data.formats.selection import WITHOUT_PICTURES, NothingToExport
 from executor.data.formats.table import EpisodeStream, Extra, Repeats
-from executor.data.state_readers import POINTS
+from executor.data.state_readers import AGENT_MORE, POINTS
 from executor.data.store import NotADataset
 from executor.data.units import UNVARIED, DemoUnit, Origin, Variation
 from executor.learn.action_chunks import hand_poses, to_base_targets, to_hand_frame
@@ -38,7 +38,8 @@ from executor.learn.observations import (
 )
 from executor.learn.settings import PolicySettings, Sees
 from executor.system.files import content_key
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag import Scene
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, chosen_robot, known_robot, robot_named, robot_of_record
 from oag.model.symbols import ARTICULATIONS, Primitive
 
 
@@ -84,19 +85,16 @@ def demonstrations(path: Path, stream: EpisodeStream) -> Iterator[tuple[EpisodeI
         raise NothingToExport(f"{path} has no demonstrations, and only these are learned from")
 
 
-def robot_scale(path: Path, stream: EpisodeStream) -> float:
-    """Return the scale of a data set's robot; 1 is a full-size Panda.
+def robot_of_set(path: Path, stream: EpisodeStream) -> Robot:
+    """Return the record of a data set's robot.
 
     Raises:
         NotADataset: It is missing or invalid.
     """
     try:
-        scale = float(stream.found.robot["scale"])
-        if scale not in (PAPER_SCALE, FULL_SCALE):
-            raise ValueError(f"scale is {scale:g}, expected {PAPER_SCALE:g} or {FULL_SCALE:g}")
+        return robot_of_record(stream.found.robot)
     except (KeyError, TypeError, ValueError) as problem:
         raise _unreadable_metadata(path, "of the robot", problem) from None
-    return scale
 
 
 def _unreadable_metadata(path: Path, what: str, problem: Exception) -> NotADataset:
@@ -138,7 +136,7 @@ def cluster_grasp_modes(postures: Sequence[NDArray]) -> NDArray[np.int64]:
     first. From `MOST_GRASP_MODES` on, all remaining ones are one mode.
 
     Args:
-        postures: Per demonstration, (G, 7) the arm at each of its grasps, or at its release [rad]. The last ones are
+        postures: Per demonstration, (G, A) the arm at each of its grasps, or at its release [rad]. The last ones are
             compared with the last ones, since some demonstrations begin in the middle.
     """
     near = np.array([[_apart_rad(one, other) <= SAME_MODE_RAD for other in postures] for one in postures])
@@ -159,7 +157,7 @@ def _apart_rad(one: NDArray, other: NDArray) -> float:
 
 
 def _postures_at_grasps(episode: Episode, rows: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return (G, 7) the arm at the begin of each of an episode's grasps within some rows.
+    """Return (G, A) the arm, and the lift, at the begin of each of an episode's grasps within some rows.
 
     Without grasps, as for an item that is only placed, it is the arm at its release. An episode that continues with the
     handle already in the hand has none.
@@ -169,7 +167,7 @@ def _postures_at_grasps(episode: Episode, rows: NDArray[np.bool_]) -> NDArray[np
     if not grasping.any() and not (np.isin(primitives, list(ARTICULATIONS)) & rows).any():
         grasping = (primitives == Primitive.UNGRASP) & rows
     begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
-    return episode.columns["observation.state"][begun, 3:10]
+    return episode.columns["observation.state"][begun, 3:-10]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,16 +177,31 @@ class EpisodeKind:
     Attributes:
         origin: A family, or a sentence in a scene.
         variation: Further variation, without noise, which belongs to a demonstration's making and not to its task.
-        full_size: Whether the robot is of full size, from the request or from the scene itself.
+        full_size: Whether the robot is the Panda of full size, from the request or from the scene itself.
+        robot: Name of another robot than that or the paper's.
     """
 
     origin: Origin
     variation: Variation = UNVARIED
     full_size: bool = False
+    robot: Annotated[str, AfterValidator(known_robot)] = ""
+
+    @classmethod
+    def of(cls, origin: Origin, robot: Robot, variation: Variation = UNVARIED) -> EpisodeKind:
+        """Return the kind of a robot's episodes."""
+        return cls(origin, variation, robot is FULL_SIZE, "" if robot in (PAPER_ROBOT, FULL_SIZE) else robot.name)
+
+    @property
+    def robot_name(self) -> str:
+        """Name of the robot; empty for the scene's own, or the paper's."""
+        return chosen_robot(self.robot, full_size=self.full_size)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
+        """Return it as plain data, without a robot's name where earlier programs wrote none."""
+        data = asdict(self)
+        if not self.robot:
+            del data["robot"]
+        return data
 
 
 @dataclass(frozen=True)
@@ -204,12 +217,12 @@ class Demonstrations:
         starts, ends: (M,) begin and end of each moment's episode.
         lasts: (M,) end of each moment's chunk: of the running primitive, if policies observe it, and otherwise of the
             episode.
-        qpos: (M, 12) joint positions.
+        qpos: (M, J) joint positions.
         numbers: (M, F) state features.
         clouds: (M, P, 4) float16 points and mask, or None.
         hands: (M, H, POSE_NUMBERS) hand pose after each action of a chunk (`action_chunks.py`); None where it is not
             predicted.
-        actions: (M, 12) joint targets or (M, 10) hand actions.
+        actions: (M, J) joint targets or (M, H) hand actions.
         phases: (M,) index of the running step in `steps`.
         steps: The step numbers that occur (`observations.py`), in order.
         takeovers: Number of episodes that continue from a state that a policy reached.
@@ -241,6 +254,11 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.starts)
 
+    @property
+    def robot(self) -> Robot:
+        """The record of its robot."""
+        return robot_of_kinds(self.kinds)
+
     def after_leaving(self, moments: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the first `moments` rows of each step after a change, and the step that was left for each."""
         begun = np.flatnonzero((self.phases[1:] != self.phases[:-1]) & (self.starts[1:] == self.starts[:-1])) + 1
@@ -269,7 +287,7 @@ class Demonstrations:
         after = np.minimum(later + 1, self.ends[moments, None] - 1)
         actions = self.actions[rows]
         if actions.shape[-1] == self.qpos.shape[-1]:
-            actions = to_base_targets(self.qpos[moments], actions)
+            actions = to_base_targets(self.robot, self.qpos[moments], actions)
         if self.hands is not None:
             actions = np.concatenate([actions, self.hands[moments, :length]], axis=-1)
         return actions, self.phases[after]
@@ -288,7 +306,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         NotADataset: One of them is unreadable, or lacks the clouds that the policy observes.
     """
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
-    streams, scale = _of_one_robot(paths, include)
+    streams, robot = _of_one_robot(paths, include)
     found: list[EpisodeInfo] = []
     once = _Deduplicator([pair for stream in streams for pair in stream.found.repeats])
     rows: list[_ObservedEpisode] = []
@@ -312,15 +330,15 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         names=tuple(one.name for one in found),
         key=_key(found),
         rate_hz=streams[0].found.rate_hz,
-        kinds=_kinds(found, scale),
+        kinds=_kinds(found, robot),
         seeds=_seeds(found),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
         lasts=lasts,
-        qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
+        qpos=np.concatenate([episode.columns["observation.state"][:, :-AGENT_MORE] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
-        hands=_hands(episodes, lasts, settings.acts.chunk, scale) if settings.acts.hand else None,
+        hands=_hands(episodes, lasts, settings.acts.chunk, robot) if settings.acts.hand else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         phases=np.searchsorted(steps, phases),
         steps=steps,
@@ -370,8 +388,8 @@ def _recorded(episode: Episode) -> str:
     return content_key(*(np.ascontiguousarray(episode.columns[name]).data.cast("B") for name in columns))
 
 
-def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[list[EpisodeStream], float]:
-    """Open data sets, and return the scale of their robot.
+def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[list[EpisodeStream], Robot]:
+    """Open data sets, and return the record of their robot.
 
     Raises:
         NothingToExport: They differ in rate or robot.
@@ -382,13 +400,13 @@ def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[li
         pairs = zip(paths, streams, strict=True)
         rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
         raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
-    sizes = [robot_scale(path, stream) for path, stream in zip(paths, streams, strict=True)]
-    if len(set(sizes)) > 1:
-        scales = ", ".join(f"{path}: {size:g}" for path, size in zip(paths, sizes, strict=True))
+    robots = [robot_of_set(path, stream) for path, stream in zip(paths, streams, strict=True)]
+    if len({robot.name for robot in robots}) > 1:
+        names = ", ".join(f"{path}: {robot.name}" for path, robot in zip(paths, robots, strict=True))
         raise NothingToExport(
-            f"the data sets are of robots of different scales ({scales}); a policy has one robot, so train one on each"
+            f"the data sets are of different robots ({names}); a policy has one robot, so train one on each"
         )
-    return streams, sizes[0]
+    return streams, robots[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -421,7 +439,7 @@ def learned_from(path: Path) -> LearnedFrom:
     shown = [info for info, _ in demonstrations(path, stream)]
     return LearnedFrom(
         rate_hz=stream.found.rate_hz,
-        kinds=_kinds(shown, robot_scale(path, stream)),
+        kinds=_kinds(shown, robot_of_set(path, stream)),
         seeds=_seeds(shown),
         key=_key(shown),
         demonstrations=len(shown),
@@ -448,7 +466,7 @@ def _observe_episode(episode: Episode, settings: PolicySettings) -> list[_Observ
 
 def _images(episode: Episode) -> tuple[Episode, ...]:
     """Return an episode and, where the robot could do that, its mirror image."""
-    columns = mirror_columns(episode.columns)
+    columns = mirror_columns(Scene.from_json(episode.about["scene"]).robot.model, episode.columns)
     return (episode,) if columns is None else (episode, replace(episode, columns=columns))
 
 
@@ -508,19 +526,19 @@ def _steps_in_progress(episode: Episode) -> NDArray[np.int64]:
     return step_number(subtasks, primitives)[running[np.minimum(following, len(running) - 1)]]
 
 
-def scale_of(kinds: Sequence[EpisodeKind]) -> float:
-    """Return the robot's scale in episodes of some kinds; 1 is a full-size Panda."""
-    return FULL_SCALE if any(kind.full_size for kind in kinds) else PAPER_SCALE
+def robot_of_kinds(kinds: Sequence[EpisodeKind]) -> Robot:
+    """Return the record of the robot in episodes of some kinds."""
+    return robot_named(next((kind.robot_name for kind in kinds if kind.robot_name), PAPER_ROBOT.name))
 
 
-def _hands(episodes: Sequence[Episode], lasts: NDArray[np.int64], length: int, scale: float) -> Numbers:
+def _hands(episodes: Sequence[Episode], lasts: NDArray[np.int64], length: int, robot: Robot) -> Numbers:
     """Return (M, length, POSE_NUMBERS) hand poses of the joint targets, relative to each moment's hand.
 
     They are computed once: per batch it would take twice as long.
     """
-    columns = ("observation.state", "action.joint_target")
+    columns, joints = ("observation.state", "action.joint_target"), len(robot.joint_names)
     now, wanted = (
-        hand_poses(np.concatenate([episode.columns[column][:, :12] for episode in episodes]), scale)
+        hand_poses(np.concatenate([episode.columns[column][:, :joints] for episode in episodes]), robot)
         for column in columns
     )
     first = np.arange(len(now))
@@ -545,9 +563,8 @@ def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray
     return borders[np.searchsorted(borders, np.arange(len(phases)), side="right")]
 
 
-def _kinds(found: Iterable[EpisodeInfo], scale: float) -> tuple[EpisodeKind, ...]:
-    full_size = scale == FULL_SCALE
+def _kinds(found: Iterable[EpisodeInfo], robot: Robot) -> tuple[EpisodeKind, ...]:
     units = (one.unit for one in found)
     return tuple(
-        dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), full_size) for unit in units)
+        dict.fromkeys(EpisodeKind.of(unit.origin, robot, replace(unit.variation, noise_m=0)) for unit in units)
     )

@@ -210,7 +210,7 @@ class MonitorWatch:
     def __init__(self, world: World, task: Task) -> None:
         self._world = world
         self._targets = tuple(dict.fromkeys(part.target for part in task.subtasks))
-        kinematics = Kinematics(world.robot)
+        kinematics = Kinematics(world.robot, world.model)
         self._monitor = Monitor(world, kinematics, allowed=_allowed_contacts(world, self._targets))
         # Tasks of several subtasks move several things on purpose.
         self._bystanders = Bystanders(world, self._targets[0]) if len(self._targets) == 1 else None
@@ -222,12 +222,12 @@ class MonitorWatch:
         """Observe the world; call it once per action.
 
         Args:
-            target: (12,) present joint targets of the drives.
+            target: (J,) present joint targets of the drives.
         """
         world, q = self._world, np.asarray(self._world.robot.get_qpos(), dtype=float)
         self._note(self._monitor.check())
         self._note(self._bystanders.check() if self._bystanders is not None else None)
-        behind = stall(q, target[:10])
+        behind = stall(world.model, q, target[: world.model.movers])
         self._behind = 0 if behind is None else self._behind + 1
         if self._behind >= STALLED_LOOKS:
             self._note(behind)
@@ -247,9 +247,9 @@ def _allowed_contacts(world: World, targets: tuple[str, ...]) -> Allowed:
     """Return the contacts that handling some things allows."""
     allowed = NOTHING
     for name in targets:
-        allowed |= fingers_may_touch(name, hand=True) if name in world.dynamic_ids else NOTHING
+        allowed |= fingers_may_touch(world.model, name, hand=True) if name in world.dynamic_ids else NOTHING
         for handle in world.assets[name].handles:
-            allowed |= handle_contacts(name, handle)
+            allowed |= handle_contacts(world.model, name, handle)
     return allowed
 
 
@@ -331,7 +331,7 @@ def environment_for(policy: Policy, kind: EpisodeKind) -> SceneEnvironment:
         action_mode=settings.acts.kind,
         rate_hz=policy.record.rate_hz,
         variation=kind.variation,
-        full_size=kind.full_size,
+        robot=kind.robot_name,
     )
 
 

@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from executor.learn.observations import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, Numbers
+from executor.learn.observations import HANDLE_NUMBERS, THING_NUMBERS, Numbers
 from executor.learn.settings import NetworkForm, PolicySettings
 
 _FROM_BASE, _FROM_HAND = 3, 3
@@ -27,7 +27,7 @@ _MAGNIFIED, _MOST_MAGNIFIED = 10.0, 3.0
 """Magnification around a place, and clipping at 30 cm."""
 
 _CORRECTION = 0.1  # Scale of the second network's output: it starts small.
-_HAND_M, _HAND_AXES = slice(8, 11), slice(11, 17)  # Indices in the robot's numbers.
+_HAND_M, _HAND_AXES = slice(-9, -6), slice(-6, None)  # Indices in the robot's numbers.
 
 
 class PointNet(nn.Module):
@@ -49,12 +49,13 @@ class Locator(nn.Module):
     """Clouds -> the things and handles of `observations.state_numbers`.
 
     Args:
+        robot: Length of the robot's numbers.
         things, handles: Their numbers.
         widths: Layer widths per point.
         width: Width of the following layers.
     """
 
-    def __init__(self, things: int, handles: int, widths: tuple[int, ...], width: int = 256) -> None:
+    def __init__(self, robot: int, things: int, handles: int, widths: tuple[int, ...], width: int = 256) -> None:
         super().__init__()
         bars = things * THING_NUMBERS
         self._from_hand = [THING_NUMBERS * (row + 1) - 3 for row in range(things)]
@@ -63,7 +64,7 @@ class Locator(nn.Module):
         self._from_base += [bars + HANDLE_NUMBERS * (row + 1) - 6 for row in range(handles)]
         output_size = bars + handles * HANDLE_NUMBERS
         self.whole = PointNet(_FROM_BASE + 1 + _FROM_HAND, widths)
-        self.trunk = nn.Sequential(nn.Linear(widths[-1] + ROBOT_NUMBERS, width), nn.LayerNorm(width), nn.GELU())
+        self.trunk = nn.Sequential(nn.Linear(widths[-1] + robot, width), nn.LayerNorm(width), nn.GELU())
         self.first = nn.Linear(width, output_size)
         self.around = PointNet(_FROM_BASE + _FROM_HAND, widths)
         input_size = widths[-1] * len(self._from_hand) + width + output_size
@@ -76,7 +77,7 @@ class Locator(nn.Module):
 
         Args:
             cloud: (B, P, 4) x y z from the base (m), and 1 on the hand.
-            robot: (B, ROBOT_NUMBERS) the robot, from `state_numbers`.
+            robot: (B, R) the robot, from `state_numbers`.
         """
         across, along = robot[:, _HAND_AXES].reshape(-1, 3, 2).unbind(dim=-1)
         hand = torch.stack([across, along, torch.linalg.cross(across, along)], dim=-1)
@@ -130,12 +131,14 @@ class NetworkSizes:
         action: Numbers of an action.
         phases: Number of primitives that occur.
         grasp_modes: Number of grasp modes.
+        robot: Length of the robot's numbers, which come first.
     """
 
     numbers: int
     action: int
     phases: int
     grasp_modes: int
+    robot: int
 
 
 class PolicyNetwork(nn.Module):
@@ -153,7 +156,7 @@ class PolicyNetwork(nn.Module):
         super().__init__()
         self.members = nn.ModuleList(_Member(settings, sizes) for _ in range(settings.network.members))
         sees, widths = settings.sees, settings.network.point_widths
-        self.locator = Locator(sees.things, sees.handles, widths) if sees.locates else None
+        self.locator = Locator(sizes.robot, sees.things, sees.handles, widths) if sees.locates else None
 
     def forward(
         self,
@@ -185,7 +188,7 @@ class PolicyNetwork(nn.Module):
         """Return (N, F) the robot's numbers, followed by the located things and handles.
 
         Args:
-            robot: (N, ROBOT_NUMBERS) the robot.
+            robot: (N, R) the robot.
             cloud: (N, P, 4) clouds.
         """
         if self.locator is None:

@@ -39,7 +39,7 @@ from executor.data.state_readers import HANDLE, HANDLES, THING, THINGS
 from executor.learn.settings import Sees
 from executor.sim.robot.actions import joint_limits
 from oag import Task
-from oag.model.scene import FULL_SCALE
+from oag.model.robots import Robot
 from oag.model.symbols import OPPOSITE, Primitive
 
 Count = TypeVar("Count", int, NDArray[np.int64])
@@ -98,7 +98,7 @@ def surrounding_numbers(agent: NDArray, environment: NDArray, began: NDArray, di
     counter-clockwise, evenly.
 
     Args:
-        agent: (N, AGENT) the robot, see `executor.data.state_readers`.
+        agent: (N, J + 8) the robot, see `executor.data.state_readers`.
         environment: (N, ENVIRONMENT) its surroundings.
         began: (ENVIRONMENT,) the surroundings at the policy's start.
         directions: Number of rays per round.
@@ -197,22 +197,28 @@ def _distances_m(
 
 Numbers = NDArray[np.float32]
 
-ROBOT_NUMBERS, THING_NUMBERS, HANDLE_NUMBERS = 17, 18, 7
+THING_NUMBERS, HANDLE_NUMBERS = 18, 7
 OWN_NUMBERS = 11
 
-_OPENING = 7  # Index after the arm's joints, or after the hand's pose.
+_MORE = 10  # Numbers of the robot after its lift and arm.
+_OPENING = 7  # Index after the hand's pose.
+
+
+def robot_number_count(robot: Robot) -> int:
+    """Return the length of `robot_numbers`."""
+    return robot.movers - 3 + _MORE
 
 
 def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArray | None = None) -> Numbers:
     """Return (N, F) state features, in m, rad and shares.
 
-    ROBOT_NUMBERS of the robot: seven arm joints, gripper opening, hand position and first two axes of the hand in the
+    The numbers of the robot: lift and arm joints, gripper opening, hand position and first two axes of the hand in the
     base frame. THING_NUMBERS of each thing: its position and first two axes, its extent, its grasp point from the base
     and from the hand. HANDLE_NUMBERS of each handle: its opening, its bar from the base and from the hand. Absent
     things are 0. Then free space, where it is observed (`surrounding_numbers`).
 
     Args:
-        agent: (N, AGENT) the robot.
+        agent: (N, J + 8) the robot.
         environment: (N, ENVIRONMENT) its surroundings.
         sees: Numbers of things, handles and directions.
         began: (ENVIRONMENT,) the surroundings at the policy's start; by default the first of those.
@@ -240,10 +246,10 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArr
 
 
 def robot_numbers(agent: NDArray) -> Numbers:
-    """Return (N, ROBOT_NUMBERS), the first of `state_numbers`."""
+    """Return (N, `robot_number_count`), the first of `state_numbers`."""
     agent = np.asarray(agent, float)
     _, hand, hand_m = _hand(agent)
-    return np.concatenate([agent[:, 3:10], agent[:, 19:20], hand_m, _axes(hand)], axis=1, dtype=np.float32)
+    return np.concatenate([agent[:, 3:-_MORE], agent[:, -1:], hand_m, _axes(hand)], axis=1, dtype=np.float32)
 
 
 def own_numbers(agent: NDArray) -> Numbers:
@@ -256,24 +262,27 @@ def own_numbers(agent: NDArray) -> Numbers:
     _, hand, hand_m = _hand(agent)
     turn = hand.as_quat()
     turn = np.where(turn[:, :1] + turn[:, 3:] < 0.0, -turn, turn)
-    return np.concatenate([hand_m, turn, agent[:, 19:20], agent[:, :3]], axis=1, dtype=np.float32)
+    return np.concatenate([hand_m, turn, agent[:, -1:], agent[:, :3]], axis=1, dtype=np.float32)
 
 
-def shown_numbers(numbers: Numbers, places: bool, things: int, handles: int) -> Numbers:
+def shown_numbers(robot: Robot, numbers: Numbers, places: bool, things: int, handles: int) -> Numbers:
     """Return (N, 1 + 4 * handles + 3 * things) progress numbers of observations.
 
     They are the gripper's opening (m), the grasp point of each thing and then of each handle, from the hand (m), and
     each handle's opening. Without places it is the gripper's opening alone.
 
     Args:
+        robot: Its record.
         numbers: (N, F) from `state_numbers` or `own_numbers`.
         places: Whether it is the former.
         things, handles: Their numbers of things and handles.
     """
-    found = [numbers[:, _OPENING : _OPENING + 1]]
+    own = robot_number_count(robot)
+    opening = own - _MORE if places else _OPENING
+    found = [numbers[:, opening : opening + 1]]
     if places:
-        begins = ROBOT_NUMBERS + THING_NUMBERS * things
-        ends = [ROBOT_NUMBERS + THING_NUMBERS * (row + 1) for row in range(things)]
+        begins = own + THING_NUMBERS * things
+        ends = [own + THING_NUMBERS * (row + 1) for row in range(things)]
         ends += [begins + HANDLE_NUMBERS * (row + 1) for row in range(handles)]
         found += [numbers[:, end - 3 : end] for end in ends]
         found += [numbers[:, begins : begins + HANDLE_NUMBERS * handles : HANDLE_NUMBERS]]
@@ -283,7 +292,7 @@ def shown_numbers(numbers: Numbers, places: bool, things: int, handles: int) -> 
 def _hand(agent: NDArray) -> tuple[Rotation, Rotation, NDArray]:
     """Return the rotation from room to base, and rotation and position (N, 3) of the hand in the base frame."""
     to_base = Rotation.from_euler("z", -agent[:, 2:3])
-    return to_base, to_base * Rotation.from_quat(agent[:, 15:19]), to_base.apply(agent[:, 12:15] - _floor_m(agent))
+    return to_base, to_base * Rotation.from_quat(agent[:, -5:-1]), to_base.apply(agent[:, -8:-5] - _floor_m(agent))
 
 
 def _floor_m(agent: NDArray) -> NDArray:
@@ -298,18 +307,14 @@ def _axes(turn: Rotation) -> NDArray:
 
 Columns = Mapping[str, NDArray]
 
-_MIRROR_JOINTS = np.array([1, -1, -1, -1, 1, -1, 1, -1, 1, -1, 1, 1], dtype=np.float32)
-_WRIST, _WRIST_MIDDLE_RAD = 9, np.pi / 4
-"""The last joint of the arm, and its angle with a straight hand."""
-
+_MIRROR_BASE = (1.0, -1.0, -1.0, 1.0)
 _MIRROR_PLACE = np.array([1, -1, 1], dtype=np.float32)
 _MIRROR_TURN = np.array([-1, 1, -1], dtype=np.float32)  # Signs of a rotation vector, and of a quaternion's x y z.
 _MIRROR_POSE = np.concatenate([_MIRROR_PLACE, _MIRROR_TURN, [1]]).astype(np.float32)
-_MIRROR_AGENT = np.concatenate([np.ones(12), _MIRROR_POSE, [1]]).astype(np.float32)
 _MIRROR_THING = np.concatenate([[1], _MIRROR_POSE, [1, 1, 1], _MIRROR_PLACE]).astype(np.float32)
 _MIRROR_HANDLE = np.concatenate([[1, 1, 1], _MIRROR_PLACE]).astype(np.float32)
 _MIRROR_ENVIRONMENT = np.concatenate([*[_MIRROR_THING] * THINGS, *[_MIRROR_HANDLE] * HANDLES])
-_MIRROR_HAND_ACTION = np.concatenate([_MIRROR_PLACE, _MIRROR_TURN, [1, 1, -1, -1]]).astype(np.float32)
+_MIRROR_HAND_ACTION = np.concatenate([_MIRROR_PLACE, _MIRROR_TURN, [1, 1, -1, -1, 1]]).astype(np.float32)
 _LEFTWARDS = (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_BASE_LEFT, Primitive.TURN_BASE_LEFT)
 _OTHER_SIDE = {one: OPPOSITE[one] for left in _LEFTWARDS for one in (left, OPPOSITE[left])}
 _MIRROR_PRIMITIVES = np.array(
@@ -318,34 +323,40 @@ _MIRROR_PRIMITIVES = np.array(
 _MIRROR_POINT = np.append(_MIRROR_PLACE, 1).astype(np.float32)
 
 
-def mirror_columns(columns: Columns) -> dict[str, NDArray] | None:
+def mirror_columns(robot: Robot, columns: Columns) -> dict[str, NDArray] | None:
     """Mirror an episode's columns (`executor.data.episode`); None where a joint would exceed its limits.
 
     Args:
+        robot: Its record.
         columns: Columns of the episode; those that policies do not observe stay.
     """
     found = dict(columns)
-    agent = columns["observation.state"] * _MIRROR_AGENT
-    agent[:, :12] = mirror_joints(columns["observation.state"][:, :12])
+    joints_count = len(robot.joint_names)
+    signs = np.concatenate([np.ones(joints_count), _MIRROR_POSE, [1]]).astype(np.float32)
+    agent = columns["observation.state"] * signs
+    agent[:, :joints_count] = mirror_joints(robot, columns["observation.state"][:, :joints_count])
     found["observation.state"] = agent
-    found["action.joint_target"] = mirror_joints(columns["action.joint_target"])
-    low, high = joint_limits(FULL_SCALE).T.astype(np.float32)
-    arm = slice(3, 10)
+    found["action.joint_target"] = mirror_joints(robot, columns["action.joint_target"])
+    low, high = joint_limits(robot).T.astype(np.float32)
+    arm = robot.arm
     for joints in (agent[:, arm], found["action.joint_target"][:, arm]):
         if (joints < low[arm]).any() or (joints > high[arm]).any():
             return None
     found["observation.environment_state"] = columns["observation.environment_state"] * _MIRROR_ENVIRONMENT
-    found["action"] = columns["action"] * _MIRROR_HAND_ACTION
+    found["action"] = columns["action"] * _MIRROR_HAND_ACTION[: columns["action"].shape[1]]
     found["primitive_index"] = _MIRROR_PRIMITIVES[columns["primitive_index"]]
     if CLOUD in columns:
         found[CLOUD] = columns[CLOUD] * _MIRROR_POINT
     return found
 
 
-def mirror_joints(joints: NDArray) -> NDArray:
-    """Return (N, 12) mirrored joints: base x, y (m) and yaw (rad), arm (rad), fingers (m)."""
-    found = joints * _MIRROR_JOINTS
-    found[:, _WRIST] += 2 * _WRIST_MIDDLE_RAD
+def mirror_joints(robot: Robot, joints: NDArray) -> NDArray:
+    """Return (N, J) mirrored joints: base x, y (m), yaw (rad) and lift (m), arm (rad), fingers (m)."""
+    signs = [*_MIRROR_BASE[: robot.base.stop], *(sign for sign, _ in robot.mirrored), 1.0, 1.0]
+    found = joints * np.array(signs, dtype=np.float32)
+    for joint, (_, offset_rad) in enumerate(robot.mirrored, start=robot.arm.start):
+        if offset_rad:
+            found[:, joint] += offset_rad
     return found
 
 
@@ -379,10 +390,10 @@ def offset_drives(
     turn = Rotation.from_euler("z", moved[:, 2:])
     base_m = np.concatenate([agent[rows, :2], np.zeros((len(rows), 1))], axis=1)
     by_m = np.concatenate([moved[:, :2], np.zeros((len(rows), 1))], axis=1)
-    hand_m = agent[rows, 12:15]
+    hand_m = agent[rows, -8:-5]
     agent[rows, :3] += moved
-    agent[rows, 12:15] = turn.apply(hand_m - base_m) + base_m + by_m
-    agent[rows, 15:19] = (turn * Rotation.from_quat(agent[rows, 15:19])).as_quat()
+    agent[rows, -8:-5] = turn.apply(hand_m - base_m) + base_m + by_m
+    agent[rows, -5:-1] = (turn * Rotation.from_quat(agent[rows, -5:-1])).as_quat()
     around = np.array(columns["observation.environment_state"], np.float64)
     things = around[:, : THINGS * THING].reshape(len(around), THINGS, THING)
     for thing in range(THINGS):

@@ -28,11 +28,12 @@ from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
 from executor.data.state_readers import LARGEST
 from executor.learn.action_chunks import action_size
-from executor.learn.demonstrations import Demonstrations, EpisodeKind, scale_of
+from executor.learn.demonstrations import Demonstrations, EpisodeKind, robot_of_kinds
 from executor.learn.networks import NetworkSizes, PolicyNetwork
-from executor.learn.observations import DRIVES, Numbers, primitive_of, shown_numbers, subtask_of
+from executor.learn.observations import DRIVES, Numbers, primitive_of, robot_number_count, shown_numbers, subtask_of
 from executor.learn.settings import PolicySettings, settings_of
 from executor.system.files import content_key, json_text, read_json, write_json
+from oag.model.robots import Robot
 from oag.model.symbols import Primitive
 
 SCHEMA = "scene2demo-policy/4"
@@ -123,13 +124,13 @@ class PolicyRecord:
     @property
     def sizes(self) -> NetworkSizes:
         """Sizes of the network."""
-        each = action_size(self.settings.acts)
-        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.steps), self.grasp_modes)
+        each, own = action_size(self.settings.acts, self.robot), robot_number_count(self.robot)
+        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.steps), self.grasp_modes, own)
 
     @property
-    def scale(self) -> float:
-        """Scale of the robot; 1 is a full-size Panda."""
-        return scale_of(self.kinds)
+    def robot(self) -> Robot:
+        """Record of the robot."""
+        return robot_of_kinds(self.kinds)
 
     @property
     def key(self) -> str:
@@ -180,10 +181,11 @@ class PolicyRecord:
             names = ("numbers", "actions", "left")
             inputs, done, exit_bounds = ([np.asarray(part, np.float32) for part in data[name]] for name in names)
             count = len(data["steps"]) if settings.sees.phase else 1
-            each = (count, settings.acts.chunk, action_size(settings.acts))
             shapes = [part.shape for part in (*inputs, *exit_bounds)]
             if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
                 raise ValueError("arrays of other shapes than the settings say")
+            rate_hz, kinds = float(data["rate_hz"]), _KINDS.validate_python(data["kinds"])
+            each = (count, settings.acts.chunk, action_size(settings.acts, robot_of_kinds(kinds)))
             if [part.shape for part in done] != [each, each]:
                 raise ValueError("arrays of other shapes than the settings say")
             sees = settings.sees
@@ -194,7 +196,6 @@ class PolicyRecord:
                 raise ValueError("bounds or steps that are not those of such a policy")
             if longest_s.shape != (count,) or not (longest_s > 0.0).all():
                 raise ValueError("longest steps that are not one for each")
-            rate_hz, kinds = float(data["rate_hz"]), _KINDS.validate_python(data["kinds"])
             if not 0.0 < rate_hz < np.inf or not kinds:
                 raise ValueError("no rate above 0, or nothing that its demonstrations are of")
             parts = (*inputs, *done, *exit_bounds, longest_s)
@@ -251,7 +252,7 @@ def _phase_exit_bounds(settings: PolicySettings, data: Demonstrations) -> tuple[
     grasp.
     """
     sees = settings.sees
-    shown = shown_numbers(data.numbers, sees.places, sees.things, sees.handles)
+    shown = shown_numbers(data.robot, data.numbers, sees.places, sees.things, sees.handles)
     count = len(data.steps) if sees.phase else 1
     most = np.full((count, shown.shape[1]), LARGEST, np.float32)
     least = -most

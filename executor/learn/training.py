@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from executor.learn.demonstrations import Demonstrations
 from executor.learn.networks import Locator, PolicyNetwork
-from executor.learn.observations import ROBOT_NUMBERS
+from executor.learn.observations import robot_number_count
 from executor.learn.policy_record import (
     LOSSES,
     RESUME,
@@ -239,8 +239,9 @@ class Trainer:
         cloud = self._data.clouds[moments].astype(np.float32)
         cloud[..., :3] += self._form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
         numbers = self._to_device(self._data.numbers[moments])
-        located = locator(self._to_device(cloud), numbers[:, :ROBOT_NUMBERS])
-        wanted = numbers[:, ROBOT_NUMBERS:]
+        own = robot_number_count(self._data.robot)
+        located = locator(self._to_device(cloud), numbers[:, :own])
+        wanted = numbers[:, own:]
         return _PLACES_WEIGHT * sum((nn.functional.l1_loss(part, wanted) for part in located), torch.zeros(()))
 
     def _to_device(self, array: np.ndarray) -> Tensor:

@@ -23,9 +23,9 @@ from executor.planning.drives import can_withdraw
 from executor.planning.grasps import Push
 from executor.planning.paths import arc_about, base_move, segment
 from executor.planning.planner import Planner
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from oag import Action, Primitive
+from oag.model.robots import Robot
 
 STEP_M = 0.015  # Of the grip between two rows.
 STEP_RAD = 0.04  # And of the hinge, for grips near to it.
@@ -103,7 +103,7 @@ class Course:
     Attributes:
         positions: (N,) joint positions, the start first.
         hands: (N, 4, 4) hand poses.
-        bases: (N, 3) base poses.
+        bases: (N, B) the base's coordinates.
     """
 
     positions: Array
@@ -127,7 +127,7 @@ def course(
 
     Args:
         T_world_eef: (4, 4) the hand at the start.
-        base: (3,) the base at the start.
+        base: (B,) the base at the start.
         T_world_root: (4, 4) where the object stands.
         start, end: Joint positions in rad or m.
         share: How base and hand take part.
@@ -151,7 +151,8 @@ def course(
     hands[:, :3, 3] = points
     turns = share.turn * angles * float(axis[2])
     offsets = Rotation.from_rotvec(turns[:, None] * np.array([0.0, 0.0, 1.0])).apply([*(base[:2] - grip[:2]), 0.0])
-    bases = np.column_stack([grip[:2] + share.travel * (points - grip)[:, :2] + offsets[:, :2], base[2] + turns])
+    places = grip[:2] + share.travel * (points - grip)[:, :2] + offsets[:, :2]
+    bases = np.column_stack([places, base[2] + turns, np.tile(base[3:], (len(turns), 1))])
     return Course(positions, hands, bases)
 
 
@@ -160,16 +161,16 @@ def track(planner: Planner, q: Array, object_id: str, joint: Joint, along: Cours
 
     Args:
         planner: Solves the hand's poses.
-        q: (10,) the start, at the course's first row.
+        q: (Q,) the start, at the course's first row.
         along: Where hand and base go.
     """
-    rows = [q.copy()]
+    rows, arm = [q.copy()], planner.robot.arm
     for hand, base in zip(along.hands[1:], along.bases[1:], strict=True):
         # One start from the posture before, no random ones: the arm stays on its branch.
         found = planner.kinematics.solve(
-            hand, base, near=rows[-1][ARM], restarts=1, minimum_margin_rad=LEAST_MARGIN_RAD
+            hand, base, near=rows[-1][arm], restarts=1, minimum_margin_rad=LEAST_MARGIN_RAD
         )
-        if not found or np.abs(found[0].arm - rows[-1][ARM]).max() > JUMP_RAD:
+        if not found or np.abs(found[0].arm - rows[-1][arm]).max() > JUMP_RAD:
             break
         rows.append(np.concatenate([base, found[0].arm]))
     joints = tuple({(object_id, joint.name): float(p)} for p in along.positions[: len(rows)])
@@ -182,7 +183,7 @@ def residual_m(planner: Planner, tracked: Tracked, along: Course) -> float:
     if tracked.complete:
         return 0.0
     here = tracked.trajectory.path[-1].copy()
-    here[:3] = along.bases[reached]
+    here[planner.robot.base] = along.bases[reached]
     return planner.tracker.track(here, [along.hands[reached]])[1]
 
 
@@ -191,7 +192,7 @@ class ArticulationPath:
     """A path of the robot and the joint's position at each of its rows.
 
     Attributes:
-        path: (N, 10) configurations, the start first.
+        path: (N, Q) configurations, the start first.
         joints: N mappings from (object id, joint name) to a position.
     """
 
@@ -233,12 +234,13 @@ def driving_carries(joint: Joint, T_world_root: Array) -> bool:
 
 
 def carry_joint(
-    q: Array, object_id: str, joint: Joint, T_world_root: Array, start: float, end: float
+    robot: Robot, q: Array, object_id: str, joint: Joint, T_world_root: Array, start: float, end: float
 ) -> ArticulationPath:
     """Return the robot's path that carries a gripped handle from one joint position to another.
 
     Args:
-        q: (10,) with the handle in the gripper.
+        robot: Its record.
+        q: (Q,) with the handle in the gripper.
         joint: A joint that `driving_carries`.
         T_world_root: (4, 4) where the object stands.
         start, end: Joint positions in rad or m.
@@ -251,7 +253,7 @@ def carry_joint(
         path = arc_about(q, pivot, float(np.sign(axis[2])) * (end - start), count)
     else:
         ends = base_move(q, end - start, heading_of(axis))
-        path = np.concatenate([ends[:1], segment(ends[0], ends[1])])
+        path = np.concatenate([ends[:1], segment(robot, ends[0], ends[1])])
     positions = np.linspace(start, end, len(path))
     return ArticulationPath(path, tuple({(object_id, joint.name): float(p)} for p in positions))
 
@@ -353,7 +355,9 @@ class ArticulationTask:
             allowed: Intended contacts, those of carried items among them.
         """
         at = {(self.object_id, self.joint.name): self.now}
-        with self.planner.oracle.leaving(_far_away(), margin_m=ARC_CLEARANCE_M, allowed=allowed, joints=at):
+        with self.planner.oracle.leaving(
+            _far_away(self.planner.robot), margin_m=ARC_CLEARANCE_M, allowed=allowed, joints=at
+        ):
             yield
 
     @property
@@ -369,19 +373,19 @@ def first_obstruction(work: ArticulationTask) -> tuple[float, str] | None:
     """
     target, link = (work.object_id, work.joint.name), f"{work.object_id}/{work.handle.link}"
     start, end = work.now, work.joint.position(work.fractions[0])
-    oracle, carried = work.planner.oracle, work.riders
+    oracle, carried, away = work.planner.oracle, work.riders, _far_away(work.planner.robot)
     with work.leaving_start(carried):
         for position in np.linspace(start, end, MEETING_STEPS):
-            hits = oracle.hits(_far_away(), joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
+            hits = oracle.hits(away, joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
             met = next((hit.other for hit in hits if hit.mover == link), None)
             if met is not None:
                 return work.joint.fraction(float(position)), met
     return None
 
 
-def _far_away() -> Array:
-    """Return a configuration (10,) in which the robot is near to nothing."""
-    q = np.zeros(10)
+def _far_away(robot: Robot) -> Array:
+    """Return a configuration (Q,) in which the robot is near to nothing."""
+    q = np.zeros(robot.movers)
     q[:2] = FAR_AWAY_M
     return q
 
@@ -396,9 +400,9 @@ def possible_fractions(work: ArticulationTask) -> tuple[float, ...]:
     return tuple(f for f in fractions if abs(f - now) < abs(meets[0] - now))
 
 
-def handle_contacts(object_id: str, handle: Handle) -> Allowed:
+def handle_contacts(robot: Robot, object_id: str, handle: Handle) -> Allowed:
     """Return the intended contacts of a hand that holds a handle."""
-    return fingers_may_touch(f"{object_id}/{handle.link}", hand=True)
+    return fingers_may_touch(robot, f"{object_id}/{handle.link}", hand=True)
 
 
 def can_let_go(planner: Planner, q: Array, joints: dict[JointTarget, float], holding: Allowed) -> bool:
@@ -419,7 +423,7 @@ def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) 
 
 
 def step_back(planner: Planner, q: Array) -> Array | None:
-    """Return the path (N, 10) of the hand off a panel, along its own axis; None where the arm does not follow."""
+    """Return the path (N, Q) of the hand off a panel, along its own axis; None where the arm does not follow."""
     T = planner.kinematics.forward(q)
     T[:3, 3] -= STEP_BACK_M * T[:3, 2]
     return planner.line(q, T).path

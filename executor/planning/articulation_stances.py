@@ -58,8 +58,6 @@ from executor.planning.stances import HandGoal, Stance, Validate, base_candidate
 from executor.records import Failure, FailureKind
 from executor.sim.detectors import read
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import FINGER_LINKS
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from oag import Action, Primitive, SimpleTask
 from oag.measurements import Unplanned
@@ -78,7 +76,7 @@ def gripped_handle(world: World, object_id: str) -> Handle | None:
     links = {
         contact.b.link
         for contact in world.contacts({object_id})
-        if contact.a.owner == ROBOT and contact.a.link in FINGER_LINKS and contact.b.owner == object_id
+        if contact.a.owner == ROBOT and contact.a.link in world.model.finger_links and contact.b.owner == object_id
     }
     return next((handle for handle in world.assets[object_id].handles if handle.link in links), None)
 
@@ -148,7 +146,7 @@ class Purpose:
         object_id: What is opened.
         action: ARTICULATE_OPEN, filled or not.
         item: What a later subtask puts inside; None where none does.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
     """
 
     planner: Planner
@@ -174,7 +172,7 @@ class Purpose:
         then = joint.position(end_fractions(self.action, joint, joint.fraction(now))[0])
         T_root = world.T_world_link(self.object_id, joint.parent)
         slid = T_root @ joint_transform(joint, then) @ inverse(T_root @ joint_transform(joint, now))
-        goals = item_goals(world.assets[self.item], world.T_world_link(self.item))
+        goals = item_goals(world.model.hand, world.assets[self.item], world.T_world_link(self.item))
         lookahead = PlacementLookahead(self.planner, world, self.item, goals, self.object_id, drawer, self.here, slid)
         with joints_at(self.planner, {(self.object_id, joint.name): then}):
             return not goals or lookahead.allows_any_placement()
@@ -221,19 +219,19 @@ def rigid_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]
     """Yield stances from which driving carries the joint to the action's end; none where driving cannot.
 
     Args:
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
     """
     if not driving_carries(work.joint, work.T_root):
         return iter(())
     planner, object_id, joint, now = work.planner, work.object_id, work.joint, work.now
-    holding = handle_contacts(object_id, work.handle) | work.riders
+    holding = handle_contacts(planner.robot, object_id, work.handle) | work.riders
     fractions = possible_fractions(work)
     if not fractions:
         return iter(())
 
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:
-            arc = carry_joint(q, object_id, joint, work.T_root, now, joint.position(fraction))
+            arc = carry_joint(planner.robot, q, object_id, joint, work.T_root, now, joint.position(fraction))
             if rows_within_torque(planner, arc, joint) < len(arc.path) or not _arc_is_free(work, arc, holding):
                 continue
             if not can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
@@ -272,7 +270,7 @@ def edge_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]
 
 
 def _along_a_course(work: ArticulationTask, goals: list[HandGoal], here: Array) -> Iterator[Stance[Swing]]:
-    fingers = fingers_may_touch(f"{work.object_id}/{work.handle.link}")
+    fingers = fingers_may_touch(work.planner.robot, f"{work.object_id}/{work.handle.link}")
     fractions = possible_fractions(work)
     if not fractions:
         return
@@ -340,12 +338,12 @@ def push_stances(work: ArticulationTask, here: Array) -> Iterator[Stance[Swing]]
     panel = panel_of(asset, handle, inner=opening)
     if panel is None:
         return
-    fingers = fingers_may_touch(f"{work.object_id}/{handle.link}")
+    fingers = fingers_may_touch(work.planner.robot, f"{work.object_id}/{handle.link}")
     fractions = possible_fractions(work)
     if not fractions:
         return
     T_link = work.world.T_world_link(work.object_id, handle.link)
-    for push in push_goals(panel, T_link, work.T_root):
+    for push in push_goals(planner.robot.hand, panel, T_link, work.T_root):
 
         def validate(q: Array, push: Push = push) -> tuple[Swing, float] | None:
             for rank, share in enumerate(shares(work.joint, work.T_root, pushing=True)):
@@ -398,7 +396,7 @@ def reachable_end(
         last, joints = trajectory.path[rows - 1], trajectory.joints[rows - 1]
         leaves = can_step_back(planner, last, joints) if push else can_let_go(planner, last, joints, fingers)
         if leaves:
-            return fraction, planner.kinematics.margin(trajectory.path[:rows, ARM])
+            return fraction, planner.kinematics.margin(trajectory.path[:rows, planner.robot.arm])
     return None
 
 
@@ -435,14 +433,24 @@ def _course(
 ) -> Course:
     T_eef = work.planner.kinematics.forward(q)
     press = None if push is None else push.press
-    return course(T_eef, q[:3], work.joint, work.T_root, work.now, end, share, press=press, coarseness=coarseness)
+    return course(
+        T_eef,
+        q[work.planner.robot.base],
+        work.joint,
+        work.T_root,
+        work.now,
+        end,
+        share,
+        press=press,
+        coarseness=coarseness,
+    )
 
 
 def tracked_path(work: ArticulationTask, q: Array, swing: Swing) -> tuple[Tracked, float]:
     """Return the path of a tracked motion from the hand's present pose, and how far off it stays [m].
 
     Args:
-        q: (10,) with the handle in the gripper, or the closed gripper at the panel.
+        q: (Q,) with the handle in the gripper, or the closed gripper at the panel.
         swing: The planned motion.
     """
     if swing.share is None:
@@ -456,9 +464,9 @@ def motion_from_grasp(work: ArticulationTask, q: Array) -> Swing | None:
     """Return a tracked motion from the present grasp of the handle, for a grasp that was not planned for it.
 
     Args:
-        q: (10,) with the handle in the gripper.
+        q: (Q,) with the handle in the gripper.
     """
-    fingers = fingers_may_touch(f"{work.object_id}/{work.handle.link}")
+    fingers = fingers_may_touch(work.planner.robot, f"{work.object_id}/{work.handle.link}")
     for share in shares(work.joint, work.T_root):
         found = reachable_end(work, q, share, work.fractions, fingers)
         if found is not None:
@@ -515,7 +523,7 @@ def articulation_stances(
         planner: Synchronised with the world.
         handles: Those that will do, the preferred one first.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
         going_on: Whether an earlier stage has moved the joint part of its range.
         serves: Whether a handle suits later subtasks; asked only where there are several. Others are tried last.
     """
@@ -540,13 +548,13 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     """Return a failure: how far the hand stays off the handle and at which joint limits, or the obstacle.
 
     Args:
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
     """
     oracle, kinematics, handle = work.planner.oracle, work.planner.kinematics, work.handle
     T_link = work.world.T_world_link(work.object_id, handle.link)
     rigid = driving_carries(work.joint, work.T_root)
     goals = handle_goals(handle, T_link) if rigid else tilted_goals(handle, work.T_root, T_link, facing=handle.outward)
-    holding = handle_contacts(work.object_id, handle)
+    holding = handle_contacts(work.planner.robot, work.object_id, handle)
     found = Unplanned(target=work.object_id, joint=work.joint.name)
     meets = first_obstruction(work)
     now = work.joint.fraction(work.now)
@@ -557,7 +565,7 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()
     out_of_reach = True
-    candidates = base_candidates(goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]
+    candidates = base_candidates(work.planner.robot, goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]
     for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8)
         out_of_reach = out_of_reach and not solutions
@@ -568,7 +576,7 @@ def explain_failure(work: ArticulationTask, here: Array) -> Failure:
             if hits or not rigid:
                 continue
             end = work.joint.position(work.fractions[-1])
-            arc = carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end)
+            arc = carry_joint(work.planner.robot, q, work.object_id, work.joint, work.T_root, work.now, end)
             hit = oracle.first_hit(arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M)
             on_the_way.update([f"{hit.mover} and {hit.other}"] if hit is not None else [])
     what = f"no way to move {work.joint.name} of {work.object_id}"

@@ -17,13 +17,11 @@ import numpy as np
 from executor.geometry import Array
 from executor.planning.paths import spread_out
 from executor.sim.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
-from executor.sim.robot.description import BASE_LINK, MAST_LINK
+from executor.sim.robot.description import base_links
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.system.effort import QUERY_S
-
-BASE = frozenset({BASE_LINK, MAST_LINK})
-"""The links that drive and do nothing else."""
+from oag.model.robots import Robot
 
 BASE_CLEARANCE_M = 0.01
 """The base must never touch anything: it keeps this distance unless a caller gives it up."""
@@ -44,8 +42,6 @@ _NEARER_M = 0.0005  # Contacts at the start may come no nearer than by this.
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
 
-FINGERS = ("panda_leftfinger", "panda_rightfinger")
-GRIPPER = ("panda_hand", *FINGERS)
 HELD = "held object"
 
 Allowed = frozenset[tuple[str, str]]
@@ -91,7 +87,9 @@ class CollisionOracle:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.kinematics = Kinematics(world.robot)
+        self.robot = world.model
+        self.kinematics = Kinematics(world.robot, self.robot)
+        self._base_links, self._arm_links = base_links(self.robot), frozenset(self.robot.arm_links)
         self.carried: Carried | None = None
         self.base_clearance_m = BASE_CLEARANCE_M
         self.arm_clearance_m = ARM_CLEARANCE_M
@@ -168,7 +166,7 @@ class CollisionOracle:
         The robot's own pedestal and upper arm count as obstacles of its forearm, its hand and what it holds.
 
         Args:
-            q: (10,) base and arm positions.
+            q: (Q,) base and arm positions.
             opening_m: Position of each finger; by default `self.opening_m`.
             margin_m: Wanted clearance, up to `MAX_QUERY_M`; 0 asks for contact only (base and arm keep their clearance
                 all the same).
@@ -210,7 +208,7 @@ class CollisionOracle:
         return min((hit.separation_m for hit in found), default=within_m)
 
     def is_path_free(self, path: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
-        """Return whether all configurations (N, 10) are free; distant ones come first, which finds walls sooner."""
+        """Return whether all configurations (N, Q) are free; distant ones come first, which finds walls sooner."""
         return all(self.is_free(path[k], margin_m=margin_m, allowed=allowed) for k in spread_out(len(path)))
 
     def first_hit(
@@ -222,7 +220,7 @@ class CollisionOracle:
         allowed: Allowed = NOTHING,
         joints: Iterable[Mapping[JointTarget, float]] | None = None,
     ) -> Hit | None:
-        """Return the first hit along a path of configurations (10,), or None when all are free."""
+        """Return the first hit along a path of configurations (Q,), or None when all are free."""
         moved = iter(joints) if joints is not None else None
         for q in path:
             hits = self.hits(
@@ -238,8 +236,8 @@ class CollisionOracle:
 
     def _place(self, q: Array, opening_m: float, joints: Mapping[JointTarget, float]) -> None:
         robot = self.world.robot
-        robot.set_qpos(np.concatenate([q[:10], [opening_m, opening_m]]).astype(np.float32))
-        robot.set_qvel(np.zeros(12, dtype=np.float32))
+        robot.set_qpos(np.concatenate([q[: self.robot.movers], [opening_m, opening_m]]).astype(np.float32))
+        robot.set_qvel(np.zeros(len(self.robot.joint_names), dtype=np.float32))
         for object_id in self.world.articulated_ids:
             names = ((object_id, joint.name) for joint in self.world.assets[object_id].joints)
             wanted = [joints.get(name, self._joints.get(name, 0.0)) for name in names]
@@ -264,9 +262,10 @@ class CollisionOracle:
     def _mover(self, near: BodyRef, far: BodyRef, carried: str | None, moving: set[tuple[str, str]]) -> str | None:
         """Return a body's name as a mover, or None where its nearness to the other does not count."""
         if near.owner == ROBOT:
-            if far.owner == GROUND or (far.owner == carried and near.link in GRIPPER):
+            if far.owner == GROUND or (far.owner == carried and near.link in self.robot.gripper_links):
                 return None
-            return None if near.link in FINGERS and far.link in FINGERS and far.owner == ROBOT else near.link
+            fingers = self.robot.finger_links
+            return None if near.link in fingers and far.link in fingers and far.owner == ROBOT else near.link
         if near.owner == carried:
             return None if far.owner == ROBOT else HELD
         moves = (near.owner, near.link) in moving and far.owner not in (ROBOT, near.owner)
@@ -275,21 +274,22 @@ class CollisionOracle:
     def _wanted_m(self, mover: str, far: BodyRef, margin_m: float) -> float:
         if far.owner == ROBOT:
             return SELF_CLEARANCE_M
-        if mover in BASE:
+        if mover in self._base_links:
             return max(margin_m, self.base_clearance_m)
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)
-        return max(margin_m, self.arm_clearance_m) if mover.startswith("panda_link") else margin_m
+        return max(margin_m, self.arm_clearance_m) if mover in self._arm_links else margin_m
 
 
-def fingers_may_touch(other: str, *, hand: bool = False) -> Allowed:
+def fingers_may_touch(robot: Robot, other: str, *, hand: bool = False) -> Allowed:
     """Return the pairs that let the fingers (and the hand's body, if asked) touch an object or one link of it.
 
     Args:
+        robot: Its record.
         other: An object id, or "id/link" for one link of it.
         hand: Whether the hand's body may touch it as well.
     """
-    movers = (*FINGERS, "panda_hand") if hand else FINGERS
+    movers = robot.gripper_links if hand else robot.finger_links
     return frozenset((mover, other) for mover in movers)
 
 

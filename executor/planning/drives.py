@@ -13,24 +13,21 @@ from typing import Literal
 import numpy as np
 
 from executor.geometry import Array, hand_rotation, heading_of, pitch_of, rotation_z, transform
-from executor.planning.collision import GRIPPER, NOTHING, Allowed
+from executor.planning.collision import NOTHING, Allowed
 from executor.planning.paths import base_move, segment
 from executor.planning.planner import Planner
-from executor.sim.robot.description import ARM_HOME
-from executor.sim.robot.kinematics import ARM
 
 BACK_OUT_M = (0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05)  # The farthest that is free, from over a table to before it.
 BACK_OUT_TURNS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)  # Straight back first.
 BACK_OUT_CLEARANCE_M = 0.003  # Little: what is carried is still near to what it stood on.
-TUCKED_REACH_M = (0.36, 0.40, 0.32)  # Over the base, so that the hand does not sweep.
-TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)  # Above tables of usual height.
+TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)  # Above tables of usual height; a lift carries them higher.
 SPLIT = 3  # First legs that are tried: each costs a search for the drive.
 ROLLED = 0.1
 """How far a hand's closing axis is off the level that holds something by its rim; tucked in, it keeps its roll."""
 
 
 Leg = tuple[Literal["back out", "take up a posture", "drive", "take up the goal posture"], Array]
-"""Purpose of a part of a journey, and its path (N, 10)."""
+"""Purpose of a part of a journey, and its path (N, Q)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,20 +38,20 @@ class Drive:
 
     @property
     def end(self) -> Array:
-        """Where the journey ends, (10,)."""
+        """Where the journey ends, (Q,)."""
         return self.legs[-1][1][-1]
 
 
 def drive_to(planner: Planner, q: Array, goal: Array) -> Drive | None:
-    """Return a free journey to a configuration (10,), or None.
+    """Return a free journey to a configuration (Q,), or None.
 
     With something in the gripper the robot first backs away from where it took it. Then it tries to take up the
     goal's arm posture before driving, then at the end, and last to carry tucked in.
 
     Args:
         planner: Its oracle knows what is carried and where things are.
-        q: (10,) where the robot is.
-        goal: (10,) wanted base pose and arm posture.
+        q: (Q,) where the robot is.
+        goal: (Q,) wanted base pose and arm posture.
     """
     for start in _starts(planner, q):
         here = start.end if start.legs else q
@@ -74,7 +71,7 @@ def _starts(planner: Planner, q: Array) -> list[Drive]:
     for distance_m in BACK_OUT_M:
         for turn in BACK_OUT_TURNS_RAD:
             out = base_move(q, distance_m, heading + turn)
-            if planner.oracle.first_hit(segment(out[0], out[1]), margin_m=BACK_OUT_CLEARANCE_M) is None:
+            if planner.oracle.first_hit(segment(planner.robot, out[0], out[1]), margin_m=BACK_OUT_CLEARANCE_M) is None:
                 found.append(Drive((("back out", out),)))
                 if len(found) == SPLIT:
                     return found
@@ -82,30 +79,32 @@ def _starts(planner: Planner, q: Array) -> list[Drive]:
 
 
 def _postures(planner: Planner, q: Array, goal: Array) -> list[Array]:
-    """Return arm postures (7,) to drive with: the goal's, the present one, and one tucked in."""
-    postures = [goal[ARM]]
+    """Return arm postures (A,) to drive with: the goal's, the present one, and one tucked in."""
+    arm = planner.robot.arm
+    postures = [goal[arm]]
     if planner.oracle.carried is None:
-        return [q[ARM], goal[ARM]]
+        return [q[arm], goal[arm]]
     tucked = _tucked(planner, q)
-    return [*postures, *([] if tucked is None else [tucked]), q[ARM]]
+    return [*postures, *([] if tucked is None else [tucked]), q[arm]]
 
 
 def _tucked(planner: Planner, q: Array) -> Array | None:
     """Return a posture that holds the hand near the base at its present tilt, or None."""
     kinematics = planner.kinematics
     T = kinematics.forward(q)
-    base = q[:3]
+    base = q[planner.robot.base]
+    lifted_m = float(kinematics.base_transform(base)[2, 3])
     yaw = heading_of(T[:3, 2])
     T_turned = T[:3, :3]
-    for reach_m in TUCKED_REACH_M:
+    for reach_m in planner.robot.tucked_m:
         for height_m in TUCKED_HEIGHTS_M:
             heading = float(base[2])
             if abs(T_turned[2, 1]) > ROLLED:
                 R = rotation_z(heading - yaw) @ T_turned
             else:
                 R = hand_rotation(heading, pitch_of(T), flip=_is_flipped(T_turned, yaw, pitch_of(T)))
-            point = [base[0] + reach_m * np.cos(heading), base[1] + reach_m * np.sin(heading), height_m]
-            for solution in kinematics.solve(transform(R, point), base, near=q[ARM], restarts=8)[:1]:
+            point = [base[0] + reach_m * np.cos(heading), base[1] + reach_m * np.sin(heading), lifted_m + height_m]
+            for solution in kinematics.solve(transform(R, point), base, near=q[planner.robot.arm], restarts=8)[:1]:
                 if planner.oracle.is_free(np.concatenate([base, solution.arm])):
                     return solution.arm
     return None
@@ -118,20 +117,20 @@ def _is_flipped(R: Array, yaw: float, pitch: float) -> bool:
 def _legs(planner: Planner, q: Array, posture: Array, goal: Array) -> tuple[Leg, ...] | None:
     """Return legs: take up a posture, drive, take up the goal's posture; or None when one is not free."""
     legs: list[Leg] = []
-    here = q
-    if np.abs(posture - here[ARM]).max() > 1e-6:
+    here, arm = q, planner.robot.arm
+    if np.abs(posture - here[arm]).max() > 1e-6:
         path = planner.arm_path(here, posture)
         if path is None:
             return None
         legs.append(("take up a posture", path))
         here = path[-1]
-    path = planner.base_path(here, goal[:3])
+    path = planner.base_path(here, goal[planner.robot.base])
     if path is None:
         return None
     legs.append(("drive", path))
     here = path[-1]
-    if np.abs(goal[ARM] - here[ARM]).max() > 1e-6:
-        path = planner.arm_path(here, goal[ARM])
+    if np.abs(goal[arm] - here[arm]).max() > 1e-6:
+        path = planner.arm_path(here, goal[arm])
         if path is None:
             return None
         legs.append(("take up the goal posture", path))
@@ -145,7 +144,6 @@ APART_FROM = 3
 """Rows of a withdrawal, a centimetre or two, in which the fingers come free of what they held."""
 
 SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)  # Straight back first.
-WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)  # Until the arm has room to go home.
 ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)  # Where straight back is taken.
 PUSHED_M = 0.003
 """A path on which the open hand would be so deep inside the released object pushes it."""
@@ -162,7 +160,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True, slots=True)
 class Withdrawal:
-    """Two paths (N, 10): away from the object, then home with the arm (by way of a base move where needed)."""
+    """Two paths (N, Q): away from the object, then home with the arm (by way of a base move where needed)."""
 
     back_off: Array
     home: Array
@@ -174,17 +172,17 @@ def can_withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> b
 
 
 def withdrawal_paths(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Iterator[Array]:
-    """Yield free paths (N, 10) away from what the hand holds or held, the longest of each kind.
+    """Yield free paths (N, Q) away from what the hand holds or held, the longest of each kind.
 
     Level hands back off with the base, steep ones with the arm; the other kind comes next, then straight up. Stepping
     aside is the last resort, because it drags a finger along the object. First come paths that get clear of the object
     at once, and of everything else; then those that get clear of everything else; then those that come no nearer to it.
     """
     T = planner.kinematics.forward(q)
-    straight = [partial(_by_base, q, T, d, 0.0) for d in BACK_OFF_M]
+    straight = [partial(_by_base, planner, q, T, d, 0.0) for d in BACK_OFF_M]
     by_arm = [partial(_by_arm, planner, q, T, T[:3, 2], d) for d in BACK_OFF_M]
     up = [partial(_by_arm, planner, q, T, DOWN, d) for d in BACK_OFF_M]
-    aside = [partial(_by_base, q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
+    aside = [partial(_by_base, planner, q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
     level = abs(pitch_of(T)) < np.deg2rad(50.0)
     kinds = (straight, by_arm, up, aside) if level else (by_arm, up, straight, aside)
     paths = [[path for path in (way() for way in kind) if path is not None] for kind in kinds]
@@ -217,7 +215,7 @@ def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withd
 
     Args:
         planner: The planner; its oracle must know where things are now.
-        q: (10,) where the robot is, gripper open.
+        q: (Q,) where the robot is, gripper open.
         allowed: Contacts of the fingers with the released object, while backing off.
     """
     found = _withdraw(planner, q, allowed)
@@ -261,12 +259,14 @@ def _gentle_first(planner: Planner, q: Array, allowed: Allowed) -> Iterator[Arra
 
 def _pushes(planner: Planner, path: Array) -> bool:
     return any(
-        hit.mover in GRIPPER and hit.separation_m < -PUSHED_M for row in path for hit in planner.oracle.hits(row)
+        hit.mover in planner.robot.gripper_links and hit.separation_m < -PUSHED_M
+        for row in path
+        for hit in planner.oracle.hits(row)
     )
 
 
 def go_home(planner: Planner, q: Array) -> Array | None:
-    """Return a free path (N, 10), q first, to the arm's home posture, or None.
+    """Return a free path (N, Q), q first, to the arm's home posture, or None.
 
     The base backs out straight where it has to, then aside. Where nothing straight is free, it drives to the nearest
     place where the arm has room.
@@ -288,7 +288,8 @@ def _straight_home(planner: Planner, q: Array) -> Array | None:
 def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
     """Return a slide of the base and the arm's path home from there, or None."""
     blocked: set[float] = set()
-    for distance_m in WITHDRAW_M:
+    withdraw_m = planner.robot.withdraw_m
+    for distance_m in withdraw_m:
         for heading in headings[:1] if not distance_m else headings:
             out = base_move(q, distance_m, heading)
             if heading in blocked:
@@ -296,8 +297,8 @@ def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array
             if distance_m and not _is_slide_free(planner, out[0], out[1]):
                 blocked.add(heading)
                 continue
-            iterations = 150 if distance_m < WITHDRAW_M[-1] else 600
-            path = planner.arm_path(out[1], np.array(ARM_HOME), iterations=iterations)
+            iterations = 150 if distance_m < withdraw_m[-1] else 600
+            path = planner.arm_path(out[1], np.array(planner.robot.home), iterations=iterations)
             if path is not None:
                 return [out[:1], path] if distance_m else [path]
     return None
@@ -308,20 +309,20 @@ def _is_slide_free(planner: Planner, start: Array, end: Array) -> bool:
 
     The wall of a bowl is thinner than the base's usual steps, which would step a finger through it.
     """
-    return planner.oracle.is_path_free(segment(start, end)) and not _meets_a_wall(planner, start, end)
+    return planner.oracle.is_path_free(segment(planner.robot, start, end)) and not _meets_a_wall(planner, start, end)
 
 
 def _meets_a_wall(planner: Planner, start: Array, end: Array) -> bool:
-    way = segment(start, end, base_share=BACK_OFF_SHARE)
+    way = segment(planner.robot, start, end, base_share=BACK_OFF_SHARE)
     with planner.oracle.leaving(start, margin_m=BACK_OFF_CLEARANCE_M):
         return not planner.oracle.is_path_free(way, margin_m=BACK_OFF_CLEARANCE_M)
 
 
 def _is_behind_a_wall(planner: Planner, q: Array) -> bool:
     """Return whether the path straight back leads through something thinner than the base's usual steps."""
-    back = base_move(q, WITHDRAW_M[1], float(q[2]) + np.pi)
+    back = base_move(q, planner.robot.withdraw_m[1], float(q[2]) + np.pi)
     with planner.oracle.leaving(q):
-        return planner.oracle.is_path_free(segment(*back)) and _meets_a_wall(planner, *back)
+        return planner.oracle.is_path_free(segment(planner.robot, *back)) and _meets_a_wall(planner, *back)
 
 
 def _drive_home(planner: Planner, q: Array) -> Array | None:
@@ -329,12 +330,12 @@ def _drive_home(planner: Planner, q: Array) -> Array | None:
     tried = 0
     for distance_m, heading in itertools.product(DRIVE_M, DRIVE_HEADINGS_RAD):
         there = base_move(q, distance_m, float(q[2]) + np.pi + heading)[1]
-        home = np.concatenate([there[:3], ARM_HOME])
+        home = np.concatenate([there[planner.robot.base], planner.robot.home])
         if not (planner.oracle.is_free(there) and planner.oracle.is_free(home, margin_m=DRIVE_MARGIN_M)):
             continue
         tried += 1
-        way = planner.base_path(q, there[:3], iterations=300)
-        path = None if way is None else planner.arm_path(way[-1], np.array(ARM_HOME))
+        way = planner.base_path(q, there[planner.robot.base], iterations=300)
+        path = None if way is None else planner.arm_path(way[-1], np.array(planner.robot.home))
         if way is not None and path is not None:
             return np.concatenate([way, path[1:]])
         if tried == MOST_DRIVES:
@@ -342,9 +343,9 @@ def _drive_home(planner: Planner, q: Array) -> Array | None:
     return None
 
 
-def _by_base(q: Array, T_world_eef: Array, distance_m: float, turn_rad: float) -> Array:
+def _by_base(planner: Planner, q: Array, T_world_eef: Array, distance_m: float, turn_rad: float) -> Array:
     ends = base_move(q, distance_m, heading_of(-T_world_eef[:3, 2]) + turn_rad)
-    return np.concatenate([ends[:1], segment(ends[0], ends[1], base_share=BACK_OFF_SHARE)])
+    return np.concatenate([ends[:1], segment(planner.robot, ends[0], ends[1], base_share=BACK_OFF_SHARE)])
 
 
 def _by_arm(planner: Planner, q: Array, T_world_eef: Array, away_from: Array, distance_m: float) -> Array | None:

@@ -16,7 +16,8 @@ from executor.assets.asset_geometry import joint_transform
 from executor.assets.model import Link
 from executor.geometry import Array
 from executor.planning.collision import CollisionOracle
-from executor.sim.robot.description import BASE_HEIGHTS_M, BASE_SIDE_M
+from executor.sim.robot.description import BASE_BOTTOM_M, BASE_SIDE_M
+from oag.model.robots import Robot
 
 UPRIGHT = 0.99999  # Of an axis: to a quarter of a degree.
 DEEP_M = 0.001  # Overlaps are deeper than rounding.
@@ -35,7 +36,7 @@ class FloorPlan:
         self._moving: dict[tuple[float, ...], Array] = {}
 
     def taken(self, bases: Array) -> Array:
-        """Return which of some base poses (N, 3) are within furniture, (N,); others may be taken all the same."""
+        """Return which of some base poses (N, B) are within furniture, (N,); others may be taken all the same."""
         boxes = self._all_boxes()
         if not len(boxes):
             return np.zeros(len(bases), dtype=bool)
@@ -76,11 +77,12 @@ class FloorPlan:
             if (joint is not None) is not moving:
                 continue
             position = 0.0 if joint is None else self._oracle.joint_position((name, joint.name))
-            yield from _upright_boxes(link, T_root if joint is None else T_root @ joint_transform(joint, position))
+            T_link = T_root if joint is None else T_root @ joint_transform(joint, position)
+            yield from _upright_boxes(self._oracle.robot, link, T_link)
 
 
-def _upright_boxes(link: Link, T_world_link: Array) -> Iterator[Array]:
-    low_m, high_m = BASE_HEIGHTS_M
+def _upright_boxes(robot: Robot, link: Link, T_world_link: Array) -> Iterator[Array]:
+    low_m, high_m = BASE_BOTTOM_M, robot.chassis_m
     for shape in link.shapes:
         if not shape.collides or shape.kind != "box":
             continue

@@ -18,6 +18,7 @@ from executor.assets.model import Asset, Handle, Rim, Vector
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.planning.collision import Carried
 from executor.planning.stances import HandGoal
+from oag.model.robots import HandShape
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)  # Level first: that is square to an upright bar.
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)  # Level first: the item is tall enough.
@@ -34,9 +35,6 @@ FLAT_M, THIN_M = 0.030, 0.008
 ITEM_HEADINGS = 12  # Every 30 degrees around what is round.
 PITCH_COST = 0.02  # For each pitch after the preferred one.
 THIN_PITCH_COST = 0.4  # Much, since a flatter hand holds less of what is thin.
-PALM_ROOM_M = 0.024
-"""From the middle of the fingertips back to the palm, with two millimetres to spare."""
-
 RAISED = 0.12  # Of a tall item's height, above its middle.
 FINGERTIPS_M = 0.005
 """How far the hand may stay back and still close around the middle of what it takes."""
@@ -44,10 +42,6 @@ FINGERTIPS_M = 0.005
 HOLDING_SHARE = 0.75  # Of a round thing's diameter: its sides lean by 41 degrees there; friction of 0.9 holds up to 42.
 GRIP_DEPTH_M = 0.010  # The least that the fingers hold of an upper edge.
 FROM_ABOVE_COST = 0.10  # The hand comes from above only where the side is taken.
-PALM_HALF_M = 0.023  # From the hand's axis to the palm's upper edge.
-FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
-"""How far the fingers go on beyond the middle of their tips, and half their thickness."""
-
 OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
 _LEVEL = 0.3  # Of an axis: the fingers can close along it.
 PITCHES_DEG = (*TALL_PITCHES_DEG[1:], *FROM_ABOVE_DEG)
@@ -65,7 +59,6 @@ LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
 
 LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
-FINGER_THICK_M = 0.012  # Of one finger, in the closing direction.
 UPRIGHT_COSINE = 0.95  # Within 18 degrees.
 AT_WALL_M = 0.006
 """How near to the wall's middle the fingertips' middle is when they hold it."""
@@ -100,13 +93,14 @@ def is_tall(asset: Asset) -> bool:
     return asset.extent_m[2] > 1.2 * min(asset.extent_m[0], asset.extent_m[1])
 
 
-def item_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
+def item_goals(hand: HandShape, asset: Asset, T_world_object: Array) -> list[HandGoal]:
     """Return hand poses around an item: level ones for tall items, steep ones for low items.
 
     They come from all headings, or for an item with grasp axes, from headings across these. Steep hands take a tall
     item near its top, because its upper edge would meet the palm further down.
 
     Args:
+        hand: Lengths of the hand.
         asset: The item; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it stands.
     """
@@ -116,7 +110,7 @@ def item_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     for yaw in item_headings(asset, T_world_object[:3, :3]):
         for rank, pitch_deg in enumerate(pitches_deg):
             R = hand_rotation(yaw, np.deg2rad(pitch_deg))
-            point = _hold_at(asset, T_world_object, R)
+            point = _hold_at(hand, asset, T_world_object, R)
             if point is not None:
                 cost = pitch_cost * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG and is_tall(asset) else 0.0)
                 goals.append(HandGoal(transform(R, point), yaw, cost))
@@ -133,7 +127,7 @@ def _pitches_deg(asset: Asset) -> tuple[float, ...]:
     return (*low_deg, *FLATTER_DEG) if height_m >= FLATTER_FROM_M else low_deg
 
 
-def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array | None:
+def _hold_at(hand: HandShape, asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array | None:
     """Return the position between the fingertips, or None where the palm meets the item first.
 
     A little above the middle of a tall item is best: farther from the support, and the item hangs below the fingers.
@@ -143,16 +137,19 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
     point = T_world_object[:3, 3] + R @ np.array(asset.grasp_point_m)
     approach = R_world_hand[:, 2]
     if not is_tall(asset):
-        held = point - max(0.0, _depth_m(asset, T_world_object, point, R_world_hand) - PALM_ROOM_M) * approach
+        held = point - max(0.0, _depth_m(asset, T_world_object, point, R_world_hand) - hand.palm_room_m) * approach
         if not asset.symmetric_about_z and not _sides_hold(asset, T_world_object, held, point, R_world_hand):
             return None
         # The tips of a hand that takes something flat stay off what it lies on.
-        drop_m = FINGERTIP_M * -float(approach[2]) + FINGER_HALF_M * float(np.hypot(approach[0], approach[1]))
+        drop_m = hand.fingertip_m * -float(approach[2]) + hand.finger_half_m * float(np.hypot(approach[0], approach[1]))
         off_m = THIN_OFF_THE_SUPPORT_M if asset.extent_m[2] < THIN_M else OFF_THE_SUPPORT_M
         lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + off_m + drop_m
         down_m = float(held[2]) - lowest_m
         # What is flat is held as low as that, where the palm stays off it: its side may be round further up.
-        if asset.extent_m[2] < FLAT_M and _depth_m(asset, T_world_object, held, R_world_hand) + down_m <= PALM_ROOM_M:
+        if (
+            asset.extent_m[2] < FLAT_M
+            and _depth_m(asset, T_world_object, held, R_world_hand) + down_m <= hand.palm_room_m
+        ):
             return np.asarray(held - np.array([0.0, 0.0, down_m]))
         return np.asarray(held - np.array([0.0, 0.0, min(0.0, down_m)]))
     pitch = float(np.arcsin(-approach[2]))
@@ -160,14 +157,14 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
     side_m = _depth_m(asset, T_world_object, point, hand_rotation(heading_of(approach), 0.0)) * float(np.cos(pitch))
     edge_m = float(T_world_object[2, 3] + bounds(asset, R)[1][2] - point[2])
     # What is above the palm's upper edge passes over it.
-    met_m = min(edge_m, PALM_HALF_M / float(np.cos(pitch)))
-    beyond_m = side_m + met_m * float(np.sin(pitch)) - PALM_ROOM_M
+    met_m = min(edge_m, hand.palm_half_m / float(np.cos(pitch)))
+    beyond_m = side_m + met_m * float(np.sin(pitch)) - hand.palm_room_m
     held = np.asarray(point - max(0.0, beyond_m) * approach)
     if beyond_m <= FINGERTIPS_M:
         return held
     if not pitch and not asset.symmetric_about_z:
         return held if _sides_hold(asset, T_world_object, held, point, R_world_hand) else None
-    lower_edge_m = (PALM_ROOM_M + FINGERTIPS_M - side_m) / float(np.sin(pitch)) if pitch else 0.0
+    lower_edge_m = (hand.palm_room_m + FINGERTIPS_M - side_m) / float(np.sin(pitch)) if pitch else 0.0
     if lower_edge_m < GRIP_DEPTH_M:
         return None
     return np.asarray(point + np.array([0.0, 0.0, edge_m - lower_edge_m]) - FINGERTIPS_M * approach)
@@ -255,13 +252,10 @@ def is_held_at_rim(asset: Asset, carried: Carried) -> bool:
     return abs(beyond_m) < AT_WALL_M and abs(float(across @ closing)) > ACROSS_COSINE
 
 
-def room_below_m(asset: Asset, opening_m: float) -> tuple[float, float]:
+def room_below_m(hand: HandShape, asset: Asset) -> tuple[float, float]:
     """Return the height [m] of the held piece of a wall above the thing's support, and the height that it needs.
 
     The outer finger of the open hand is as far below it as the wall leans over that finger.
-
-    Args:
-        opening_m: How far apart the fingers of the open hand are.
 
     Raises:
         ValueError: The thing has no rim.
@@ -270,8 +264,8 @@ def room_below_m(asset: Asset, opening_m: float) -> tuple[float, float]:
         raise ValueError(f"a {asset.category} has no rim")
     slope = asset.rim.slope_rad
     held_m = asset.rim.center_m[2] - GRIP_DEPTHS_M[-1] * np.cos(slope) + asset.extent_m[2] / 2
-    outwards_m = opening_m / 2 + FINGER_THICK_M
-    return float(held_m), float(outwards_m * np.sin(slope) + FINGERTIP_M * np.cos(slope))
+    outwards_m = hand.opening_m / 2 + hand.finger_thick_m
+    return float(held_m), float(outwards_m * np.sin(slope) + hand.fingertip_m * np.cos(slope))
 
 
 def _hand_at(rim: Rim, angle_rad: float, depth_m: float, lean_rad: float) -> Array:
@@ -301,9 +295,6 @@ EDGE_CLEARANCE_M = 0.012  # So much wider than the panel the gripper opens.
 EDGE_DEPTH_M = 0.012  # From the edge to between the fingertips.
 END_ROOM_M = 0.05  # Kept from a bar's ends: all of the hand is on it.
 ASIDE_M = 0.06  # Beside the middle of a bar, where that is out of reach.
-TIP_M = 0.012
-"""From the middle of the fingertips to where a tilted closed gripper touches first, with a little to spare."""
-
 OVERLAP_M = 0.004  # So far into the panel the hand is sent, to keep pressing on it.
 GAP_M = 0.012  # Before the panel, so that the approach ends without touching.
 EDGE_M = 0.035  # Kept from the panel's edges: all of the hand is on it.
@@ -421,10 +412,11 @@ def panel_of(asset: Asset, handle: Handle, *, inner: bool) -> Panel | None:
     return Panel(center, normal, sides, np.array([panel.size_m[k] for k in away]), 2 * panel.size_m[thin])
 
 
-def push_goals(panel: Panel, T_world_link: Array, T_world_root: Array) -> Iterator[Push]:
+def push_goals(shape: HandShape, panel: Panel, T_world_link: Array, T_world_root: Array) -> Iterator[Push]:
     """Yield hand poses before a panel, first those near its free edge and square to it.
 
     Args:
+        shape: Lengths of the hand.
         T_world_link: (4, 4) where its link is.
         T_world_root: (4, 4) where the object stands; from it follows the side of the robot.
     """
@@ -444,5 +436,5 @@ def push_goals(panel: Panel, T_world_link: Array, T_world_root: Array) -> Iterat
         hand = np.stack([np.cross(closing, -back), closing, -back], axis=1)
         level = np.hypot(back[0], back[1]) > 0.3
         heading = heading_of(-back) if level else heading_of(T_world_root[:3, 0])
-        start = transform(hand, point + TIP_M * back + GAP_M * normal)
+        start = transform(hand, point + shape.press_tip_m * back + GAP_M * normal)
         yield Push(HandGoal(start, heading, PITCH_COST * rank), -(GAP_M + OVERLAP_M) * normal)

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from executor.geometry import Array, rotation_z
+from oag.model.robots import Robot
 
 BASE_STEP_M = 0.02  # A drive keeps 3 cm at such steps, less at shorter ones.
 BASE_STEP_RAD = np.deg2rad(2.0)  # An arm of 0.6 m sweeps 2 cm with it.
@@ -23,23 +24,27 @@ FINE_ARM_STEP_RAD = 0.012
 """With the arm stretched out the hand moves 7 mm in a step of this size, 3 cm in one of the size above."""
 
 
-def segment(start: Array, end: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0) -> Array:
-    """Return (N, 10) configurations from start (left out) to end, no farther apart than the step of each joint.
+def segment(
+    robot: Robot, start: Array, end: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0
+) -> Array:
+    """Return (N, Q) configurations from start (left out) to end, no farther apart than the step of each joint.
 
     Args:
-        start, end: (10,) configurations.
+        robot: Its record.
+        start, end: (Q,) configurations.
         arm_step_rad: Step of the arm's joints.
         base_share: Fraction of the base's usual steps to use.
     """
-    base_step = [base_share * BASE_STEP_M] * 2 + [base_share * BASE_STEP_RAD]
-    step = np.array(base_step + [arm_step_rad] * 7)
+    lift_step = [base_share * BASE_STEP_M] * (len(robot.base_joints) - 3)
+    base_step = [base_share * BASE_STEP_M] * 2 + [base_share * BASE_STEP_RAD] + lift_step
+    step = np.array(base_step + [arm_step_rad] * len(robot.arm_joints))
     count = max(int(np.ceil(np.max(np.abs(end - start) / step))), 1)
     return start + (end - start) * (np.arange(1, count + 1) / count)[:, None]
 
 
-def polyline(waypoints: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0) -> Array:
-    """Return (N, 10) configurations along waypoints (M, 10), the first one left out; steps as for `segment`."""
-    return np.concatenate([segment(a, b, arm_step_rad, base_share=base_share) for a, b in pairwise(waypoints)])
+def polyline(robot: Robot, waypoints: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0) -> Array:
+    """Return (N, Q) configurations along waypoints (M, Q), the first one left out; steps as for `segment`."""
+    return np.concatenate([segment(robot, a, b, arm_step_rad, base_share=base_share) for a, b in pairwise(waypoints)])
 
 
 @cache
@@ -55,24 +60,24 @@ def spread_out(count: int) -> tuple[int, ...]:
 
 
 def base_move(q: Array, distance_m: float, heading_rad: float) -> Array:
-    """Return (2, 10): the configuration and the one after sliding the base along a world heading."""
+    """Return (2, Q): the configuration and the one after sliding the base along a world heading."""
     end = q.copy()
     end[:2] += distance_m * np.array([np.cos(heading_rad), np.sin(heading_rad)])
     return np.stack([q, end])
 
 
 def base_turn(q: Array, angle_rad: float) -> Array:
-    """Return (2, 10): the configuration and the one after turning the base on the spot."""
+    """Return (2, Q): the configuration and the one after turning the base on the spot."""
     end = q.copy()
     end[2] += angle_rad
     return np.stack([q, end])
 
 
 def arc_about(q: Array, pivot_m: Array, angle_rad: float, count: int) -> Array:
-    """Return (count + 1, 10) configurations that carry the whole robot rigidly about a vertical axis.
+    """Return (count + 1, Q) configurations that carry the whole robot rigidly about a vertical axis.
 
     Args:
-        q: (10,) start.
+        q: (Q,) start.
         pivot_m: (2,) or (3,) point on the axis.
         angle_rad: How far, counter-clockwise.
         count: Number of waypoints after the start.

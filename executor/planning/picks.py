@@ -18,8 +18,6 @@ from executor.planning.grasps import item_goals, rim_goals, room_below_m, top_go
 from executor.planning.paths import base_move, polyline, segment
 from executor.planning.planner import Planner, run_moves
 from executor.planning.stances import (
-    CLOSE_REACHES_M,
-    REACHES_M,
     HandGoal,
     Stance,
     Validate,
@@ -32,6 +30,7 @@ from executor.sim.detectors import box_around, read, touching_bodies
 from executor.sim.world import World
 from oag import Action
 from oag.measurements import TooWide, Unplanned
+from oag.model.robots import HandShape
 from oag.sizes import Gripper
 
 TURNS_RAD = (0.0, 0.3, -0.3)
@@ -79,7 +78,7 @@ class Pick:
         world: Where things are.
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
         lifts_m: Candidates of an unfilled lift, the preferred one first; out of a bowl it is as high as needed.
     """
 
@@ -96,7 +95,7 @@ class Pick:
         Args:
             allows_placement: Whether a hand at a pose (4, 4) can also place the item later; other stances come last.
         """
-        goals, lift = item_goals(self._asset, self._T_item), self._lifting()
+        goals, lift = item_goals(self._hand, self._asset, self._T_item), self._lifting()
 
         def lift_where(wanted: bool) -> Validate[Lift]:
             forward = self.planner.kinematics.forward
@@ -114,7 +113,13 @@ class Pick:
         """Yield stances of last resort: near the item's top, or from close by."""
         lift = self._lifting()
         yield from self._search(top_goals(self._asset, self._T_item), lift)
-        yield from self._search(item_goals(self._asset, self._T_item), lift, CLOSE_REACHES_M)
+        yield from self._search(
+            item_goals(self._hand, self._asset, self._T_item), lift, self.planner.robot.close_reaches_m
+        )
+
+    @property
+    def _hand(self) -> HandShape:
+        return self.planner.robot.hand
 
     @property
     def _asset(self) -> Asset:
@@ -125,9 +130,9 @@ class Pick:
         return self.world.T_world_link(self.item)
 
     def _search(
-        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] = REACHES_M
+        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] | None = None
     ) -> Iterator[Stance[Lift]]:
-        fingers = fingers_may_touch(self.item)
+        fingers = fingers_may_touch(self.planner.robot, self.item)
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
             yield from search_stances(
                 self.planner,
@@ -166,7 +171,7 @@ class Pick:
                 path = run_moves(self.planner, q, list(filled))
                 if path is None:
                     continue
-                way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
+                way = polyline(self.planner.robot, path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
                 if oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
                     continue
                 end = way[-1] if len(way) else q
@@ -211,21 +216,21 @@ def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], her
     Args:
         planner: Synchronised with the world.
         goals: The hand poses that would hold it.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
     """
     if not goals:
         message = f"no side of {item} that the fingers can close around leaves the palm room"
         return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=item),))
     oracle, kinematics = planner.oracle, planner.kinematics
     blockers: Counter[str] = Counter()
-    candidates = base_candidates(goals, here, TURNS_RAD)[:LOOKED_AT]
+    candidates = base_candidates(planner.robot, goals, here, TURNS_RAD)[:LOOKED_AT]
     reached = False
     for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8, enough=1)
         reached = reached or bool(solutions)
         for solution in solutions:
             q = np.concatenate([candidate.base, solution.arm])
-            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(item))
+            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(planner.robot, item))
             blockers.update(f"{hit.mover} and {hit.other}" for hit in hits)
     found = Unplanned(target=item)
     if not reached:
@@ -244,7 +249,7 @@ def explain_rim_failure(planner: Planner, world: World, item: str, here: Array) 
     Args:
         planner: Synchronised with the world.
         item: What was to be taken; it has a rim and is too wide for the gripper.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
     """
     asset = world.assets[item]
     goals = rim_goals(asset, world.T_world_link(item))
@@ -253,7 +258,7 @@ def explain_rim_failure(planner: Planner, world: World, item: str, here: Array) 
     measured = TooWide(round(width_m, 4), opening_m)
     if not goals:
         return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", (measured,))
-    room_m, needed_m = room_below_m(asset, opening_m)
+    room_m, needed_m = room_below_m(planner.robot.hand, asset)
     if room_m >= needed_m:
         return explain_pick_failure(planner, item, goals, here)
     message = (
@@ -271,13 +276,13 @@ def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:
 
     Args:
         planner: Synchronised with the world.
-        q: (10,) where the robot is.
+        q: (Q,) where the robot is.
         towards_m: (2,) the point; the last `STANDOFF_M` before it are left out.
     """
     offset = np.asarray(towards_m) - q[:2]
     length_m = float(np.hypot(*offset))
     way = base_move(q, max(length_m - STANDOFF_M, 0.0), float(np.arctan2(offset[1], offset[0])))
-    for row in segment(way[0], way[1]):
+    for row in segment(planner.robot, way[0], way[1]):
         if hits := planner.oracle.hits(row):
             return tuple(f"{hit.mover} and {hit.other}" for hit in hits[:MOST_NAMED_BLOCKERS])
     return ()

@@ -22,13 +22,12 @@ import numpy as np
 from executor.assets.asset_geometry import rolls_freely
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
-from executor.planning.collision import GRIPPER, HELD, Carried, Hit
+from executor.planning.collision import HELD, Carried, Hit
 from executor.planning.paths import FINE_ARM_STEP_RAD, base_move, polyline, segment
 from executor.planning.placements import GAPS_M, placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
 from executor.planning.stances import (
     ENOUGH_SCORE_RAD,
-    REACHES_M,
     ROOMY_M,
     ArmSolver,
     BaseCandidate,
@@ -41,10 +40,10 @@ from executor.planning.stances import (
     tightness_cost,
 )
 from executor.records import Failure, FailureKind
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from oag import Action, Primitive
 from oag.measurements import Unplanned
+from oag.model.robots import Robot
 
 LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
@@ -84,8 +83,9 @@ class PlacePlan:
     """A plan for the placement of a held thing.
 
     Attributes:
-        entry: (10,) where NAVIGATE_TO_SUPPORT ends.
-        path: (N, 10) waypoints of the moves, entry first, release last.
+        robot: The record of whose plan it is.
+        entry: (Q,) where NAVIGATE_TO_SUPPORT ends.
+        path: (N, Q) waypoints of the moves, entry first, release last.
         moves: The moves with all numbers filled in.
         region: Name of the region.
         margin_rad: Smallest joint margin along the moves.
@@ -93,6 +93,7 @@ class PlacePlan:
         score: Joint margin less costs.
     """
 
+    robot: Robot
     entry: Array
     path: Array
     moves: tuple[Action, ...]
@@ -103,14 +104,15 @@ class PlacePlan:
 
     @property
     def base(self) -> Array:
-        """Where the base stands when NAVIGATE_TO_SUPPORT ends, (3,)."""
-        return self.entry[:3]
+        """Where the base stands when NAVIGATE_TO_SUPPORT ends, (B,)."""
+        return self.entry[self.robot.base]
 
 
 class HeadingStatistics:
     """Experience with each heading: a bowl near one edge of a table is reached over that edge alone."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: Robot) -> None:
+        self._of_hand = {*robot.gripper_links, HELD}
         self._met: Counter[tuple[str, float]] = Counter()
         self._free: set[tuple[str, float]] = set()
 
@@ -118,7 +120,7 @@ class HeadingStatistics:
         """Record the hits of a posture at a hand pose; hits of the hand alone do not count against its side."""
         if not hits:
             self._free.add(_side(goal))
-        elif any(hit.mover not in GRIPPER and hit.mover != HELD for hit in hits):
+        elif any(hit.mover not in self._of_hand for hit in hits):
             self._met[_side(goal)] += 1
 
     def is_taken(self, goal: HandGoal) -> bool:
@@ -150,7 +152,7 @@ class PlaceSearch:
         world: Where things are.
         support: Id of what the thing is put on or in.
         regions: The support's regions to try.
-        q: (10,) where the robot is, holding the thing.
+        q: (Q,) where the robot is, holding the thing.
     """
 
     planner: Planner
@@ -181,7 +183,8 @@ class PlaceSearch:
         """
         goals, options = self._goals(), fill_options(moves, lowerings_m(self.regions))
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
-        blocked, sides = BlockedGoals(), HeadingStatistics()
+        robot = self.planner.robot
+        blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
         room: dict[int, bool] = {}
 
         def has_room(goal: HandGoal) -> bool:
@@ -194,13 +197,15 @@ class PlaceSearch:
             for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
-        candidates = iter(base_candidates(goals, self.q, TURNS_RAD))
+        candidates = iter(base_candidates(robot, goals, self.q, TURNS_RAD))
         first = itertools.islice(examine(candidates), MOST_CANDIDATES)
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
         more = itertools.islice(examine(sides.roomy_first(candidates)), more_count)
         for plan in itertools.chain(best_first(first, CANDIDATES_PER_BATCH), best_first(more, CANDIDATES_PER_BATCH)):
-            fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
+            fine = plan.path
+            if len(fine) > 1:
+                fine = polyline(robot, fine, FINE_ARM_STEP_RAD, base_share=FINE_SHARE)
             if self.planner.oracle.is_path_free(fine, margin_m=CLEARANCE_M):
                 yield plan
 
@@ -218,12 +223,14 @@ class PlaceSearch:
         found = Unplanned(target=item, support=self.support)
         if not goals:
             return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
-        candidates = base_candidates(goals, self.q, TURNS_RAD)
+        candidates = base_candidates(self.planner.robot, goals, self.q, TURNS_RAD)
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         standing = [c for c in itertools.islice(candidates, 20 * EXPLAINING_CONFIGURATIONS) if floor.at(c.base)]
         if not standing:
             return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", (found,))
-        releases = itertools.islice(_releases(standing, solver, floor, BlockedGoals()), EXPLAINING_CONFIGURATIONS)
+        releases = itertools.islice(
+            _releases(standing, solver, floor, BlockedGoals(self.planner.robot)), EXPLAINING_CONFIGURATIONS
+        )
         options = fill_options(moves, lowerings_m(self.regions))
         met = [self._met(release, options[0]) for _, (release, *_) in releases]
         if not met:
@@ -244,7 +251,7 @@ class PlaceSearch:
 
         What they meet they meet wherever the base stands. So the base may stand within furniture here.
         """
-        base = goal.base_before(REACHES_M[0], 0.0)
+        base = goal.base_before(self.planner.robot, self.planner.robot.reaches_m[0], 0.0)
         for solution in solver.solve(goal.T_world_eef, base, either_side=False)[:1]:
             blocked.learn(goal, self._hits(np.concatenate([base, solution.arm])))
         return goal not in blocked
@@ -286,12 +293,12 @@ class PlaceSearch:
             path = run_moves(self.planner, entry, list(filled))
             if path is None or np.linalg.norm(kinematics.forward(path[-1])[:3, 3] - wanted) > RELEASE_TOLERANCE_M:
                 continue
-            if len(path) > 1 and not oracle.is_path_free(polyline(path), margin_m=CLEARANCE_M):
+            if len(path) > 1 and not oracle.is_path_free(polyline(self.planner.robot, path), margin_m=CLEARANCE_M):
                 continue
-            margin = kinematics.margin(path[:, ARM])
-            clearance_m = oracle.gap_m(_before_lowering(path), ROOMY_M)
+            margin = kinematics.margin(path[:, self.planner.robot.arm])
+            clearance_m = oracle.gap_m(_before_lowering(self.planner.robot, path), ROOMY_M)
             score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank - tightness_cost(clearance_m)
-            return PlacePlan(entry, path, filled, candidate.goal.region, margin, clearance_m, score)
+            return PlacePlan(self.planner.robot, entry, path, filled, candidate.goal.region, margin, clearance_m, score)
         return None
 
     def _met(self, release: Array, filled: tuple[Action, ...]) -> str:
@@ -302,7 +309,7 @@ class PlaceSearch:
         path = None if entry is None else run_moves(self.planner, entry, list(filled))
         if path is None:
             return "the arm does not reach the moves to the spot"
-        way = polyline(path) if len(path) > 1 else path
+        way = polyline(self.planner.robot, path) if len(path) > 1 else path
         if hit := self.planner.oracle.first_hit(way, margin_m=CLEARANCE_M):
             return f"{_words([hit])} meet on the way in"
         return "the way there is not free"
@@ -336,7 +343,7 @@ def fill_options(moves: tuple[Action, ...], downs_m: tuple[float, ...]) -> list[
 def _releases(
     candidates: Iterable[BaseCandidate], solver: ArmSolver, floor: FreeFloor, blocked: BlockedGoals
 ) -> Iterator[tuple[BaseCandidate, list[Array]]]:
-    """Yield the candidates with room for the base, each with one or two configurations (10,) over its spot."""
+    """Yield the candidates with room for the base, each with one or two configurations (Q,) over its spot."""
     for candidate in candidates:
         if candidate.goal not in blocked and floor.at(candidate.base):
             solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)[:2]
@@ -344,9 +351,9 @@ def _releases(
                 yield candidate, [np.concatenate([candidate.base, solution.arm]) for solution in solutions]
 
 
-def _before_lowering(path: Array) -> Array:
-    """Return the first configuration (10,) with the base where the release is: what comes after is the arm's."""
-    moved = np.abs(path[:, :3] - path[-1, :3]).max(axis=1) > 1e-6
+def _before_lowering(robot: Robot, path: Array) -> Array:
+    """Return the first configuration (Q,) with the base where the release is: what comes after is the arm's."""
+    moved = np.abs(path[:, robot.base] - path[-1, robot.base]).max(axis=1) > 1e-6
     arrived = int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0
     return np.asarray(path[min(arrived, len(path) - 1)])
 
@@ -378,7 +385,7 @@ class PlacementLookahead:
         goals: The hand poses that would hold it.
         support: Id of what it will be put on or in.
         regions: The support's regions in question.
-        here: (3,) where the base stands.
+        here: (B,) where the base stands.
         slid: (4, 4) by what the regions will have moved until then, in the world: with a drawer that is to be opened.
     """
 
@@ -450,7 +457,7 @@ class PlacementLookahead:
         )
         oracle.carried = carried
         try:
-            candidates = base_candidates(wanted, self._here, TURNS_RAD)
+            candidates = base_candidates(self._planner.robot, wanted, self._here, TURNS_RAD)
             looked_at = 0
             for candidate in candidates:
                 way_in = self._has_way_in(candidate, OVER_M if upward[candidate.goal.region] else THROUGH_M)
@@ -480,7 +487,7 @@ class PlacementLookahead:
 
     def _slides_in(self, q: Array) -> bool:
         out = base_move(q, SLIDE_M, float(q[2]) + np.pi)
-        return self._planner.oracle.is_path_free(segment(out[1], q), margin_m=CLEARANCE_M)
+        return self._planner.oracle.is_path_free(segment(self._planner.robot, out[1], q), margin_m=CLEARANCE_M)
 
 
 def _key(T_world_eef: Array) -> float:

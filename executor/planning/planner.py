@@ -20,7 +20,7 @@ from executor.geometry import Array, interpolate_poses, nearest_turn, rotation_z
 from executor.planning.collision import CollisionOracle
 from executor.planning.floor import FloorPlan
 from executor.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, base_move, base_turn, connect, segment, shorten
-from executor.sim.robot.kinematics import ARM, Kinematics, LineTracker
+from executor.sim.robot.kinematics import Kinematics, LineTracker
 from executor.sim.world import World
 from executor.system.effort import CANDIDATE_S
 from oag import Action, Primitive
@@ -30,7 +30,7 @@ BASE_MARGINS_M = (0.03, 0.012, 0.006)
 
 BASE_SHARES = (1.0, 0.5, 0.25)  # Of the usual steps, for each of the margins above.
 ARM_MARGIN_M = 0.004  # Twice what the robot is off its path.
-BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])  # A radian of turning counts as 0.4 m of driving.
+BASE_WEIGHTS = (1.0, 1.0, 0.4, 1.0)  # A radian of turning counts as 0.4 m of driving, or of the lift.
 BASE_ROOM_M = 1.2  # Around start and goal, where the search begins.
 NEAR_SAMPLES = 300
 """So many samples search for a path of the base near by; from then on every other one covers all furniture."""
@@ -41,7 +41,7 @@ WAYPOINT_M = 0.01  # Between waypoints of a line.
 
 @dataclass(frozen=True, slots=True)
 class LinePlan:
-    """A straight hand motion: the path (N, 10) or None, the worst residual [m], and the joints at their limits.
+    """A straight hand motion: the path (N, Q) or None, the worst residual [m], and the joints at their limits.
 
     Attributes:
         at_limit: Joints at a limit where the hand was farthest off; empty for a line that succeeded.
@@ -56,6 +56,7 @@ class Planner:
     """Plans against one collision oracle; equal queries after equal reseeding get equal answers.
 
     Attributes:
+        robot: Its record.
         seed: Of the episode.
         floor: Where the base cannot stand, without asking the oracle.
         effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
@@ -64,7 +65,8 @@ class Planner:
     def __init__(self, oracle: CollisionOracle) -> None:
         self.oracle = oracle
         self.kinematics: Kinematics = oracle.kinematics
-        self.tracker = LineTracker(oracle.world.scene.robot.scale, oracle.kinematics)
+        self.robot = oracle.robot
+        self.tracker = LineTracker(oracle.kinematics)
         self.floor = FloorPlan(oracle)
         self.effort = self.kinematics.effort
         self.seed = 0
@@ -96,11 +98,11 @@ class Planner:
         return LinePlan(np.concatenate([q[None], path]), residual_m)
 
     def arm_path(self, q: Array, arm: Array, *, iterations: int = 400) -> Array | None:
-        """Return free waypoints (N, 10) that bring the arm to a posture with the base standing still, or None.
+        """Return free waypoints (N, Q) that bring the arm to a posture with the base standing still, or None.
 
         Args:
-            q: (10,) start.
-            arm: (7,) wanted posture.
+            q: (Q,) start.
+            arm: (A,) wanted posture.
             iterations: Samples of the tree search.
         """
         # The clearance is given up at the start, where the hand may be nearer to things already.
@@ -108,15 +110,15 @@ class Planner:
             return self._arm_path(q, arm, iterations)
 
     def _arm_path(self, q: Array, arm: Array, iterations: int) -> Array | None:
-        base = q[:3]
+        base, here = q[self.robot.base], q[self.robot.arm]
         if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=ARM_MARGIN_M):
             return None
         lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
-        middle, spread = (q[ARM] + arm) / 2, np.abs(q[ARM] - arm) / 2 + 0.5
+        middle, spread = (here + arm) / 2, np.abs(here - arm) / 2 + 0.5
 
         def sample() -> Array:
             if self.rng.uniform() < 0.5:
-                return np.clip(middle + spread * self.rng.normal(0.0, 0.6, 7), lower, upper)
+                return np.clip(middle + spread * self.rng.normal(0.0, 0.6, len(arm)), lower, upper)
             return np.asarray(self.rng.uniform(lower, upper))
 
         # Coarse steps find a path fast; only one that fine steps confirm is taken, else fine steps search again.
@@ -124,15 +126,15 @@ class Planner:
 
             def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
                 ends = np.concatenate([base, a]), np.concatenate([base, b])
-                way = segment(*ends, arm_step_rad=step_rad)
+                way = segment(self.robot, *ends, arm_step_rad=step_rad)
                 return self.oracle.is_path_free(way, margin_m=ARM_MARGIN_M)
 
             way = connect(
-                q[ARM],
+                here,
                 arm,
                 edge_is_free=edge_is_free,
                 sample=sample,
-                weights=np.ones(7),
+                weights=np.ones(len(arm)),
                 step=0.4,
                 iterations=iterations,
             )
@@ -144,18 +146,18 @@ class Planner:
         return None
 
     def base_path(self, q: Array, base: Array, *, iterations: int = 800) -> Array | None:
-        """Return free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.
+        """Return free waypoints (N, Q) that drive to a base pose with the arm as it is, or None.
 
         The whole robot and what it carries are checked every 2 cm and 2 degrees. The clearance is larger than what a
         body can move in between. Less clearance, with shorter steps, is tried only where no path has more; where the
         robot starts nearer to something, it may leave.
 
         Args:
-            q: (10,) start.
-            base: (3,) goal x, y, yaw; the yaw is shifted by whole turns to the nearest one.
+            q: (Q,) start.
+            base: (B,) the goal; its yaw is shifted by whole turns to the nearest one.
             iterations: Samples of the tree search.
         """
-        goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2]))])
+        goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2])), *base[3:]])
         for margin_m, share in zip(BASE_MARGINS_M, BASE_SHARES, strict=True):
             with self.oracle.leaving(q, margin_m=margin_m):
                 path = self._base_path(q, goal, margin_m, share, iterations)
@@ -164,9 +166,9 @@ class Planner:
         return None
 
     def _base_path(self, q: Array, goal: Array, margin_m: float, share: float, iterations: int) -> Array | None:
-        arm = q[ARM]
-        low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
-        high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+        here, arm = q[self.robot.base], q[self.robot.arm]
+        room = np.array([BASE_ROOM_M, BASE_ROOM_M, np.pi, 0.0][: len(here)])
+        low, high = np.minimum(here, goal) - room, np.maximum(here, goal) + room
         lowest, highest = low.copy(), high.copy()
         lowest[:2], highest[:2] = np.minimum(low[:2], self._around[0]), np.maximum(high[:2], self._around[1])
         drawn = itertools.count()
@@ -180,7 +182,7 @@ class Planner:
             return self.rng.uniform(lowest, highest) if far else self.rng.uniform(low, high)
 
         def edge_is_free(a: Array, b: Array) -> bool:
-            way = segment(full(a), full(b), base_share=share)
+            way = segment(self.robot, full(a), full(b), base_share=share)
             if self.floor.taken(way[:, :3]).any():
                 self.effort.add(CANDIDATE_S)
                 return False
@@ -189,11 +191,11 @@ class Planner:
         if not self.oracle.is_free(full(goal), margin_m=margin_m):
             return None
         way = connect(
-            q[:3].copy(),
+            here.copy(),
             goal,
             edge_is_free=edge_is_free,
             sample=sample,
-            weights=BASE_WEIGHTS,
+            weights=np.array(BASE_WEIGHTS[: len(here)]),
             step=0.4,
             iterations=iterations,
         )
@@ -239,11 +241,11 @@ MOVES = frozenset([*EEF_DIRECTIONS, *BASE_HEADINGS_RAD, *TURN_SIGNS])
 
 
 def move_path(planner: Planner, q: Array, primitive: Primitive, amount: float) -> LinePlan:
-    """Return the path (N, 10), q first, of a parameterised primitive; not checked for collisions.
+    """Return the path (N, Q), q first, of a parameterised primitive; not checked for collisions.
 
     Args:
         planner: Solves the hand's straight motions.
-        q: (10,) where the robot is.
+        q: (Q,) where the robot is.
         primitive: One of `MOVES`.
         amount: Metres, or degrees for turns; a negative amount reverses the direction (used to plan backwards).
     """
@@ -258,7 +260,7 @@ def move_path(planner: Planner, q: Array, primitive: Primitive, amount: float) -
 
 
 def run_moves(planner: Planner, q: Array, moves: list[Action]) -> Array | None:
-    """Return the waypoints (N, 10), q first, of filled moves one after another, or None when one is out of reach."""
+    """Return the waypoints (N, Q), q first, of filled moves one after another, or None when one is out of reach."""
     path = q[None]
     for action in moves:
         amount = action.parameter
@@ -272,7 +274,7 @@ def run_moves(planner: Planner, q: Array, moves: list[Action]) -> Array | None:
 
 
 def undo_moves(planner: Planner, q: Array, moves: list[Action]) -> Array | None:
-    """Return the configuration (10,) from which filled moves lead to q, or None when there is none within reach."""
+    """Return the configuration (Q,) from which filled moves lead to q, or None when there is none within reach."""
     for action in reversed(moves):
         amount = action.parameter
         if not isinstance(amount, float | int):

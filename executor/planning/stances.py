@@ -13,16 +13,13 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
-from executor.planning.collision import BASE, GRIPPER, HELD, NOTHING, Allowed, Hit
+from executor.planning.collision import HELD, NOTHING, Allowed, Hit
 from executor.planning.planner import Planner
-from executor.sim.robot.description import ARM_HOME, JOINT_NAMES
-from executor.sim.robot.kinematics import ARM, ArmSolution, Kinematics
+from executor.sim.robot.description import base_links
+from executor.sim.robot.kinematics import ArmSolution, Kinematics
 from executor.system.effort import CANDIDATE_S
 from oag.measurements import Unplanned
-
-REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)  # From the base's axis to the hand, the most comfortable first.
-CLOSE_REACHES_M = (0.30, 0.25)
-"""With the elbow high: from between a chair and the table, where there is no room farther off."""
+from oag.model.robots import Robot
 
 ENOUGH_MARGIN_RAD = np.deg2rad(40.0)  # With it the search ends.
 ENOUGH_CLEARANCE_M = 0.008  # And with it: four times what the robot is off its path.
@@ -30,8 +27,9 @@ ROOMY_M = 0.02  # More room than this is worth nothing.
 TIGHTNESS_COST = 0.3  # In rad of joint margin, at no clearance at all.
 DRIVE_COST_RAD_PER_M = 0.15  # A metre less of driving makes up for 9 degrees of joint margin.
 TURN_COST = 0.05  # For each radian that the base faces away.
-SHOULDER = frozenset(("panda_link1", "panda_link2"))
-LEANING_FORWARD = np.array([*ARM_HOME[:1], 0.5, *ARM_HOME[2:]])
+LIFT_COST = 0.5  # A metre of lifting, against a metre of driving.
+OTHER_LIFTS_M = (0.15, -0.15)  # Off the most comfortable height, where that leads nowhere.
+LEANING_FORWARD_RAD = 0.5  # Of the arm's second joint.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 TURN_M_PER_RAD = 0.1
 """How many metres off the place a radian off the direction is worth: about the length of the hand."""
@@ -78,11 +76,22 @@ class HandGoal:
     cost: float = 0.0
     region: str = ""
 
-    def base_before(self, reach_m: float, turn_rad: float) -> Array:
-        """Return the base pose (3,) at a distance before the hand, turned from the goal's heading."""
+    def base_before(self, robot: Robot, reach_m: float, turn_rad: float) -> Array:
+        """Return the base's coordinates (B,) at a distance before the hand, turned from the goal's heading."""
         yaw = self.heading_rad + turn_rad
         x, y = self.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
-        return np.array([x, y, yaw])
+        return np.array([x, y, yaw, *self.lifts_m(robot)[:1]])
+
+    def lifts_m(self, robot: Robot) -> list[float]:
+        """Return heights of a robot's lift for it, the most comfortable one first; none without a lift."""
+        if not robot.lift_m:
+            return []
+        wrist_m = self.T_world_eef[2, 3] - robot.wrist_m * self.T_world_eef[2, 2]
+        level_m, down_m = robot.comfort_m
+        comfort_m = level_m + (down_m - level_m) * max(-float(self.T_world_eef[2, 2]), 0.0)
+        best_m = float(wrist_m) - comfort_m - robot.mount_m
+        heights = (float(np.clip(best_m + off_m, 0.0, robot.lift_m)) for off_m in (0.0, *OTHER_LIFTS_M))
+        return list(dict.fromkeys(round(height_m, 3) for height_m in heights))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +104,25 @@ class BaseCandidate:
 
 
 def base_candidates(
-    goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...], reaches_m: tuple[float, ...] = REACHES_M
+    robot: Robot,
+    goals: list[HandGoal],
+    here: Array,
+    turns_rad: tuple[float, ...],
+    reaches_m: tuple[float, ...] | None = None,
 ) -> list[BaseCandidate]:
     """Return base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
-        here: (3,) where the base stands now.
+        robot: Its record.
+        here: (B,) where the base stands now, or more of its configuration.
         turns_rad: How far the base may face away from the goal's heading.
-        reaches_m: How far before the hand the base may be, the preferred distance first.
+        reaches_m: How far before the hand the base may be, the preferred distance first; by default the robot's.
     """
     if not goals:
         return []
+    reaches_m = robot.reaches_m if reaches_m is None else reaches_m
+    lifted = [(goal, lift_m, rank) for goal in goals for rank, lift_m in enumerate(goal.lifts_m(robot))]
+    goals = [goal for goal, _, _ in lifted] or goals
     # Thousands of candidates, of which few are looked at: what differs by reach alone is computed for all at once.
     shape = (len(goals), len(reaches_m), len(turns_rad))
     yaws = np.array([[goal.heading_rad + turn_rad for turn_rad in turns_rad] for goal in goals])
@@ -116,8 +133,14 @@ def base_candidates(
     drives = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) + turning[:, None]
     costs = DRIVE_COST_RAD_PER_M * drives + TURN_COST * np.abs(turns_rad)
     costs = costs + np.array([goal.cost for goal in goals])[:, None, None]
+    if lifted:
+        lifts = np.array([[abs(lift_m - float(here[3])), rank] for _, lift_m, rank in lifted])
+        costs = costs + (lifts @ [DRIVE_COST_RAD_PER_M * LIFT_COST, 0.03])[:, None, None]
     costs = (costs + 0.02 * np.arange(len(reaches_m))[:, None]).ravel()
     bases = np.concatenate([places, np.broadcast_to(yaws[:, None, :, None], (*shape, 1))], axis=-1).reshape(-1, 3)
+    if lifted:
+        heights = np.repeat([lift_m for _, lift_m, _ in lifted], len(reaches_m) * len(turns_rad))
+        bases = np.concatenate([bases, heights[:, None]], axis=1)
     each = len(reaches_m) * len(turns_rad)
     order = np.argsort(costs, kind="stable").tolist()
     return [BaseCandidate(goals[k // each], bases[k], float(costs[k])) for k in order]
@@ -126,7 +149,8 @@ def base_candidates(
 class BlockedGoals:
     """Hand goals that are infeasible for every base pose: there the hand, or what it holds, touches something."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: Robot) -> None:
+        self._of_hand = {*robot.gripper_links, HELD}
         self._goals: set[int] = set()
 
     def __contains__(self, goal: HandGoal) -> bool:
@@ -134,24 +158,26 @@ class BlockedGoals:
 
     def learn(self, goal: HandGoal, hits: list[Hit]) -> None:
         """Record a goal where one of the hits is the gripper's or the held object's."""
-        if any(hit.mover in GRIPPER or hit.mover == HELD for hit in hits):
+        if any(hit.mover in self._of_hand for hit in hits):
             self._goals.add(id(goal))
 
 
 def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
-    """Return whether base and shoulder have room at a pose (3,), whatever the rest of the arm does.
+    """Return whether base and shoulder have room at coordinates (B,), whatever the rest of the arm does.
 
     Under a low table there is room for the base alone: what the shoulder meets leaning back, and meets leaning forward
     as well, it meets in all postures.
     """
-    near = planner.oracle.hits(np.concatenate([base, ARM_HOME]), margin_m=margin_m)
-    movers = {hit.mover for hit in near}
-    if BASE & movers:
+    robot = planner.robot
+    near = planner.oracle.hits(np.concatenate([base, robot.home]), margin_m=margin_m)
+    movers, shoulder = {hit.mover for hit in near}, set(robot.arm_links[1:3])
+    if base_links(robot) & movers:
         return False
-    if not movers & SHOULDER:
+    if not movers & shoulder:
         return True
-    forward = planner.oracle.hits(np.concatenate([base, LEANING_FORWARD]), margin_m=margin_m)
-    return not {hit.mover for hit in forward} & SHOULDER
+    leaning = (robot.home[0], LEANING_FORWARD_RAD, *robot.home[2:])
+    forward = planner.oracle.hits(np.concatenate([base, leaning]), margin_m=margin_m)
+    return not {hit.mover for hit in forward} & shoulder
 
 
 class FreeFloor:
@@ -162,7 +188,7 @@ class FreeFloor:
         self._known: dict[tuple[float, ...], bool] = {}
 
     def at(self, base: Array) -> bool:
-        """Return whether the base has room at a pose (3,)."""
+        """Return whether the base has room at coordinates (B,)."""
         self._planner.effort.add(CANDIDATE_S)
         key = tuple(np.round(base, 5))
         if key not in self._known:
@@ -188,7 +214,7 @@ class ArmSolver:
         for T in (T_base_eef, T_base_eef @ HALF_TURN) if either_side else (T_base_eef,):
             key = tuple(np.round(T[:3], 4).ravel())
             if key not in self._known:
-                self._known[key] = kinematics.solve(T, np.zeros(3), restarts=self._restarts)
+                self._known[key] = kinematics.solve(T, _origin(kinematics), restarts=self._restarts)
             found += self._known[key]
         return sorted(found, key=lambda s: -s.margin_rad)
 
@@ -234,7 +260,7 @@ class NearMiss:
     """The posture that comes nearest to a hand pose.
 
     Attributes:
-        arm: (7,) the posture in rad.
+        arm: (A,) the posture in rad.
         residual_m: How far the hand is off the place.
         residual_rad: How far it is off the direction.
         at_limit: Joints that are at a limit.
@@ -273,8 +299,8 @@ def nearest_miss(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) ->
     """
     wanted = [inverse(kinematics.base_transform(c.base)) @ c.goal.T_world_eef for c in candidates]
     lower, upper = kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD
-    arms = np.random.default_rng(0).uniform(lower, upper, (DRAWN, 7))
-    hands = np.stack([kinematics.forward(np.concatenate([np.zeros(3), arm])) for arm in arms])
+    arms = np.random.default_rng(0).uniform(lower, upper, (DRAWN, len(lower)))
+    hands = np.stack([kinematics.forward(np.concatenate([_origin(kinematics), arm])) for arm in arms])
     starts = []
     for number, T in enumerate(wanted):
         off_m = np.linalg.norm(_off(hands, T), axis=1)
@@ -285,7 +311,7 @@ def nearest_miss(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) ->
 
 def _descent(kinematics: Kinematics, T_base_eef: Array, start: Array) -> NearMiss:
     def off(arm: Array) -> Array:
-        return _off(kinematics.forward(np.concatenate([np.zeros(3), arm]))[None], T_base_eef)[0]
+        return _off(kinematics.forward(np.concatenate([_origin(kinematics), arm]))[None], T_base_eef)[0]
 
     bounds = (kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD)
     # Poses have single precision, so that slopes need longer steps than usual.
@@ -296,8 +322,13 @@ def _descent(kinematics: Kinematics, T_base_eef: Array, start: Array) -> NearMis
         arm,
         float(np.linalg.norm(error[:3])),
         float(np.linalg.norm(error[3:])) / TURN_M_PER_RAD,
-        tuple(JOINT_NAMES[ARM][index] for index in held),
+        tuple(kinematics.robot.arm_joints[index] for index in held),
     )
+
+
+def _origin(kinematics: Kinematics) -> Array:
+    """Return the base's coordinates (B,) at which its frame is the world's."""
+    return np.zeros(len(kinematics.robot.base_joints))
 
 
 def _off(hands: Array, T_wanted: Array) -> Array:
@@ -324,14 +355,16 @@ class Stance(Generic[Followup]):
     """A base pose with an arm posture that reaches a hand goal.
 
     Attributes:
-        q: (10,) base and arm at the goal.
-        approach: (N, 10) straight approach, from the pre-grasp configuration to q.
+        robot: The record of whose stance it is.
+        q: (Q,) base and arm at the goal.
+        approach: (N, Q) straight approach, from the pre-grasp configuration to q.
         margin_rad: Smallest distance to a joint limit along the approach.
         clearance_m: Distance of the robot at the goal to everything that it must not touch, at most `ROOMY_M`.
         followup: The validation's plan for the motion that comes after.
         score: Joint margin less costs; larger is better.
     """
 
+    robot: Robot
     q: Array
     approach: Array
     margin_rad: float
@@ -341,8 +374,8 @@ class Stance(Generic[Followup]):
 
     @property
     def base(self) -> Array:
-        """Where the base stands, (3,)."""
-        return self.q[:3]
+        """Where the base stands, (B,)."""
+        return self.q[self.robot.base]
 
     def turned(self, angle_rad: float) -> Stance[Followup]:
         """Return the same stance with the base's yaw shifted by whole turns."""
@@ -367,15 +400,15 @@ def search_stances(
     validate: Validate[Followup],
     allowed: Allowed = NOTHING,
     turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
-    reaches_m: tuple[float, ...] = REACHES_M,
+    reaches_m: tuple[float, ...] | None = None,
     batch: int = 60,
 ) -> Iterator[Stance[Followup]]:
     """Yield stances, good ones first; asking for the next one means that the last one could not be used.
 
     Args:
         planner: Oracle and kinematics.
-        here: (3,) where the base stands now.
-        validate: Examines the configuration at the goal (10,). It returns the motion that comes after with an extra
+        here: (B,) where the base stands now.
+        validate: Examines the configuration at the goal (Q,). It returns the motion that comes after with an extra
             cost, or None where that is impossible.
         allowed: Intended contacts during the approach's end.
         turns_rad: How far the base may face away from the goal's heading.
@@ -383,10 +416,10 @@ def search_stances(
         batch: How many free base poses to examine before settling for less.
     """
     solver = ArmSolver(planner)
-    blocked, floor = BlockedGoals(), FreeFloor(planner, PARKED_CLEARANCE_M)
+    blocked, floor = BlockedGoals(planner.robot), FreeFloor(planner, PARKED_CLEARANCE_M)
 
     def examine() -> Iterator[Stance[Followup] | None]:
-        for candidate in base_candidates(goals, here, turns_rad, reaches_m):
+        for candidate in base_candidates(planner.robot, goals, here, turns_rad, reaches_m):
             if candidate.goal not in blocked and floor.at(candidate.base):
                 yield _stance(planner, solver, candidate, validate, allowed, blocked)
 
@@ -425,8 +458,8 @@ def _stance(
         if checked is None:
             continue
         followup, extra = checked
-        margin = kinematics.margin(line[:, ARM])
+        margin = kinematics.margin(line[:, planner.robot.arm])
         clearance_m = oracle.gap_m(q, ROOMY_M, opening_m=opening_m, allowed=allowed)
         score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - extra - tightness_cost(clearance_m)
-        return Stance(q, line[::-1].copy(), margin, clearance_m, followup, score)
+        return Stance(planner.robot, q, line[::-1].copy(), margin, clearance_m, followup, score)
     return None

@@ -16,7 +16,6 @@ MOST_POINTS = 400
 """Points of a curve; a screen shows no more."""
 _DECIMALS = 4
 _MOVED = 1e-3  # A joint that moves less, in rad or m, is not drawn.
-_BASE, _ARM, _FINGERS = slice(0, 3), slice(3, 10), slice(10, 12)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,20 +88,23 @@ def _plots(
     joint_names: Sequence[str],
     drives: Sequence[Sequence[float]],
 ) -> Iterator[Plot]:
-    qpos, joints = samples["robot_qpos"], samples["joint_positions"]
+    qpos, joints, robot = samples["robot_qpos"], samples["joint_positions"], scene.robot.model
     yield Plot("distance", "m", _distances(samples, task, scene, object_ids))
-    fingers = qpos[:, _FINGERS]
+    fingers = qpos[:, robot.fingers]
     yield Plot("gripper opening", "mm", {"opening": _numbers(1000.0 * fingers.sum(axis=1))})
     if drives:
-        stiffness, damping, most = np.asarray(drives, float)[_FINGERS].T
-        error_m, speed_m_s = samples["robot_target"][:, _FINGERS] - fingers, samples["robot_qvel"][:, _FINGERS]
+        stiffness, damping, most = np.asarray(drives, float)[robot.fingers].T
+        error_m, speed_m_s = (
+            samples["robot_target"][:, robot.fingers] - fingers,
+            samples["robot_qvel"][:, robot.fingers],
+        )
         # A drive pushes a finger until what it touches pushes back as much.
         force = np.clip(stiffness * error_m - damping * speed_m_s, -most, most)
         yield Plot("force of the finger drives", "N", _lines(("left", "right"), force))
     if moved := [k for k in range(joints.shape[1]) if np.ptp(joints[:, k]) > _MOVED]:
         yield Plot("doors and drawers", "rad or m", _lines([joint_names[k] for k in moved], joints[:, moved]))
-    yield Plot("arm", "rad", _lines([f"joint {k}" for k in range(1, 8)], qpos[:, _ARM]))
-    yield Plot("base", "m, rad", _lines(("x", "y", "yaw"), qpos[:, _BASE]))
+    yield Plot("arm", "rad", _lines([f"joint {k + 1}" for k in range(len(robot.arm_joints))], qpos[:, robot.arm]))
+    yield Plot("base", "m, rad", _lines(("x", "y", "yaw", "lift")[robot.base], qpos[:, robot.base]))
 
 
 def _distances(

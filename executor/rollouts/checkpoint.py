@@ -19,7 +19,6 @@ from executor.geometry import transform_from_quaternion
 from executor.sim.belief import weaken_grip
 from executor.sim.engine import STANDARD, Physics
 from executor.sim.faults import Fault
-from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from executor.skills.control import DISPLACED_M, LOOK_EVERY_S, TIPPED_DEG, Controller, Tick, settle_to_rest
 from executor.skills.session import Hand
@@ -45,7 +44,7 @@ class Checkpoint:
 
     Attributes:
         packed: The physics engine's state.
-        target: (10,) joint targets.
+        target: (Q,) joint targets.
         finger_target_m: Target of each finger.
         steps: Physics steps since the rollout began.
         held: Id of the item in the gripper, or None.
@@ -91,7 +90,7 @@ class Checkpoint:
         pose = scene.robot
         with World(scene, physics=physics) as world:
             weaken_grip(world, faults)
-            start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
+            start = np.array(pose.model.start(pose.position[0], pose.position[1], pose.yaw_rad))
             control = Controller(world, start, float(world.robot.get_qlimits()[-1, 1]), lambda: None)
             control.settle(START_SETTLE_S)
             begins = cls.of(world, control)

@@ -36,7 +36,7 @@ class PeakWatch:
 
     def __init__(self) -> None:
         self._world: World | None = None
-        self._stiffness, self._damping, self._limits = np.zeros((3, 12))
+        self._stiffness = self._damping = self._limits = np.zeros(0)
         self._velocities: list[Array] = []
         self._row = np.zeros(11)
 
@@ -47,19 +47,21 @@ class PeakWatch:
         """
         if self._world is not world:
             self._world, self._velocities = world, []
-            self._stiffness, self._damping, _ = np.array(drives(world.scene.robot.scale)).T
+            self._stiffness, self._damping, _ = np.array(drives(world.model)).T
             self._limits = np.array([joint.force_limit for joint in world.robot.active_joints])
         q, v = np.asarray(world.robot.get_qpos(), float), np.asarray(world.robot.get_qvel(), float)
         off = np.concatenate([control.drive_target, [control.finger_target_m] * 2]) - q
         slower = np.concatenate([control.velocity, [0.0, 0.0]]) - v
         f = np.minimum(np.abs(self._stiffness * off + self._damping * slower), self._limits)
         self._velocities.append(v)
-        a = np.zeros(12)
+        a = np.zeros(len(q))
         if len(self._velocities) > OVER_STEPS:
             a = np.abs(v - self._velocities.pop(0)) / (OVER_STEPS * world.timestep_s)
         s = np.abs(v)
-        motion = (np.hypot(s[0], s[1]), s[2], s[3:10].max(), np.hypot(a[0], a[1]), a[2], a[3:10].max())
-        pressed = (np.hypot(f[0], f[1]), f[2], f[3:7].max(), f[7:10].max(), f[10:].max())
+        robot = world.model
+        arm, wrist, fingers = robot.arm, robot.movers - robot.wrist, robot.fingers
+        motion = (np.hypot(s[0], s[1]), s[2], s[arm].max(), np.hypot(a[0], a[1]), a[2], a[arm].max())
+        pressed = (np.hypot(f[0], f[1]), f[2], f[arm.start : wrist].max(), f[wrist : arm.stop].max(), f[fingers].max())
         self._row = np.maximum(self._row, (*motion, *pressed))
 
     def take(self) -> Array:
@@ -220,7 +222,7 @@ def repeat(
     readings: tuple[GoalReading, ...] = ()
     for index, given in enumerate(commands):
         world, control = checkpoint.restore(
-            scene, recorder.after_step, faults, physics, noise.of_subtask(index, physics.timestep_s)
+            scene, recorder.after_step, faults, physics, noise.of_subtask(scene.robot.model, index, physics.timestep_s)
         )
         with world:
             _give(given, index, recorder, world, control)
@@ -251,7 +253,7 @@ def repeat_subtask(
     """
     start, recorder = Checkpoint.from_bytes(record.checkpoint), _recorder(scene, record_hz)
     recorder.state_hash = start.state_hash
-    quiet_or_not = noise.of_subtask(record.index, physics.timestep_s)
+    quiet_or_not = noise.of_subtask(scene.robot.model, record.index, physics.timestep_s)
     world, control = start.restore(scene, recorder.after_step, faults, physics, quiet_or_not)
     with world:
         _give(record.commands, record.index, recorder, world, control)
@@ -262,7 +264,7 @@ def repeat_subtask(
 
 def _recorder(scene: Scene, record_hz: float) -> TrajectoryRecorder:
     with World(scene, oracle=True) as model:
-        return TrajectoryRecorder(Kinematics(model.robot), record_hz)
+        return TrajectoryRecorder(Kinematics(model.robot, model.model), record_hz)
 
 
 def _give(

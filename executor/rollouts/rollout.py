@@ -236,7 +236,7 @@ class Run:
         """
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
-        noise = self.noise.of_subtask(index, self.physics.timestep_s)
+        noise = self.noise.of_subtask(self.scene.robot.model, index, self.physics.timestep_s)
         world, control = start.restore(self.scene, self.recorder.after_step, self.faults, self.physics, noise)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.

@@ -39,7 +39,7 @@ from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
 from oag.model.forms import ObjectForm, SceneForm, examine_scene, object_of, robot_of
-from oag.model.scene import FLOOR, FULL_SCALE, RobotPose, about_z, read_closed, read_facts
+from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
 from oag.model.symbols import Kind
 
 FLOOR_AROUND_M = 1.5
@@ -324,13 +324,13 @@ class _SceneCompletion:
     def _robot(self, objects: Mapping[str, SceneObject]) -> RobotPose:
         """Return the robot's start: from the file, else at the origin or on the free floor nearest to it."""
         form = self._form.robot
-        if form is not None and form.model_fields_set - {"scale"}:
+        if form is not None and form.model_fields_set - {"scale", "name"}:
             return robot_of(form)
         start = RobotPose() if form is None else robot_of(form)
         if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
             return start
         try:
-            return replace(robot_near(objects, (0.0, 0.0)), scale=start.scale)
+            return replace(robot_near(objects, (0.0, 0.0)), name=start.name)
         except NoRoom as problem:
             raise SceneError(str(problem), source=self._document.source, hint="give the robot a position") from None
 
@@ -417,14 +417,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
     return load_with_notes(name_or_path).scene
 
 
-def scene_for(
-    query: str, name_or_path: str | Path, *, full_size: bool = False, listen: Listener = lambda notes: None
-) -> Scene:
+def scene_for(query: str, name_or_path: str | Path, *, robot: str = "", listen: Listener = lambda notes: None) -> Scene:
     """Return the scene for a sentence: that of `load_scene`, with the floor if the sentence names it.
 
     Args:
         name_or_path: As for `load_scene`.
-        full_size: Whether the robot is of full size, whatever the scene has.
+        robot: Name of the robot; by default the scene's own.
         listen: Receives the differences between the scene and its file, in sentences.
 
     Raises:
@@ -433,8 +431,8 @@ def scene_for(
     found = load_with_notes(name_or_path)
     listen(found.notes)
     scene = found.scene
-    if full_size:
-        scene = scene.with_robot(FULL_SCALE)
+    if robot:
+        scene = scene.with_robot(robot)
     return with_floor(scene) if _FLOOR_NAMES.intersection(re.findall(r"\w+", query.casefold())) else scene
 
 

@@ -12,6 +12,7 @@ from executor.assets.parameters import AssetError
 from executor.scenes.room import Draws, NoRoom, Perturbation, Room
 from executor.scenes.validation import Unsettled, settle
 from oag import Scene, SceneObject, Task
+from oag.model.robots import PAPER_ROBOT
 
 _ID = re.compile(r"[A-Za-z0-9-]+")
 
@@ -84,7 +85,7 @@ def draw_first_valid(
     *,
     most_tries: int,
     plan: Callable[[str, Scene], Task],
-    robot_scale: float,
+    robot: str = PAPER_ROBOT.name,
     changes: LayoutChanges = UNCHANGED,
 ) -> ScenePair:
     """Return the pair of the first layout in which everything fits and that holds in physics.
@@ -95,6 +96,7 @@ def draw_first_valid(
         pair_id, family, query: As in the pair.
         layout: Number of the attempt -> the room, before sizes are adjusted and physics has settled it.
         plan: The query and a scene -> the task.
+        robot: Name of the robot.
         changes: Changes beyond the seed; `layout` has applied those to the targets.
 
     Raises:
@@ -104,7 +106,7 @@ def draw_first_valid(
     for number in range(most_tries):
         try:
             room = layout(number)
-            drawn = room.scene().with_robot(robot_scale)
+            drawn = room.scene().with_robot(robot)
             if changes.laid_out is not None:
                 drawn = changes.laid_out(drawn, plan(query, drawn))
             scene = settle(drawn.with_scales(plan(query, drawn).scales))

@@ -51,7 +51,7 @@ def weaken_grip(world: World, faults: Iterable[Fault]) -> None:
     stiffness, damping, _ = FINGER_DRIVE
     for fault in faults:
         if isinstance(fault, WeakGrip):
-            for joint in world.robot.active_joints[10:]:
+            for joint in world.robot.active_joints[world.model.fingers]:
                 joint.set_drive_properties(stiffness, damping, fault.force_n)
 
 

@@ -26,7 +26,6 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse
 from executor.records import Penetration
 from executor.sim.engine import GROUND, ROBOT
-from executor.sim.robot.description import FINGER_LINKS
 from executor.sim.world import World
 from oag.measurements import NOTHING_MEASURED, AtomMeasured
 from oag.primitives.table import OPEN_FRACTION
@@ -96,7 +95,9 @@ def fingers_touching(world: World, object_id: str) -> int:
     pressing = {
         contact.a.link
         for contact in world.contacts({object_id})
-        if contact.a.owner == ROBOT and contact.a.link in FINGER_LINKS and contact.impulse_ns > _REST_IMPULSE_NS
+        if contact.a.owner == ROBOT
+        and contact.a.link in world.model.finger_links
+        and contact.impulse_ns > _REST_IMPULSE_NS
     }
     return len(pressing)
 

@@ -15,8 +15,9 @@ import numpy as np
 
 from executor.assets.model import Asset
 from executor.geometry import Array
-from executor.sim.robot.description import FINGER_FRICTION, FINGER_LINKS
+from executor.sim.robot.description import FINGER_FRICTION
 from executor.system.extras import load_sapien
+from oag.model.robots import Robot
 
 GROUND = "ground"
 ROBOT = "robot"
@@ -238,17 +239,17 @@ class Physics:
             return replace(asset, joints=joints)
         return asset
 
-    def tune(self, robot: Any) -> None:
+    def tune(self, loaded: Any, robot: Robot) -> None:
         """Apply the force limits and the finger friction to a robot that was loaded just now."""
-        for joint in robot.active_joints:
-            kind = next((k for k in ("base", "finger") if k in joint.name), "arm")
-            factor = {"base": self.base_force, "arm": self.arm_force, "finger": self.grip_force}[kind]
+        base, arm = len(robot.base_joints), len(robot.arm_joints)
+        factors = [self.base_force] * base + [self.arm_force] * arm + [self.grip_force] * 2
+        for joint, factor in zip(loaded.active_joints, factors, strict=True):
             if factor != 1.0:
                 joint.set_drive_properties(joint.stiffness, joint.damping, factor * joint.force_limit)
         if self.finger_friction != FINGER_FRICTION:
             material = load_sapien().physx.PhysxMaterial(self.finger_friction, self.finger_friction, 0.0)
-            for finger in FINGER_LINKS:
-                for shape in robot.find_link_by_name(finger).collision_shapes:
+            for finger in robot.finger_links:
+                for shape in loaded.find_link_by_name(finger).collision_shapes:
                     shape.set_physical_material(material)
 
 

@@ -61,11 +61,11 @@ class NavigationOffset:
         return cls(round(size_m * float(np.cos(angle_rad)), 4), round(size_m * float(np.sin(angle_rad)), 4))
 
     def end(self, start: Array, goal: Array) -> Array:
-        """Return (10,) where a drive ends.
+        """Return (Q,) where a drive ends.
 
         Args:
-            start: (10,) where it began.
-            goal: (10,) where it was to end.
+            start: (Q,) where it began.
+            goal: (Q,) where it was to end.
         """
         share = min(float(np.hypot(*(goal[:2] - start[:2]))), 1.0)
         moved = rotation_z(float(goal[2])) @ np.array([self.forward_m, self.left_m, 0.0])

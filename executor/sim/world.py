@@ -36,7 +36,7 @@ from executor.sim.engine import (
     pairs_nearer,
     pose_matrix,
 )
-from executor.sim.robot.description import ARM_HOME, BASE_LINK, load_robot
+from executor.sim.robot.description import BASE_LINK, load_robot
 from executor.system.extras import load_sapien
 from oag import Scene, SceneObject
 
@@ -54,6 +54,9 @@ class World:
             nothing, so that after setting poses one step reports the contacts of exactly these poses.
         paint: Makes the looks of an object's shape; by default it has its own colour.
 
+    Attributes:
+        model: The record of its robot.
+
     Raises:
         AssetError: When an object of the scene cannot be built.
         RobotDataMissing: When the robot's description is not installed.
@@ -70,6 +73,7 @@ class World:
         paint: Callable[[SceneObject, Shape], Any] | None = None,
     ) -> None:
         self.scene = scene
+        self.model = scene.robot.model
         self._paint = paint
         self.timestep_s = ORACLE_TIMESTEP_S if oracle else physics.timestep_s
         self.assets: dict[str, Asset] = {name: physics.of(asset_for(obj)) for name, obj in scene.objects.items()}
@@ -80,10 +84,10 @@ class World:
         self._system: Any = self.sapien_scene.physx_system
         self._owner_of: dict[Any, BodyRef] = {}
         self._owner_of[add_ground(self.sapien_scene)] = BodyRef(GROUND, GROUND)
-        self.robot: Any = load_robot(self.sapien_scene, scene.robot.scale, visual=visual)
+        self.robot: Any = load_robot(self.sapien_scene, self.model, visual=visual)
         for link in self.robot.links if visual else ():
             merge_opaque_meshes(link.entity)
-        physics.tune(self.robot)
+        physics.tune(self.robot, self.model)
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, BuiltAsset] = {}
         for name, asset in self.assets.items():
@@ -298,7 +302,7 @@ class World:
         """Put the robot at the scene's pose, arm at home, gripper open, drives holding it there."""
         pose = self.scene.robot
         opening = float(self.robot.get_qlimits()[-1, 1])
-        start = [pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME, opening, opening]
+        start = [*self.model.start(pose.position[0], pose.position[1], pose.yaw_rad), opening, opening]
         self.robot.set_qpos(np.array(start, dtype=np.float32))
         self.robot.set_qvel(np.zeros(len(start), dtype=np.float32))
         for joint, target in zip(self.robot.active_joints, start, strict=True):

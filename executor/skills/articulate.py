@@ -102,7 +102,9 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, J
     session = replace(session, plan=session.plan.without_swing())
     if path is not None:
         pushing = swing is not None and swing.motion == "push"
-        monitor = session.monitor(handle_contacts(target, handle), gripped=None if pushing else target)
+        monitor = session.monitor(
+            handle_contacts(session.planner.robot, target, handle), gripped=None if pushing else target
+        )
         carries = (target, joint.name, joint.position(end))
         failure = session.control.follow(path, speed=SPEED, monitor=monitor, carries=carries)
         session.control.settle(SETTLE_S)
@@ -139,7 +141,7 @@ def _path(work: ArticulationTask, q: Array, swing: Swing | None, end: float) -> 
     if not driving_carries(work.joint, work.T_root):
         message = f"neither driving nor the arm follows {work.joint.name} from here"
         return None, Failure(FailureKind.UNREACHABLE, message)
-    return carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end).path, None
+    return carry_joint(work.planner.robot, q, work.object_id, work.joint, work.T_root, work.now, end).path, None
 
 
 def _retract_from_panel(session: Session, monitor: Monitor) -> tuple[Session, Failure | None]:
@@ -175,7 +177,7 @@ def _regrasp(
         return session, left.failure
     session = replace(session, plan=replace(session.plan, stance=None, journey=None))
     session.sync_planner()
-    planner, world, here = session.planner, session.believed, session.q[:3]
+    planner, world, here = session.planner, session.believed, session.q[session.planner.robot.base]
     strategies = articulation_stances(planner, world, target, handles, action, here, going_on=going_on)
     planned = adopt_first(session, strategies)
     if not isinstance(planned, Session):

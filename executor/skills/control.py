@@ -15,13 +15,14 @@ import numpy as np
 
 from executor.geometry import Array, inverse, wrap_angle
 from executor.planning.articulation import riders
-from executor.planning.collision import FINGERS, HELD, NOTHING, Allowed, Carried, is_allowed
+from executor.planning.collision import HELD, NOTHING, Allowed, Carried, is_allowed
 from executor.records import DriveCommand, Failure, FailureKind
 from executor.sim.detectors import fingers_touching, touching_bodies
-from executor.sim.robot.kinematics import ARM, Kinematics
+from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.skills.trajectories import RAD_PER_M, NoiseStream, stop_path, time_path
 from oag.measurements import GripLoss, RobotStall, SideEffect, TimeUp, UnmeantContact
+from oag.model.robots import Robot
 
 CONTACT_FORCE_N = 8.0
 """An unintended contact above this force ends a motion."""
@@ -87,7 +88,7 @@ class Monitor:
         owner = self.carried.object_id if self.carried else self.gripped
         if owner is None:
             return None
-        self._lost = 0 if fingers_touching(self.world, owner) == len(FINGERS) else self._lost + 1
+        self._lost = 0 if fingers_touching(self.world, owner) == len(self.world.model.finger_links) else self._lost + 1
         if self._lost >= LOST_CHECKS:
             kind = FailureKind.DROPPED if self.carried else FailureKind.SLIPPED
             message = f"the fingers lost {owner} at {self.world.time_s:.1f} s"
@@ -146,18 +147,21 @@ class Bystanders:
         return None
 
 
-def stall(q: Array, target: Array, max_offset_m: float = 0.0) -> Failure | None:
+def stall(robot: Robot, q: Array, target: Array, max_offset_m: float = 0.0) -> Failure | None:
     """Return a failure when the robot is not at its target: blocked, or too weak.
 
     Args:
-        q: (10,) or longer: where it is.
-        target: (10,) where it should be.
+        robot: Its record.
+        q: (Q,) or longer: where it is.
+        target: (Q,) where it should be.
         max_offset_m: Largest deviation by noise (`CommandNoise`).
     """
     strays_rad = RAD_PER_M * max_offset_m
     base_m = float(np.hypot(*(q[:2] - target[:2])))
+    if robot.lift_m:
+        base_m = max(base_m, abs(float(q[3] - target[3])))
     yaw_rad = abs(wrap_angle(float(q[2] - target[2])))
-    arm_rad = float(np.abs(q[ARM] - target[ARM]).max())
+    arm_rad = float(np.abs(q[robot.arm] - target[robot.arm]).max())
     base_ok = base_m <= BASE_STALL_M + math.sqrt(2.0) * max_offset_m
     if base_ok and yaw_rad <= YAW_STALL_RAD + strays_rad and arm_rad <= ARM_STALL_RAD + strays_rad:
         return None
@@ -193,14 +197,14 @@ class Controller:
 
     Args:
         world: The world that moves.
-        target: (10,) joint targets to begin with.
+        target: (Q,) joint targets to begin with.
         finger_target_m: Target of each finger.
         after_step: Called after every physics step (the recorder).
         noise: Noise that is added to the drive targets during motions.
 
     Attributes:
-        target: (10,) where base and arm are to be.
-        drive_target: (10,) the same with noise: the drives' targets.
+        target: (Q,) where base and arm are to be.
+        drive_target: (Q,) the same with noise: the drives' targets.
         command_log: The commands so far, in order; `repeat` does the same again.
         moving_wall_s: Wall time spent on stepping so far; the rest of a primitive's time is planning.
         deadline_s: Simulated time at which a motion ends, finished or not.
@@ -216,7 +220,7 @@ class Controller:
     ) -> None:
         self.world = world
         self.target = np.array(target, dtype=float)
-        self.velocity = np.zeros(10)
+        self.velocity = np.zeros(world.model.movers)
         self.finger_target_m = float(finger_target_m)
         self.moving_wall_s = 0.0
         self.deadline_s = math.inf
@@ -228,8 +232,8 @@ class Controller:
 
     @property
     def q(self) -> Array:
-        """Measured base and arm positions, (10,)."""
-        return np.asarray(self.world.robot.get_qpos(), dtype=float)[:10]
+        """Measured base and arm positions, (Q,)."""
+        return np.asarray(self.world.robot.get_qpos(), dtype=float)[: self.world.model.movers]
 
     def follow(
         self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None, carries: Carriage | None = None
@@ -239,7 +243,7 @@ class Controller:
         A robot that falls behind its path is blocked: it ends there, rather than press on with all its strength.
 
         Args:
-            path: (N, 10) waypoints, the first one being the present target.
+            path: (N, Q) waypoints, the first one being the present target.
             speed: Fraction of the speed limits.
             monitor: Ends the motion when it has to end; the robot then slows down, and holds the posture it comes to.
             carries: What the motion is meant to do to a joint. Physics decides that; a dry run takes it for done.
@@ -257,7 +261,7 @@ class Controller:
         if failure is not None:
             self.settle(SETTLE_S)
             return failure
-        return self.settle(SETTLE_S, monitor) or stall(self.q, self.target)
+        return self.settle(SETTLE_S, monitor) or stall(self.world.model, self.q, self.target)
 
     def rest(self) -> None:
         """Hold the robot at its present position, so that it does not press on against what stopped it."""
@@ -282,7 +286,7 @@ class Controller:
         return (
             self._timeout()
             or (monitor.check() if monitor else None)
-            or stall(self.q, q, self._noise.max_offset_m if self._noise else 0.0)
+            or stall(self.world.model, self.q, q, self._noise.max_offset_m if self._noise else 0.0)
         )
 
     def _timeout(self) -> Failure | None:
@@ -296,14 +300,14 @@ class Controller:
 
         Their speed is low enough not to knock what they close on.
         """
-        now_m = float(np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12].mean())
+        now_m = float(np.asarray(self.world.robot.get_qpos(), dtype=float)[self.world.model.fingers].mean())
         way_m = float(finger_target_m) - now_m
         stages = max(int(np.ceil(abs(way_m) / (FINGER_SPEED_M_S * FINGER_STAGE_S))), 1)
         for stage in range(1, stages + 1):
             self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
             self._aim(self.target)
             self.settle(FINGER_STAGE_S if stage < stages else max(GRIP_S - stage * FINGER_STAGE_S, FINGER_STAGE_S))
-        return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
+        return np.asarray(self.world.robot.get_qpos(), dtype=float)[self.world.model.fingers]
 
     def settle(self, duration_s: float, monitor: Monitor | None = None) -> Failure | None:
         """Step the world while the robot holds still; return the monitor's failure, or None."""
@@ -322,7 +326,7 @@ class Controller:
 
     def _move(self, path: Array, speed: float, ended: Callable[[int, Array], bool]) -> None:
         """Move along a path to its end, or slow down at the first step at which `ended` is true."""
-        positions, velocities = time_path(path, self.world.timestep_s, speed)
+        positions, velocities = time_path(self.world.model, path, self.world.timestep_s, speed)
         followed, stopped = 0, False
         for q, v in zip(positions, velocities, strict=True):
             left_s = (len(positions) - followed) * self.world.timestep_s
@@ -330,20 +334,20 @@ class Controller:
             self._step()
             followed += 1
             if ended(followed - 1, q):
-                for stop_q, stop_v in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
+                for stop_q, stop_v in zip(*stop_path(self.world.model, q, v, self.world.timestep_s), strict=True):
                     self._command(stop_q, stop_v, left_s)
                     self._step()
                 stopped = True
                 break
         else:
-            self._command(path[-1], np.zeros(10))
+            self._command(path[-1], np.zeros(path.shape[1]))
         self.command_log.append(
             DriveCommand(np.array(path, dtype=float), self.finger_target_m, speed, followed, stopped)
         )
 
     def _aim(self, q: Array) -> None:
         """Command a position at rest."""
-        self._command(q, np.zeros(10))
+        self._command(q, np.zeros(len(self.target)))
         self.command_log.append(DriveCommand(self.target[None], self.finger_target_m))
 
     def _hold(self, steps: int) -> None:
@@ -355,10 +359,10 @@ class Controller:
         self.drive_target = np.array(q, dtype=float)
         if self._noise is not None and left_s > 0.0:
             self.drive_target += self._noise.offset(velocity, left_s, gripping=self.finger_target_m <= 0.0)
-        for joint, position, speed in zip(self._joints[:10], self.drive_target, velocity, strict=True):
+        for joint, position, speed in zip(self._joints[: len(self.target)], self.drive_target, velocity, strict=True):
             joint.set_drive_target(float(position))
             joint.set_drive_velocity_target(float(speed))
-        for joint in self._joints[10:]:
+        for joint in self._joints[len(self.target) :]:
             joint.set_drive_target(self.finger_target_m)
         self.target = np.array(q, dtype=float)
         self.velocity = np.array(velocity, dtype=float)

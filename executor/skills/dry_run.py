@@ -20,7 +20,6 @@ from executor.geometry import Array, inverse
 from executor.planning.articulation import riders
 from executor.records import Failure
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
-from executor.sim.robot.description import FINGER_LINKS
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from executor.skills.control import SETTLE_S, Carriage, Controller, Monitor
@@ -75,10 +74,10 @@ class DryWorld(World):
         self._poses = {name: World.T_world_link(self, name) for name in self.dynamic_ids}
         self._joints = {name: np.array(self._articulation(name).get_qpos(), float) for name in self.articulated_ids}
         qpos = np.asarray(self.robot.get_qpos(), dtype=float)
-        self._q, self._fingers_m = qpos[:10], qpos[10:12]
+        self._q, self._fingers_m = qpos[: self.model.movers], qpos[self.model.fingers]
         self._between: BodyRef | None = None
         self.along: tuple[str, ...] = ()
-        self._kinematics = Kinematics(self.robot)
+        self._kinematics = Kinematics(self.robot, self.model)
         self._stale = True
         self._disturbed = {*self._poses, *self._joints}
 
@@ -115,7 +114,7 @@ class DryWorld(World):
         self._stale = True
 
     def place_robot(self, q: Array, fingers_m: Array | None = None) -> None:
-        """Put base and arm (10,), and the fingers (2,) where given, with what is held."""
+        """Put base and arm (Q,), and the fingers (2,) where given, with what is held."""
         T_before = self._kinematics.forward(self._q)
         self._q = np.array(q, dtype=float)
         self._fingers_m = self._fingers_m if fingers_m is None else np.array(fingers_m, dtype=float)
@@ -143,13 +142,13 @@ class DryWorld(World):
         held = self._between
         found = []
         for contact in super().contacts(owners):
-            if held is not None and contact.a.link in FINGER_LINKS and contact.b.owner == held.owner:
+            if held is not None and contact.a.link in self.model.finger_links and contact.b.owner == held.owner:
                 continue
             force_n = PUSH_N if contact.separation_m < -OVERLAP_M else 0.0
             found.append(replace(contact, impulse_ns=force_n * self.timestep_s))
         if held is not None and (owners is None or ROBOT in owners or held.owner in owners):
             pressing = GRIP_N * self.timestep_s
-            found += [Contact(BodyRef(ROBOT, finger), held, 0.0, pressing) for finger in FINGER_LINKS]
+            found += [Contact(BodyRef(ROBOT, finger), held, 0.0, pressing) for finger in self.model.finger_links]
         return tuple(found)
 
     def close_fingers(self, least_m: float) -> None:
@@ -232,9 +231,9 @@ class DryWorld(World):
         self._look()
         nearest: dict[str, tuple[float, BodyRef]] = {}
         for a, b, gap_m in self.near({ROBOT}, FINGER_TOUCH_M):
-            if a.link in FINGER_LINKS and b.owner not in (ROBOT, GROUND):
+            if a.link in self.model.finger_links and b.owner not in (ROBOT, GROUND):
                 nearest[a.link] = min(nearest.get(a.link, (gap_m, b)), (gap_m, b))
-        return [nearest[finger][1] if finger in nearest else None for finger in FINGER_LINKS]
+        return [nearest[finger][1] if finger in nearest else None for finger in self.model.finger_links]
 
     def _look(self) -> None:
         """Find the contacts of the present state; whatever the engine moves at that is put back before the next."""
@@ -246,7 +245,7 @@ class DryWorld(World):
             else:
                 self.set_joint_positions(name, self._joints[name])
         self.robot.set_qpos(np.concatenate([self._q, self._fingers_m]).astype(np.float32))
-        self.robot.set_qvel(np.zeros(12, dtype=np.float32))
+        self.robot.set_qvel(np.zeros(len(self.model.joint_names), dtype=np.float32))
         self.step()
         met = {ref.owner for a, b, _ in self.near({*self.assets, ROBOT}, OVERLAP_M) for ref in (a, b)}
         self._disturbed = met & {*self._poses, *self._joints}

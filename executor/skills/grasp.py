@@ -14,7 +14,7 @@ from executor.assets.model import Handle
 from executor.geometry import Array, inverse, rotation_z
 from executor.planning.articulation import handle_contacts
 from executor.planning.articulation_stances import gripped_handle
-from executor.planning.collision import FINGERS, Allowed, fingers_may_touch, held_may_touch
+from executor.planning.collision import Allowed, fingers_may_touch, held_may_touch
 from executor.planning.drives import drive_to
 from executor.planning.picks import in_the_way
 from executor.planning.planner import BASE_HEADINGS_RAD
@@ -48,8 +48,8 @@ def handle_in_use(session: Session) -> Handle | None:
 
 def target_contacts(session: Session) -> Allowed:
     """Return the intended contacts of holding the target: its handle's link, or the item."""
-    target, handle = session.subtask.target, handle_in_use(session)
-    return handle_contacts(target, handle) if handle is not None else fingers_may_touch(target)
+    robot, target, handle = session.planner.robot, session.subtask.target, handle_in_use(session)
+    return handle_contacts(robot, target, handle) if handle is not None else fingers_may_touch(robot, target)
 
 
 def grasp(session: Session, action: Action) -> StepResult:
@@ -75,7 +75,7 @@ def grasp(session: Session, action: Action) -> StepResult:
         opening_m=round(float(fingers.sum()), 4),
         target_width_m=round(asset.rim.thickness_m if at_rim and asset.rim else grip_width_m(asset), 4),
     )
-    if touching < len(FINGERS):
+    if touching < len(session.world.model.finger_links):
         message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
         return session.done(action, measured, failure=Failure(FailureKind.GRASP_MISSED, message, (measured,)))
     if asset.motion != "dynamic":
@@ -83,7 +83,9 @@ def grasp(session: Session, action: Action) -> StepResult:
         session = replace(session, hand=holding, handled=handled)
         session.sync_planner()
         return session.done(action, measured)
-    holding = Hand(target, session.hand.gripped, held_may_touch(supports), fingers_may_touch(target))
+    holding = Hand(
+        target, session.hand.gripped, held_may_touch(supports), fingers_may_touch(session.planner.robot, target)
+    )
     session = replace(session, hand=holding, handled=handled)
     session.sync_planner()
     measured = replace(measured, grip_force_n=round(_grip_force_n(session), 2))
@@ -125,7 +127,7 @@ def _with_hold_offset(session: Session, planned_hold: Array | None, measured: Gr
 def _grip_force_n(session: Session) -> float:
     """Return the force of the finger that presses less."""
     world, target = session.world, session.subtask.target
-    forces = dict.fromkeys(FINGERS, 0.0)
+    forces = dict.fromkeys(world.model.finger_links, 0.0)
     for contact in world.contacts({target}):
         for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
             if near.owner == "robot" and near.link in forces and far.owner == target:

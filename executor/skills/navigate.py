@@ -46,8 +46,6 @@ from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import Stance
 from executor.records import Failure, FailureKind
-from executor.sim.robot.description import ARM_HOME
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
 from oag import Action, Primitive, SimpleTask
@@ -206,7 +204,7 @@ def nearest_home(session: Session, plan: Callable[[], Planned], arm: Callable[[P
     Args:
         session: The execution's state; the arm is at home, or holds something.
         plan: Plans by the planner's seed.
-        arm: The posture (7,) that a plan has the arm take; None where planning found nothing.
+        arm: The posture (A,) that a plan has the arm take; None where planning found nothing.
     """
     if session.stances == 1:
         return plan()
@@ -215,7 +213,7 @@ def nearest_home(session: Session, plan: Callable[[], Planned], arm: Callable[[P
         session.planner.reseed(seed)
         planned = plan()
         posture = arm(planned)
-        away_rad = np.inf if posture is None else float(np.abs(posture - np.array(ARM_HOME)).sum())
+        away_rad = np.inf if posture is None else float(np.abs(posture - np.array(session.planner.robot.home)).sum())
         found.append((away_rad, seed, planned))
     _, seed, planned = min(found, key=lambda one: one[:2])
     session.planner.reseed(seed)
@@ -293,11 +291,11 @@ def navigate_to_target(session: Session, action: Action) -> StepResult:
 
 def _arm_at_target(planned: Session | Failure) -> Array | None:
     stance = planned.plan.stance if isinstance(planned, Session) else None
-    return None if stance is None else np.asarray(stance.q[ARM])
+    return None if stance is None else np.asarray(stance.q[stance.robot.arm])
 
 
 def _arm_at_place(chosen: tuple[PlacePlan, Drive] | None) -> Array | None:
-    return None if chosen is None else np.asarray(chosen[0].entry[ARM])
+    return None if chosen is None else np.asarray(chosen[0].entry[chosen[0].robot.arm])
 
 
 def with_stance(session: Session) -> Session | Failure:
@@ -311,7 +309,9 @@ def with_stance(session: Session) -> Session | Failure:
         handles = _handles_for(session, action)
         where = f"the handle of {target}"
         serves = _purpose(session, action).serves
-        strategies = articulation_stances(planner, world, target, handles, action, session.q[:3], serves=serves)
+        strategies = articulation_stances(
+            planner, world, target, handles, action, session.q[session.planner.robot.base], serves=serves
+        )
         planned = adopt_first(session, strategies)
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset, session.gripper)) is not None:
@@ -325,10 +325,18 @@ def with_stance(session: Session) -> Session | Failure:
         return planned
     if planned == 0:
         if articulation is not None and asset.handles:
-            return explain_failure(ArticulationTask(planner, world, target, handles[0], articulation[1]), session.q[:3])
+            return explain_failure(
+                ArticulationTask(planner, world, target, handles[0], articulation[1]),
+                session.q[session.planner.robot.base],
+            )
         if not fits_between(asset, session.gripper):
-            return explain_rim_failure(planner, world, target, session.q[:3])
-        return explain_pick_failure(planner, target, item_goals(asset, world.T_world_link(target)), session.q[:3])
+            return explain_rim_failure(planner, world, target, session.q[session.planner.robot.base])
+        return explain_pick_failure(
+            planner,
+            target,
+            item_goals(planner.robot.hand, asset, world.T_world_link(target)),
+            session.q[session.planner.robot.base],
+        )
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
     near = f"; on the straight way there {' and '.join(blockers)} meet" if blockers else ""
     message = f"{planned} stances reach {where}, but no free way leads to any of them{near}"
@@ -340,7 +348,7 @@ def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     """Yield the strategies to pick the target: around all of it where that fits, by its rim, last resorts."""
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
-    pick = Pick(session.planner, world, target, moves, session.q[:3], _lifts_m(session))
+    pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
     fits = fits_between(world.assets[target], session.gripper)
     if fits:
         yield pick.stances(_placement_check(session))
@@ -362,10 +370,16 @@ def _placement_check(session: Session) -> Callable[[Array], bool] | None:
     world, target = session.believed, session.subtask.target
     for later in session.later:
         if later.target == target and later.support_goal in session.world.assets:
-            goals = item_goals(world.assets[target], world.T_world_link(target))
+            goals = item_goals(world.model.hand, world.assets[target], world.T_world_link(target))
             regions = regions_for(session.world, later)
             lookahead = PlacementLookahead(
-                session.planner, world, target, goals, later.support_goal, regions, session.q[:3]
+                session.planner,
+                world,
+                target,
+                goals,
+                later.support_goal,
+                regions,
+                session.q[session.planner.robot.base],
             )
             return lookahead.allows_placement
     return None
@@ -377,7 +391,7 @@ def _purpose(session: Session, action: Action) -> Purpose:
     item = (
         first_item_put_inside(world, target, session.later) if action.primitive is Primitive.ARTICULATE_OPEN else None
     )
-    return Purpose(session.planner, world, target, action, item, session.q[:3])
+    return Purpose(session.planner, world, target, action, item, session.q[session.planner.robot.base])
 
 
 def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
@@ -500,7 +514,7 @@ def _nominal(session: Session, support: str) -> Drive | None:
     centre = (T @ np.array([*regions[0].center_m, 1.0]))[:3]
     half = np.array(regions[0].half_extents_m)
     opening = np.array(regions[0].opening)
-    T_base_eef = planner.kinematics.forward(np.concatenate([np.zeros(3), q[3:]]))
+    T_base_eef = planner.kinematics.forward(np.concatenate([np.zeros(3), q[3:]]))  # Lift and arm as they are.
     sides = (opening,) if abs(opening[2]) < 0.5 else SIDES
     for gap_m, side in itertools.product(NOMINAL_GAPS_M, sides):
         outward = T[:3, :3] @ side

@@ -23,8 +23,6 @@ from executor.planning.stances import Stance
 from executor.records import Failure
 from executor.sim.belief import BelievedWorld, has_belief_fault
 from executor.sim.faults import Fault, NavigationOffset
-from executor.sim.robot.description import ARM_HOME
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from executor.skills.control import Controller, Monitor
 from oag import Action, SimpleTask
@@ -140,7 +138,7 @@ class Session:
 
     @property
     def q(self) -> Array:
-        """Commanded position of the robot, (10,): paths start here, so that nothing jumps."""
+        """Commanded position of the robot, (Q,): paths start here, so that nothing jumps."""
         return self.control.target.copy()
 
     @property
@@ -151,7 +149,8 @@ class Session:
     @property
     def is_home(self) -> bool:
         """Whether the arm is in its home posture."""
-        return bool(np.abs(self.q[ARM] - np.array(ARM_HOME)).max() < 1e-3)
+        robot = self.planner.robot
+        return bool(np.abs(self.q[robot.arm] - np.array(robot.home)).max() < 1e-3)
 
     @property
     def believed(self) -> World:
@@ -165,7 +164,7 @@ class Session:
         """Apply the fault of navigation to the base; return by how many metres it moved, or None without a fault.
 
         Args:
-            start: (10,) where the drive began.
+            start: (Q,) where the drive began.
         """
         drift_m = None
         for fault in self.faults:
@@ -182,7 +181,7 @@ class Session:
         """Synchronise the planner with the world, the held object's place in the hand included."""
         self.planner.oracle.synchronize(self.believed)
         qpos = np.asarray(self.world.robot.get_qpos(), dtype=float)
-        self.planner.oracle.opening_m = float(qpos[10:12].mean())
+        self.planner.oracle.opening_m = float(qpos[self.planner.robot.fingers].mean())
         self.planner.oracle.carried = None
         held = self.hand.held
         if held is not None:

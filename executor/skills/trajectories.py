@@ -16,81 +16,114 @@ follow white noise; noise with a memory is Uhlenbeck and Ornstein's, here smooth
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from executor.geometry import Array
+from oag.model.robots import Robot
 
-SPEED_LIMITS = np.array([0.5, 0.5, 1.0] + [1.2] * 7)
-"""m/s for the base, rad/s for its yaw and the arm."""
+_SPEEDS = (0.5, 1.0, 0.15, 1.2)  # m/s along the floor, rad/s of yaw, m/s of a lift, rad/s of the arm.
+_ACCELERATIONS = (2.5, 5.0, 0.75, 7.0)
+"""m/s2 and rad/s2, as above. Of the base what 170 N give its 66 kg; of the arm what Franka Robotics allows a Panda's
+slowest."""
 
-ACCELERATION_LIMITS = np.array([2.5, 2.5, 5.0] + [7.0] * 7)
-"""m/s2 and rad/s2. Of the base what 170 N give its 66 kg; of the arm what Franka Robotics allows a Panda's slowest."""
-
-STOP_LIMITS = 2 * ACCELERATION_LIMITS
-"""Of a motion that has to end at once: about what the 350 N of the base give its 66 kg and the arm on it."""
+STOPS = 2.0
+"""Accelerations at the end of a motion that has to end at once: about what the 350 N of the base give its 66 kg and the
+arm on it."""
 
 RAMP_S = 0.35  # From rest to full speed, and back.
 BLEND_S = 0.1  # Of the moving average.
-CORNER_STEPS = np.array([0.08, 0.08, 0.16] + [0.24] * 7)
+_CORNER_STEPS = (0.08, 0.16, 0.05, 0.24)
 """By how much a speed may change at a corner, in m/s and rad/s: with BLEND_S, 0.8 m/s2, 1.6 and 2.4 rad/s2."""
+
+
+def _of_joints(robot: Robot, kinds: tuple[float, float, float, float]) -> Array:
+    """Return (Q,) a number for each joint of base and arm: along the floor, of yaw, of a lift, of the arm."""
+    floor, yaw, lift, arm = kinds
+    lifts = [lift] * (len(robot.base_joints) - 3)
+    return np.array([floor, floor, yaw, *lifts] + [arm] * len(robot.arm_joints))
+
+
+@cache
+def speed_limits(robot: Robot) -> Array:
+    """Return (Q,) the speed limits of base and arm, m/s and rad/s."""
+    return _of_joints(robot, _SPEEDS)
+
+
+@cache
+def acceleration_limits(robot: Robot) -> Array:
+    """Return (Q,) the acceleration limits of base and arm, m/s2 and rad/s2; twice these at the end of a motion that has
+    to end at once."""
+    return _of_joints(robot, _ACCELERATIONS)
+
+
+@cache
+def corner_steps(robot: Robot) -> Array:
+    """Return (Q,) by how much the speeds of base and arm may change at a corner, m/s and rad/s."""
+    return _of_joints(robot, _CORNER_STEPS)
+
 
 _SHORTEST_S = 1e-6  # At full speed; less is nowhere.
 _SLOWER, _ROUNDS = 1.02, 40  # Many corners one after the other add up; each round checks again.
 
 
-def time_path(path: Array, dt_s: float, speed: float = 1.0) -> tuple[Array, Array]:
+def time_path(robot: Robot, path: Array, dt_s: float, speed: float = 1.0) -> tuple[Array, Array]:
     """Return positions and velocities, one row a control tick, along a path.
 
     Args:
-        path: (N, 10) waypoints, the first one being where the robot stands.
+        robot: Its record.
+        path: (N, Q) waypoints, the first one being where the robot stands.
         dt_s: Length of a control tick.
         speed: Fraction of the speed limits to use.
 
     Returns:
-        (T, 10) positions and (T, 10) velocities in rad/s or m/s, both ending at rest at the path's end, no speed or
+        (T, Q) positions and (T, Q) velocities in rad/s or m/s, both ending at rest at the path's end, no speed or
         acceleration beyond its limit; T = 0 for a path that goes nowhere.
     """
+    most = acceleration_limits(robot)
     for _ in range(_ROUNDS):
-        positions = _blended(path[0], _sampled(path, dt_s, speed), dt_s)
+        positions = _blended(path[0], _sampled(robot, path, dt_s, speed), dt_s)
         velocities = np.diff(np.concatenate([path[:1], positions]), axis=0) / dt_s
         if not len(positions):
             break
         accelerations = np.diff(np.concatenate([np.zeros((1, path.shape[1])), velocities]), axis=0) / dt_s
-        excess = float((np.abs(accelerations) / ACCELERATION_LIMITS).max())
+        excess = float((np.abs(accelerations) / most).max())
         if excess <= 1.0:
             break
         speed /= max(np.sqrt(excess), _SLOWER)
     return positions, velocities
 
 
-def stop_path(position: Array, velocity: Array, dt_s: float) -> tuple[Array, Array]:
+def stop_path(robot: Robot, position: Array, velocity: Array, dt_s: float) -> tuple[Array, Array]:
     """Return positions and velocities, one row a control tick, that end a motion evenly and as soon as possible.
 
     Args:
-        position: (10,) last commanded position.
-        velocity: (10,) commanded velocity there.
+        robot: Its record.
+        position: (Q,) last commanded position.
+        velocity: (Q,) commanded velocity there.
         dt_s: Length of a control tick.
 
     Returns:
-        (T, 10) each, straight on from there; T = 0 for a robot that stood.
+        (T, Q) each, straight on from there; T = 0 for a robot that stood.
     """
-    duration_s = float((np.abs(velocity) / STOP_LIMITS).max())
+    duration_s = float((np.abs(velocity) / (STOPS * acceleration_limits(robot))).max())
     times = np.minimum(np.arange(1, int(np.ceil(duration_s / dt_s)) + 1) * dt_s, duration_s)[:, None]
     left = 1.0 - times / duration_s
     return position + velocity * times * (1.0 + left) / 2, velocity * left
 
 
-def _sampled(path: Array, dt_s: float, speed: float) -> Array:
+def _sampled(robot: Robot, path: Array, dt_s: float, speed: float) -> Array:
     """Return (T, J) where the robot is at each tick, slowed down at the corners and not yet blended; T may be 0."""
     ways = np.diff(path, axis=0)
-    lengths = np.max(np.abs(ways) / (SPEED_LIMITS * speed), axis=1)
+    lengths = np.max(np.abs(ways) / (speed_limits(robot) * speed), axis=1)
     moving = lengths > _SHORTEST_S
     ways, lengths = ways[moving], lengths[moving]
     if not len(lengths):
         return np.empty((0, path.shape[1]))
+    most = corner_steps(robot)
     steps = np.abs(np.diff(ways / lengths[:, None], axis=0))
-    rates = np.concatenate([[0.0], np.min(CORNER_STEPS / np.maximum(steps, CORNER_STEPS), axis=1), [0.0]])
+    rates = np.concatenate([[0.0], np.min(most / np.maximum(steps, most), axis=1), [0.0]])
     # Of full speed, that is; no knot may be passed faster than slowing down to, or speeding up from, another allows.
     for k in range(len(lengths)):
         rates[k + 1] = min(rates[k + 1], np.sqrt(rates[k] ** 2 + 2 * lengths[k] / RAMP_S))
@@ -167,14 +200,15 @@ class CommandNoise:
     deviation_m: float = 0.0
     seed: int = 0
 
-    def of_subtask(self, subtask: int, dt_s: float) -> NoiseStream | None:
+    def of_subtask(self, robot: Robot, subtask: int, dt_s: float) -> NoiseStream | None:
         """Return the noise of a subtask, the same in every run of it; None where there is none.
 
         Args:
+            robot: Its record.
             dt_s: Length of a physics step.
         """
         return (
-            NoiseStream(self.deviation_m, np.random.default_rng((self.seed, subtask)), dt_s)
+            NoiseStream(robot, self.deviation_m, np.random.default_rng((self.seed, subtask)), dt_s)
             if self.deviation_m
             else None
         )
@@ -187,6 +221,7 @@ class NoiseStream:
     """Noise, physics step by physics step.
 
     Args:
+        robot: Its record.
         deviation_m: As in `CommandNoise`.
         rng: Samples it.
         dt_s: Length of a physics step.
@@ -195,27 +230,28 @@ class NoiseStream:
         max_offset_m: Largest deviation of the base from its path by noise, along x or y.
     """
 
-    def __init__(self, deviation_m: float, rng: np.random.Generator, dt_s: float) -> None:
+    def __init__(self, robot: Robot, deviation_m: float, rng: np.random.Generator, dt_s: float) -> None:
         self.max_offset_m = _OVERSHOOT * MOST * deviation_m
-        self._scale = deviation_m * np.array([1.0, 1.0] + [RAD_PER_M] * 8)
+        self._limits = speed_limits(robot)
+        self._scale = deviation_m * _of_joints(robot, (1.0, RAD_PER_M, 0.0, RAD_PER_M))
         self._rng = rng
         self._keeps = float(np.exp(-dt_s / MEMORY_S))
         # So that the smoothed process has a variance of 1.
         self._gain = (1.0 + self._keeps) / float(np.sqrt(1.0 + self._keeps**2))
-        self._rough = rng.standard_normal(10)
-        self._smooth = np.zeros(10)
+        self._rough = rng.standard_normal(robot.movers)
+        self._smooth = np.zeros(robot.movers)
 
     def offset(self, velocity: Array, left_s: float, *, gripping: bool) -> Array:
-        """Return (10,) the offsets of the next targets of base and arm, [m] and [rad].
+        """Return (Q,) the offsets of the next targets of base and arm, [m] and [rad].
 
         Args:
-            velocity: (10,) commanded velocity.
+            velocity: (Q,) commanded velocity.
             left_s: Time until the motion's end.
             gripping: Whether the fingers are commanded to close.
         """
         a = self._keeps
-        self._rough = a * self._rough + float(np.sqrt(1.0 - a * a)) * self._rng.standard_normal(10)
+        self._rough = a * self._rough + float(np.sqrt(1.0 - a * a)) * self._rng.standard_normal(len(self._rough))
         self._smooth = a * self._smooth + (1.0 - a) * self._rough
-        share = min(float((np.abs(velocity) / SPEED_LIMITS).max()) / _FULL_FROM, left_s / _FADES_S, 1.0) ** 2
+        share = min(float((np.abs(velocity) / self._limits).max()) / _FULL_FROM, left_s / _FADES_S, 1.0) ** 2
         share *= _GRIPPING if gripping else 1.0
         return np.asarray(share * self._scale * np.clip(self._gain * self._smooth, -MOST, MOST))

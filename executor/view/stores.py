@@ -251,7 +251,7 @@ def _recorded_plots(path: Path, task: Task, scene: Scene) -> MotionPlots | None:
             else np.zeros((count, 0)),
         }
         names = [f"{name} {k}" for name, one in joints.items() for k in range(one.shape[1])]
-        return motion_plots(arrays, task, scene, list(poses), names, drives(scene.robot.scale))
+        return motion_plots(arrays, task, scene, list(poses), names, drives(scene.robot.model))
 
 
 def _query(folder: Path) -> str:

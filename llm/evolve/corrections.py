@@ -38,6 +38,7 @@ from llm.evolve.flow_edits import (
 from oag import Action, Primitive
 from oag.measurements import Miss
 from oag.model.actions import ActionFlow
+from oag.model.robots import ROBOTS
 from oag.model.symbols import ARTICULATIONS
 
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
@@ -142,7 +143,7 @@ SMALLEST_SLIDE_M = 0.002
 DEEPER_M = 0.015
 """Additional reach of a hand that lost an item, so that more of the fingers holds it."""
 
-PALM = "panda_hand"
+PALMS = frozenset(robot.hand_link for robot in ROBOTS.values())
 SPARE_M = (0.006, 0.012)
 """Reductions of reach after a contact of the palm, in addition to the remaining distance."""
 
@@ -187,7 +188,7 @@ def grasp_missed(cause: FailureCause, flow: ActionFlow) -> Changes:
     step = cause.step
     yield from aimed(cause.off_the_aim_m, flow, step)
     met = cause.contact
-    if flow[step].primitive is Primitive.CONVERGE and met is not None and met.mover == PALM:
+    if flow[step].primitive is Primitive.CONVERGE and met is not None and met.mover in PALMS:
         # The object reaches further into the hand than assumed.
         for spare in SPARE_M:
             less = math.ceil(((cause.residual_m or 0.0) + spare) * 1000.0) / 1000.0
@@ -248,8 +249,8 @@ TOUCHING_M = 0.005
 OFF_M = 0.01
 """Error of the base from which a second drive is worthwhile."""
 
-_BASE_LINKS = "base_"
-_ROBOT_LINKS = ("panda_", _BASE_LINKS)
+_BASE_LINKS = ("base_", "lift_")
+_ROBOT_LINKS = (*_BASE_LINKS, *(link for robot in ROBOTS.values() for link in robot.arm_links + robot.gripper_links))
 SMALLEST_SHIFT_M = 0.003
 """Smallest move over a place that is worth a step."""
 

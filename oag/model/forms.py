@@ -21,14 +21,13 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from bddl.ast import NAME_RULE, is_name
 from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
 from oag.model.diagnostics import InputError
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, ROBOTS
 from oag.model.scene import (
-    FULL_SCALE,
     LARGEST_M,
     LARGEST_TURN_DEG,
     LARGEST_TURN_RAD,
     LONGEST_NAME,
     NO_BOX,
-    PAPER_SCALE,
     SCALES,
     SMALLEST_M,
     RobotPose,
@@ -207,10 +206,20 @@ def _sayable(category: object) -> object:
     return category
 
 
+_OF_SCALE = {robot.scale: robot.name for robot in (PAPER_ROBOT, FULL_SIZE)}
+
+
 def _robot_scale(value: object) -> object:
-    if isinstance(value, int | float) and not isinstance(value, bool) and value in (PAPER_SCALE, FULL_SCALE):
+    if isinstance(value, int | float) and not isinstance(value, bool) and value in _OF_SCALE:
         return value
-    raise unfit(f"expected {PAPER_SCALE:g} (the paper's) or {FULL_SCALE:g} (full size), got {shown(value)}")
+    expected_words = f"{PAPER_ROBOT.scale:g} (the paper's) or {FULL_SIZE.scale:g} (full size)"
+    raise unfit(f"expected {expected_words}, got {shown(value)}")
+
+
+def _robot_name(value: object) -> object:
+    if isinstance(value, str) and value in ROBOTS:
+        return value
+    raise unfit(f"expected the name of a robot, got {shown(value)}", f"one of {', '.join(ROBOTS)}")
 
 
 _Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
@@ -229,11 +238,12 @@ _Degrees = Annotated[
 _Radians = Annotated[
     float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD)
 ]
-_RobotScale = Annotated[float, Field(ge=PAPER_SCALE, le=FULL_SCALE), BeforeValidator(_robot_scale)]
+_RobotScale = Annotated[float, Field(ge=PAPER_ROBOT.scale, le=FULL_SIZE.scale), BeforeValidator(_robot_scale)]
+_RobotName = Annotated[str, BeforeValidator(_robot_name)]
 
 
 class RobotForm(Form):
-    """Where the robot starts, and how large it is."""
+    """Where the robot starts, and which one it is."""
 
     position: _Place | None = Field(None, description="Its base in the world: x y or x y z in metres; else the origin.")
     yaw: _Radians | None = Field(None, description="Its heading about the vertical in radians; 0 looks along +x.")
@@ -241,11 +251,18 @@ class RobotForm(Form):
     scale: _RobotScale | None = Field(
         None, description="Size of its arm and hand: 0.7, the paper's, whose hand opens to 56 mm, or 1, to 80 mm."
     )
+    name: _RobotName | None = Field(None, description=f"Which robot it is: {', '.join(ROBOTS)}. Instead of `scale`.")
 
     @model_validator(mode="after")
     def _turned_once(self) -> Self:
         if self.yaw is not None and self.heading_deg is not None:
             raise unfit("has both 'yaw' (radians) and 'heading_deg'", "keep one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _named_once(self) -> Self:
+        if self.name is not None and self.scale is not None:
+            raise unfit("has both 'name' and 'scale'", "keep the name")
         return self
 
 
@@ -363,7 +380,8 @@ def robot_of(form: RobotForm) -> RobotPose:
     """Return the robot's start from its entry in a scene file."""
     x, y, *z = form.position or (0.0, 0.0)
     yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
-    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
+    name = form.name or _OF_SCALE[PAPER_ROBOT.scale if form.scale is None else form.scale]
+    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, name)
 
 
 def _has_geometry(form: ObjectForm) -> bool:

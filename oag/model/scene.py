@@ -17,6 +17,7 @@ import bddl
 from bddl.terminal import pluralize
 from oag.model.codec import Source, brief, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, robot_named
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
 
 Vector3 = tuple[float, float, float]
@@ -36,8 +37,6 @@ LARGEST_M = 1000.0
 SMALLEST_M = 1e-4
 LARGEST_TURN_RAD = 1000.0
 LARGEST_TURN_DEG = 36_000.0
-# The paper's robot has 0.7 of a Panda's full size.
-PAPER_SCALE, FULL_SCALE = 0.7, 1.0
 # Factors of sizes.
 SCALES = (1e-6, 1e6)
 # Rooms and substances are named, not listed: arguments that stand for them are free.
@@ -54,17 +53,22 @@ def triple(values: Iterable[float]) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """Where the robot starts, and how large it is.
+    """Where the robot starts, and which one it is.
 
     Attributes:
         position: Of the mobile base in the world [m].
         yaw_rad: Heading about +z.
-        scale: The arm's and the hand's, of a Panda's full size: the paper's 0.7, or 1.
+        name: Of its record, a key of `oag.model.robots.ROBOTS`.
     """
 
     position: Vector3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
-    scale: float = PAPER_SCALE
+    name: str = PAPER_ROBOT.name
+
+    @property
+    def model(self) -> Robot:
+        """The robot's record."""
+        return robot_named(self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +138,7 @@ class Scene:
 
     Attributes:
         name: For people and records.
-        robot: Where the robot starts, and how large it is.
+        robot: Where the robot starts, and which one it is.
         objects: id -> object.
         facts: Literals that hold at the start; their texts are accepted and read.
         closed: Predicates known completely: what no fact states of them is false at the start.
@@ -212,9 +216,9 @@ class Scene:
             objects[key] = self[key].scaled(factor)
         return replace(self, objects=objects)
 
-    def with_robot(self, scale: float) -> Self:
-        """Return the scene with a robot of another size at the same place."""
-        return replace(self, robot=replace(self.robot, scale=scale))
+    def with_robot(self, name: str) -> Self:
+        """Return the scene with another robot at the same place."""
+        return replace(self, robot=replace(self.robot, name=name))
 
     def __getitem__(self, object_id: str) -> SceneObject:
         """Return an object; a SceneError names near ids when there is none with that id."""
@@ -228,8 +232,11 @@ class Scene:
 
 def _write_robot(robot: RobotPose) -> dict[str, object]:
     written: dict[str, object] = {"position": list(robot.position), "yaw": robot.yaw_rad}
-    if robot.scale != PAPER_SCALE:
-        written["scale"] = robot.scale
+    if robot.name == FULL_SIZE.name:
+        # As scenes were written before robots had names; earlier versions read it.
+        written["scale"] = robot.model.scale
+    elif robot.name != PAPER_ROBOT.name:
+        written["name"] = robot.name
     return written
 
 

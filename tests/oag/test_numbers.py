@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import oag
-from oag.sizes import longest_motion_m
+from oag.model.robots import ROBOTS
 from tests.oag.paper import scene, task_json, verify
 
 GLASS_STAYS = "(ontop glass_0 table_0)"
@@ -85,13 +85,13 @@ def test_lifting_by_nothing_lifts_nothing() -> None:
 HAND = range(7, 13)
 
 
-@pytest.mark.parametrize("scale", [0.7, 1.0])
+@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("primitive", HAND)
-def test_a_motion_longer_than_the_arm_is_refused_and_a_shorter_one_is_not(primitive: int, scale: float) -> None:
-    kitchen = scene("T1").with_robot(scale)
-    longest_m = longest_motion_m(oag.Primitive(primitive), kitchen.robot)
+def test_a_motion_longer_than_the_arm_is_refused_and_a_shorter_one_is_not(primitive: int, robot: str) -> None:
+    kitchen = scene("T1").with_robot(robot)
+    longest_m = kitchen.robot.model.longest_motion_m(oag.Primitive(primitive))
     assert longest_m is not None
-    for distance_m, fits in ((longest_m, True), (longest_m + 0.01, False), (2.0, False)):
+    for distance_m, fits in ((longest_m, True), (longest_m + 0.01, False), (min(longest_m + 1.0, 3.0), False)):
         data = task_json("T1")
         data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, {"7": 0.2}, {str(primitive): distance_m}]
         report = oag.compose(oag.Task.from_json(data, scene=kitchen)).verify()

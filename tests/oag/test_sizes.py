@@ -159,7 +159,7 @@ def test_a_resizing_has_both_sizes() -> None:
     assert found == Resizing("glass_0", (0.5, 0.5, 0.5), (0.07, 0.07, 0.12), (0.035, 0.035, 0.06))
 
 
-FULL = Gripper.of(RobotPose(scale=1.0))
+FULL = Gripper.of(RobotPose(name="panda"))
 
 
 def test_a_hand_of_full_size_takes_what_the_papers_takes_scaled() -> None:
@@ -177,7 +177,7 @@ def test_a_plan_is_proved_for_the_robot_of_its_scene() -> None:
     assert isinstance(objects, dict)
     objects["glass_0"] |= {"bbox_extent": [0.07, 0.07, 0.12]}
     plan = task_json("T1") | {"scales": {}}
-    small, full = oag.Scene.from_json(kitchen), oag.Scene.from_json(kitchen).with_robot(1.0)
+    small, full = oag.Scene.from_json(kitchen), oag.Scene.from_json(kitchen).with_robot("panda")
     assert oag.compose(oag.Task.from_json(plan, small)).verify().verdict is oag.Verdict.REFUTED
     assert oag.compose(oag.Task.from_json(plan, full)).verify().verdict is oag.Verdict.PROVED
     assert oag.Scene.from_json(full.to_json()) == full and "scale" not in str(small.to_json()["robot"])

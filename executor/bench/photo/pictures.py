@@ -57,6 +57,7 @@ from executor.sim.world import World
 from executor.system.extras import MissingExtra
 from executor.system.files import read_json, write_json
 from oag import Scene, SceneObject, compose
+from oag.model.robots import chosen_robot
 from oag.sizes import Sizing
 
 PICTURE_SCHEMA = "scene2demo-photo-picture/1"
@@ -428,7 +429,7 @@ def _chain(
 ) -> None:
     """Plan, prove, ask whether it is feasible, and execute a sentence as `run` does, and write into its record."""
     record["stage"] = "scene"
-    scene = scene_for(request["sentence"], scene_file, full_size=full_size)
+    scene = scene_for(request["sentence"], scene_file, robot=chosen_robot("", full_size=full_size))
     require_valid(scene)
     record["stage"] = "sentence"
     graph = compose(llm.propose(request["sentence"], scene, sizing=Sizing(0)).task, scene=scene)

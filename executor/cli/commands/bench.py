@@ -16,7 +16,7 @@ import tyro
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.options import BenchFamily, CommonOptions, Flag, FullSize, KeepSizes, ResultsFolder
+from executor.cli.options import BenchFamily, CommonOptions, Flag, FullSize, KeepSizes, ResultsFolder, RobotName
 from executor.cli.output import ERR, OUT, bar, print_json, say, tell
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ class Options(CommonOptions):
     """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    robot: RobotName = None
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False
@@ -77,7 +78,9 @@ def execute(options: Options) -> int:
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
-    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes, options.full_size)
+    setting = BenchSetting(
+        options.flows, options.evolve, options.views, options.keep_sizes, options.full_size, robot=options.robot or ""
+    )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in (*FAMILIES, "T7")

@@ -192,20 +192,19 @@ def _kind(options: Options, actors: Sequence[Policy]) -> EpisodeKind:
 def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind:
     """Return the kind of the episodes: a family, or the common kind of some policies' demonstrations."""
     from executor.data.units import Origin, scene_key
-    from executor.learn.demonstrations import EpisodeKind
+    from executor.learn.demonstrations import EpisodeKind, robot_of_kinds
     from executor.scenes.file import scene_for
 
     kinds = list(dict.fromkeys(kind for record in records for kind in record.kinds))
     if task is not None:
-        full_size = any(kind.full_size for kind in kinds)
-        kinds = [EpisodeKind(Origin(family=task), full_size=full_size)]
+        kinds = [EpisodeKind.of(Origin(family=task), robot_of_kinds(kinds))]
     if len(kinds) > 1:
         names = list(dict.fromkeys(kind.origin.label for kind in kinds))
         kinds_text = f"several things: {', '.join(names)}" if len(names) > 1 else f"{names[0]}, varied in several ways"
         raise BadOption("--task", "is missing", f"a family, since the demonstrations are of {kinds_text}")
     origin = kinds[0].origin
     if origin.scene_key:
-        scene = scene_for(origin.query, origin.scene, full_size=kinds[0].full_size)
+        scene = scene_for(origin.query, origin.scene, robot=kinds[0].robot_name)
         check(
             scene_key(scene) == origin.scene_key,
             "the scene",

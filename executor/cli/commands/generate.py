@@ -30,6 +30,7 @@ from executor.cli.options import (
     KeepSizes,
     Maybe,
     ResultsFolder,
+    RobotName,
     View,
 )
 from executor.cli.output import ERR, bar, print_json, say, tell
@@ -90,6 +91,7 @@ class Options(CommonOptions):
     """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    robot: RobotName = None
     stances: int = 1
     """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it
     follows from what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
@@ -267,6 +269,7 @@ def _request_fields(options: Options) -> dict[str, Any]:
     same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
     wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
+    wishes["robot"] = options.robot or ""
     wishes |= {name: list(getattr(options, name)) for name in lists}
     return wishes | channels_of(options.channels)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, check
-from executor.cli.options import CommonOptions, FullSize, KeepSizes, Maybe, OptionalSentence, SceneName
+from executor.cli.options import CommonOptions, FullSize, KeepSizes, Maybe, OptionalSentence, RobotName, SceneName
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ class Options(CommonOptions):
     """Varies the scene and seeds the planning, as in `run`."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    robot: RobotName = None
 
 
 def execute(options: Options) -> int:
@@ -54,12 +55,18 @@ def execute(options: Options) -> int:
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
         from oag import compose
+        from oag.model.robots import chosen_robot
         from oag.planning import NoPlan
         from oag.sizes import Sizing
     check_seed(options.seed)
     asked = options.goal or options.query
     with counting(f"reading the scene {options.scene}", quiet=quiet):
-        scene = scene_for(asked, options.scene, full_size=options.full_size, listen=tell_notes)
+        scene = scene_for(
+            asked,
+            options.scene,
+            robot=chosen_robot(options.robot or "", full_size=options.full_size),
+            listen=tell_notes,
+        )
         tell_warnings(require_valid(scene))
     with counting("planning, and proving the plan", quiet=quiet):
         made = _planned(options, scene, Sizing(options.seed, options.keep_sizes))

@@ -33,6 +33,7 @@ from executor.cli.options import (
     Read,
     ReplaceResults,
     ResultsFolder,
+    RobotName,
     Sentence,
     Size,
     Video,
@@ -69,6 +70,7 @@ class Options(CommonOptions):
     """Varies the scene and seeds the planning."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    robot: RobotName = None
     anyway: Flag = False
     """Move even where the plan cannot be done, by geometry; without it such a plan is refused before anything moves."""
     evolve: Flag = False
@@ -111,6 +113,7 @@ def _run(options: Options) -> int:
     from executor.scenes.validation import require_valid
     from executor.sim.render.frames import check_size
     from llm import propose
+    from oag.model.robots import chosen_robot
     from oag.sizes import Sizing
 
     check_seed(options.seed)
@@ -123,7 +126,12 @@ def _run(options: Options) -> int:
     images = _pictures(options.image, options.model)
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
-    scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=tell_notes)
+    scene = scene_for(
+        options.query,
+        options.scene,
+        robot=chosen_robot(options.robot or "", full_size=options.full_size),
+        listen=tell_notes,
+    )
     # Validate the scene before paying for a model call.
     tell_warnings(require_valid(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
@@ -187,6 +195,7 @@ def _prove_and_execute(
             image=[] if options.model is None else list(options.image),
             keep_sizes=options.keep_sizes,
             full_size=options.full_size,
+            robot=options.robot,
             anyway=options.anyway,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,

@@ -32,8 +32,10 @@ from executor.data.formats.statistics import ColumnSpool, IntensityHistogram, St
 from executor.data.formats.table import CLOUD_SHAPE, MOST_EPISODE_BYTES, DatasetSpec, read_metadata_lines
 from executor.data.formats.videos import VideoClip, VideoWriter, depth_histogram
 from executor.data.views import DEPTH
+from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, hand_numbers
 from executor.system.extras import require
 from executor.system.files import plain, read_json, write_json
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot
 
 Version = Literal["v3.0", "v2.1"]
 
@@ -49,15 +51,7 @@ DATA_PATHS = {
     "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
 }
 _COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_STATE_PARTS = {
-    "base": (0, 3),
-    "arm": (3, 10),
-    "fingers": (10, 12),
-    "hand_position": (12, 15),
-    "hand_quaternion": (15, 19),
-}
-_ACTION_PARTS = {"hand_position": (0, 3), "hand_turn": (3, 6), "gripper": (6, 7), "base": (7, 10)}
-_TARGET_PARTS = {"base_target": (0, 3), "arm_target": (3, 10), "fingers_target": (10, 12)}
+_HAND_PARTS = {"hand_position": (0, 3), "hand_turn": (3, 6), "gripper": (OPENING, BASE_NUMBERS_FROM)}
 
 
 def features_of(found: DatasetSpec, version: Version) -> dict[str, dict[str, Any]]:
@@ -99,15 +93,27 @@ def picture_key(view: str, kind: str) -> str:
     return f"observation.{kind}.{view}" if kind else f"observation.images.{view}"
 
 
+def robot_type(robot: Robot) -> str:
+    """Return the type of a robot in `info.json`: that of the Pandas without a lift is the one that it always was."""
+    return "scene2demo_mobile_panda" if robot in (PAPER_ROBOT, FULL_SIZE) else f"scene2demo_{robot.name}"
+
+
 def modalities_of(found: DatasetSpec) -> dict[str, Any]:
     """Return `modality.json`, GR00T's description of the numbers of state and actions."""
 
     def parts(named: dict[str, tuple[int, int]], column: str) -> dict[str, Any]:
         return {name: {"start": first, "end": end, "original_key": column} for name, (first, end) in named.items()}
 
+    robot = found.robot_record
+    joints = len(robot.joint_names)
+    slices = {"base": robot.base, "arm": robot.arm, "fingers": robot.fingers}
+    of_joints = {name: (part.start, part.stop) for name, part in slices.items()}
+    state = of_joints | {"hand_position": (joints, joints + 3), "hand_quaternion": (joints + 3, joints + 7)}
+    action = _HAND_PARTS | {"base": (BASE_NUMBERS_FROM, hand_numbers(robot))}
+    targets = {f"{name}_target": span for name, span in of_joints.items()}
     return {
-        "state": parts(_STATE_PARTS, "observation.state"),
-        "action": parts(_ACTION_PARTS, "action") | parts(_TARGET_PARTS, "action.joint_target"),
+        "state": parts(state, "observation.state"),
+        "action": parts(action, "action") | parts(targets, "action.joint_target"),
         "video": {view: {"original_key": picture_key(view, "")} for view in found.views},
         "annotation": {"human.task_description": {"original_key": "task_index"}},
     }
@@ -387,7 +393,7 @@ class _Writer:
         new = {"data_files_size_in_mb": DATA_FILE_BYTES // 10**6, "video_files_size_in_mb": VIDEO_FILE_BYTES // 10**6}
         return {
             "codebase_version": self._version,
-            "robot_type": "scene2demo_mobile_panda",
+            "robot_type": robot_type(self._found.robot_record),
             "total_episodes": self._count,
             "total_frames": self._rows,
             "total_tasks": len(self._tasks),

@@ -6,15 +6,16 @@ Layout, with T transitions:
                                 scene2demo (JSON: what all demonstrations have in common)
       demo_0                    attrs: num_samples = T, success, seed, state_hash, task, task_detail, scene (JSON),
                                 scaled (JSON: objects at another size than they are drawn with), rate_hz,
-                                action_names, action_scale, subtasks (JSON); query and paraphrases (JSON), the sentence
+                                action_names, action_scale, joint_names (JSON: of a row of robot_qpos, of robot_qvel
+                                and of actions_absolute), subtasks (JSON); query and paraphrases (JSON), the sentence
                                 that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
                                 (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
                                 (4 x 4; x ahead, y left, z up)
-        actions                 (T, 11) float32 in [-1, 1]; ACTION_NAMES: displacement of the base in its own frame
+        actions                 (T, Q + 1) float32 in [-1, 1]; action_names: displacement of the base in its own frame
                                 and of the arm's joints, commanded for the interval and divided by action_scale; the
                                 gripper's commanded opening, -1 shut and 1 as far as the robot's fingers open
-        actions_absolute        (T, 12) float32 drive targets in m and rad
-        actions_hand            (T, 10) float32 in m and rad, in data sets; see `hand_actions` of the robot
+        actions_absolute        (T, J) float32 drive targets in m and rad, joints by the robot's record
+        actions_hand            (T, H) float32 in m and rad, in data sets; see `hand_actions` of the robot
         states                  (T, D) float32; attrs columns
         packed_states           (T + 1, L) uint8: exact states of the physics engine, for replay; not in data sets
         about                   (JSON, of a data set) what else there is to say; `docs/datasets.md` documents it
@@ -22,7 +23,7 @@ Layout, with T transitions:
                                 each ends; done at the last transition
         time_s                  (T + 1,) float64
         subtask, step           (T + 1,) int32; step -1 while the world settles between steps
-        obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4),
+        obs, next_obs           robot_qpos (J), robot_qvel (J), eef_pos (3), eef_quat (4),
                                 gripper_opening (1), joints (J), object (7 K), in data sets
                                 environment_state, primitive (1), <view>_camera_pose (7), `object` and `joints` with
                                 room for the most that one has
@@ -61,25 +62,32 @@ from numpy.typing import NDArray
 
 from bddl.files import atomic_path
 from executor.data.episode import CLOUD, ArrayClip, Clip, Episode, camera_column, metadata_line
+from executor.data.state_readers import AGENT_MORE
 from executor.geometry import transform_from_quaternion
 from executor.sim.robot.actions import joint_limits
 from executor.system.extras import require
 from executor.system.files import plain
 from oag import Scene
+from oag.model.robots import Robot
 from oag.sizes import scaled_objects
 
 FILE = "demonstrations.hdf5"
 """Name of the file of a data set."""
 
-ACTION_NAMES = (
-    "base_forward",
-    "base_left",
-    "base_turn",
-    *(f"arm_joint{index}" for index in range(1, 8)),
-    "gripper",
-)
-# Fastest motion that an action of 1 stands for: m/s, m/s, rad/s for the base, rad/s for each arm joint.
-ACTION_RATES = np.array([1.0, 1.0, 2.0, *[3.0] * 7])
+# Fastest motion that an action of 1 stands for: m/s, m/s, rad/s and m/s for the base, rad/s for each arm joint.
+_BASE_RATES, _ARM_RATE = (1.0, 1.0, 2.0, 0.3), 3.0
+
+
+def action_names(robot: Robot) -> tuple[str, ...]:
+    """Return the names of the numbers of `actions`."""
+    base = ("base_forward", "base_left", "base_turn", "lift")[: len(robot.base_joints)]
+    return (*base, *(f"arm_joint{index}" for index, _ in enumerate(robot.arm_joints, start=1)), "gripper")
+
+
+def action_rates(robot: Robot) -> NDArray[np.float64]:
+    """Return (Q,) the fastest motions, which actions of 1 stand for."""
+    return np.array([*_BASE_RATES[: len(robot.base_joints)], *[_ARM_RATE] * len(robot.arm_joints)])
+
 
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
@@ -134,9 +142,10 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
     scene, length = Scene.from_json(about["scene"]), episode.length - 1
     spans = [_span(entry, succeeded=episode.succeeded) for entry in about["subtasks"]]
     rate_hz = 1.0 / float(np.median(np.diff(recorded["time_s"])))
-    scale = ACTION_RATES / rate_hz
-    qpos, targets = columns["observation.state"][:, :12], columns["action.joint_target"][:-1]
-    actions = normalised_actions(qpos, targets, scale, float(joint_limits(scene.robot.scale)[-1, 1]))
+    robot = scene.robot.model
+    scale, width = action_rates(robot) / rate_hz, len(robot.joint_names)
+    qpos, targets = columns["observation.state"][:, :width], columns["action.joint_target"][:-1]
+    actions = normalised_actions(qpos, targets, scale, float(joint_limits(robot)[-1, 1]))
     views = [view for view, kind in episode.clips if not kind]
     demo.attrs.update(
         {
@@ -149,8 +158,9 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
             "scene": json.dumps(plain(scene.to_json())),
             "scaled": json.dumps([change.to_json() for change in scaled_objects(scene)]),
             "rate_hz": round(rate_hz, 6),
-            "action_names": json.dumps(ACTION_NAMES),
+            "action_names": json.dumps(action_names(robot)),
             "action_scale": scale,
+            "joint_names": json.dumps(robot.joint_names),
             "subtasks": json.dumps([span for span in spans if span is not None]),
             "query": episode.task,
             "paraphrases": json.dumps(about["paraphrases"] or ()),
@@ -163,7 +173,7 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
         _write_numbers(demo, "actions_hand", columns["action"][:-1])
     objects, joints = _objects(episode), _joints(episode)
     parts = [qpos, columns["observation.velocity"], *joints.values(), *objects.values()]
-    names = ["robot_qpos:12", "robot_qvel:12"]
+    names = [f"robot_qpos:{width}", f"robot_qvel:{width}"]
     names += [f"{name}/{k}:1" for name, positions in joints.items() for k in range(positions.shape[1])]
     names += [f"{name}:7" for name in objects]
     states = np.concatenate(parts, axis=1, dtype=np.float32)[:-1]
@@ -188,21 +198,22 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
 def normalised_actions(
     qpos: NDArray[np.float32], targets: NDArray[np.float32], scale: NDArray[np.float64], opening_m: float
 ) -> NDArray[np.float32]:
-    """Return (N - 1, 11) the actions of every transition, clipped to [-1, 1].
+    """Return (N - 1, Q + 1) the actions of every transition, clipped to [-1, 1].
 
     Args:
-        qpos: (N, 12) joint positions.
-        targets: (N - 1, 12) what was commanded between them.
-        scale: (10,) displacement that an action of 1 stands for.
+        qpos: (N, J) joint positions.
+        targets: (N - 1, J) what was commanded between them.
+        scale: (Q,) displacement that an action of 1 stands for.
         opening_m: How far one finger of the robot opens.
     """
     now = qpos[:-1].astype(np.float64)
-    moves = targets[:, :10].astype(np.float64) - now[:, :10]
+    movers = len(scale)
+    moves = targets[:, :movers].astype(np.float64) - now[:, :movers]
     cosine, sine = np.cos(now[:, 2]), np.sin(now[:, 2])
     forward = cosine * moves[:, 0] + sine * moves[:, 1]
     left = -sine * moves[:, 0] + cosine * moves[:, 1]
     moves[:, 0], moves[:, 1] = forward, left
-    gripper = targets[:, 10:12].mean(axis=1, keepdims=True) / opening_m * 2.0 - 1.0
+    gripper = targets[:, movers:].mean(axis=1, keepdims=True) / opening_m * 2.0 - 1.0
     return np.clip(np.concatenate([moves / scale, gripper], axis=1), -1.0, 1.0).astype(np.float32)
 
 
@@ -242,12 +253,13 @@ def _wide(episode: Episode, name: str) -> NDArray[np.float32]:
 
 def _write_observations(demo: Any, episode: Episode) -> None:
     state = episode.columns["observation.state"]
+    joints = state.shape[1] - AGENT_MORE
     columns = {
-        "robot_qpos": state[:, :12],
+        "robot_qpos": state[:, :joints],
         "robot_qvel": episode.columns["observation.velocity"],
-        "eef_pos": state[:, 12:15],
-        "eef_quat": state[:, 15:19],
-        "gripper_opening": state[:, 19:],
+        "eef_pos": state[:, joints : joints + 3],
+        "eef_quat": state[:, joints + 3 : joints + 7],
+        "gripper_opening": state[:, joints + 7 :],
         "joints": _wide(episode, "observation.joint_positions"),
         "object": _wide(episode, "observation.object_poses"),
     }
@@ -308,7 +320,7 @@ def _write_datagen_info(
     actions: NDArray[np.float32],
 ) -> None:
     rows = np.arange(episode.length - 1)
-    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(episode.columns["observation.state"][:-1, 12:19])}
+    columns: dict[str, NDArray[Any]] = {"eef_pose": _matrices(episode.columns["observation.state"][:-1, -8:-1])}
     columns["gripper_action"] = actions[:, -1:]
     for name, poses in objects.items():
         columns[f"object_poses/{name}"] = _matrices(poses[:-1])

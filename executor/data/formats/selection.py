@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from bddl import near_names
 from bddl.errors import Scene2DemoError
 from executor.data.views import DEPTH, SEGMENTATION
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot
 
 NO_VIEWS = "none"
 SUCCEEDED, FAILED = "succeeded", "failed"
@@ -22,7 +23,7 @@ _KEYS = {
     "origin": "family, or a sentence's label, as `dataset info` lists them",
     "ended": "how episodes ended",
     "rate": "samples a second",
-    "robot": "its scale",
+    "robot": "its name, or 0.7 and 1 for the Pandas without a lift",
     "views": "cameras with pictures",
     "size": "width x height of pictures",
     "channels": "kinds of pictures beside colours",
@@ -30,6 +31,11 @@ _KEYS = {
 _EACH = ("episode", "seed")  # Of many values, so that they are not listed.
 _LEGAL = {"ended": (SUCCEEDED, FAILED), "channels": (DEPTH, SEGMENTATION)}
 """Legal values of keys, whatever the store."""
+
+
+def _robot_value(robot: Robot) -> str:
+    """Return the value that selects a robot: its scale, as before robots had names, else its name."""
+    return f"{robot.scale:g}" if robot in (PAPER_ROBOT, FULL_SIZE) else robot.name
 
 
 class NothingToExport(Scene2DemoError, ValueError):
@@ -50,7 +56,7 @@ class Traits:
         origin: Label of the origin of scene and task.
         ended: Ending of its unit.
         rate_hz: Samples per second.
-        scale: The robot's scale; 1 is a full-size Panda.
+        robot: The robot's record.
         views: View -> width and height of its pictures.
         channels: View -> kinds of pictures besides colours.
     """
@@ -60,7 +66,7 @@ class Traits:
     origin: str
     ended: str
     rate_hz: float
-    scale: float
+    robot: Robot
     views: Mapping[str, tuple[int, int]]
     channels: Mapping[str, Collection[str]]
 
@@ -79,7 +85,7 @@ class Traits:
             "origin": self.origin,
             "ended": self.ended,
             "rate": f"{self.rate_hz:g}",
-            "robot": f"{self.scale:g}",
+            "robot": _robot_value(self.robot),
         }
         return {single[key]}
 
@@ -191,8 +197,8 @@ class Selection:
             rates = ", ".join(f"{rate:g}" for rate in sorted({one.rate_hz for one in found}))
             words = f"{store} has episodes of {rates} samples a second, and a data set has one rate"
             raise self._mixed(found, "rate", words)
-        if len({one.scale for one in found}) > 1:
-            raise self._mixed(found, "robot", f"{store} has episodes of robots of both sizes, and a data set has one")
+        if len({one.robot.name for one in found}) > 1:
+            raise self._mixed(found, "robot", f"{store} has episodes of different robots, and a data set has one")
         if self.views is None and len({frozenset(one.views) for one in found}) > 1:
             raise self._other_views(found, store)
         views = sorted(found[0].views if self.views is None else self.views)

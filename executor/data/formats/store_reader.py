@@ -34,10 +34,10 @@ from executor.data.units import DemoUnit
 from executor.data.views import POSES, footage_path
 from executor.geometry import quaternions_last
 from executor.sim.engine import TIMESTEP_S
-from executor.sim.robot.actions import hand_actions
-from executor.sim.robot.description import JOINT_NAMES
+from executor.sim.robot.actions import OPENING, hand_actions
 from executor.sim.world import World
 from executor.system.files import plain
+from oag.model.robots import record_of_robot, robot_of_record
 
 _VALIDATION_OF = 10
 """One in this many episodes is for validation."""
@@ -120,7 +120,7 @@ def traits_of(episode: StoredEpisode, drawn: Mapping[str, Any] | None, footage: 
         origin=unit.origin.label,
         ended=str(meta["ended"]),
         rate_hz=_rate_hz(float(meta["record_hz"])),
-        scale=float(meta["robot"]["scale"]),
+        robot=robot_of_record(meta["robot"]),
         views=views,
         channels=channels,
     )
@@ -200,7 +200,7 @@ def _survey(
     views = only.common([one.traits for one in chosen], kinds, store.path)
     parts = Counter(one.part for one in chosen)
     robot = store.episode(chosen[-1].motion.unit).meta["robot"]
-    drives = zip(JOINT_NAMES, robot["drives"], strict=True)
+    drives = zip(robot_of_record(robot).joint_names, robot["drives"], strict=True)
     return DatasetSpec(
         train=parts["train"],
         validation=parts["valid"],
@@ -214,7 +214,7 @@ def _survey(
         repeats=repeats,
         robot=plain(
             {
-                "scale": robot["scale"],
+                **record_of_robot(robot_of_record(robot)),
                 "drives": [{"joint": name, **dict(zip(_DRIVE, drive, strict=True))} for name, drive in drives],
             }
         ),
@@ -259,9 +259,9 @@ def _tabulate(
     except ValueError as problem:
         raise NotADataset(f"{episode.path / motion.file}: {problem}; generate it with fewer samples a second") from None
     after = np.concatenate([targets[1:], targets[-1:]])
-    actions = hand_actions(float(episode.meta["robot"]["scale"]), targets, after).astype(np.float32)
+    actions = hand_actions(episode.scene.robot.model, targets, after).astype(np.float32)
     # There is no command after the last row, not even by rounding.
-    actions[-1, [0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
+    actions[-1, np.arange(actions.shape[1]) != OPENING] = 0.0
     around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)
     about = _about(episode, motion, places, validation=index in found.splits["validation"])
     metadata = {

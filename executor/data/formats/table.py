@@ -14,7 +14,7 @@ from bddl.terminal import pluralize
 from executor.data.episode import Episode, camera_column
 from executor.data.state_readers import HANDLES, POINTS, THINGS
 from executor.data.views import DEPTH, SEGMENTATION
-from executor.sim.robot.description import JOINT_NAMES
+from oag.model.robots import Robot, robot_of_record
 
 SCHEMA = "scene2demo-export/2"
 Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
@@ -27,7 +27,7 @@ _MOST_NAMED = 3
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures besides colours, (H, W) uint16; the kind of colours is ""."""
 
-HAND_ACTION_NAMES = (
+_HAND_ACTION_NAMES = (
     *("hand_x", "hand_y", "hand_z", "hand_turn_x", "hand_turn_y", "hand_turn_z"),
     "gripper",
     *("base_forward", "base_left", "base_turn"),
@@ -42,7 +42,6 @@ ENVIRONMENT_NAMES = (
     *(f"thing{k}_{name}" for k in range(THINGS) for name in _THING_NAMES),
     *(f"handle{k}_{name}" for k in range(HANDLES) for name in _HANDLE_NAMES),
 )
-STATE_NAMES = (*JOINT_NAMES, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening")
 CLOUD_SHAPE = (POINTS, 4)
 MOST_EPISODE_BYTES = 128_000_000
 """Limit for the numbers of an episode that is read back: over an hour at 10 rows per second, without clouds."""
@@ -61,7 +60,8 @@ class DatasetSpec:
         channels: Kinds of pictures besides colours in each of these views.
         objects, joints: Rows for objects and numbers for joints of articulated objects.
         point_cloud: Whether there are point clouds.
-        robot: The robot's scale, and stiffness, damping and force limit of each joint's drive.
+        robot: Which one it is (`oag.model.robots.record_of_robot`), and stiffness, damping and force limit of each
+            joint's drive.
         repeats: Omitted episodes of a store, each with the one whose states, sentence and pictures it duplicates.
     """
 
@@ -93,18 +93,24 @@ class DatasetSpec:
         }
 
     @property
+    def robot_record(self) -> Robot:
+        """The robot's record."""
+        return robot_of_record(self.robot)
+
+    @property
     def vectors(self) -> dict[str, tuple[str, ...]]:
         """Columns of float32 numbers -> names of the numbers, in the order of the columns."""
+        joints = self.robot_record.joint_names
         objects = (f"object{k}_{name}" for k in range(self.objects) for name in POSE_NAMES)
         found = {
-            "observation.state": STATE_NAMES,
-            "observation.velocity": JOINT_NAMES,
+            "observation.state": (*joints, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening"),
+            "observation.velocity": joints,
             "observation.environment_state": ENVIRONMENT_NAMES,
             "observation.object_poses": tuple(objects),
             "observation.joint_positions": tuple(f"joint{k}" for k in range(self.joints)),
             **{camera_column(view): POSE_NAMES for view in self.views},
-            "action": HAND_ACTION_NAMES,
-            "action.joint_target": JOINT_NAMES,
+            "action": (*_HAND_ACTION_NAMES, *(["lift"] if self.robot_record.lift_m else [])),
+            "action.joint_target": joints,
         }
         return {name: numbers for name, numbers in found.items() if numbers}
 

@@ -33,7 +33,7 @@ from executor.scenes.placement import AtEdge, Clearance, PlaceSpec, place, stand
 from executor.scenes.room import NoRoom, Room, against, build_walls, stand, wall_length_m
 from executor.scenes.validation import Unsettled, settle
 from oag import Scene
-from oag.model.scene import FULL_SCALE
+from oag.model.robots import LIFTED
 from oag.model.symbols import GRIPPER, Kind
 
 FAMILY = "T7"
@@ -101,7 +101,7 @@ def _home(home: str, seed: int, attempt: int, rng: np.random.Generator) -> Scene
     if home == "kitchen":
         family = str(rng.choice(tuple(long_horizon.QUERIES)))
         return long_horizon.draw(family, own_seed, keep_sizes=True, full_size=True).scene
-    return settle(_furnished(f"t7_{seed:06d}_{attempt}", rng).scene().with_robot(FULL_SCALE))
+    return settle(_furnished(f"t7_{seed:06d}_{attempt}", rng).scene().with_robot(LIFTED.name))
 
 
 def _furnished(name: str, rng: np.random.Generator) -> Room:

@@ -32,6 +32,7 @@ from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair
 from executor.scenes.vary import LARGEST_SEED
 from oag import Scene, Task
 from oag.model.actions import flow_from_json
+from oag.model.robots import PAPER_ROBOT
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]
@@ -48,7 +49,7 @@ def pair_of(
     index: int | None,
     *,
     keep_sizes: bool = False,
-    full_size: bool = False,
+    robot: str = PAPER_ROBOT.name,
     changes: LayoutChanges = UNCHANGED,
 ) -> ScenePair:
     """Return a scene-task pair; equal arguments give equal pairs.
@@ -58,15 +59,15 @@ def pair_of(
         seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
         keep_sizes: Whether sizes are not scaled to the gripper.
-        full_size: Whether the robot is of full size, not the paper's 0.7.
+        robot: Name of the robot.
         changes: Deviations from what the seed alone gives.
 
     Raises:
         NotDrawn: No room could be drawn for this seed.
     """
     if index is None:
-        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
-    return household.pair(seed, index, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, robot=robot, changes=changes)
+    return household.pair(seed, index, keep_sizes=keep_sizes, robot=robot, changes=changes)
 
 
 @cache

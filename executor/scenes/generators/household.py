@@ -54,7 +54,7 @@ from executor.scenes.room import Room, Units, build_walls, row, row_length_m, st
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
 from oag.model.forms import first_mistake
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from oag.sizes import Sizing
 
 Deed = Literal["open", "close", "pick"]
@@ -293,14 +293,19 @@ def pairs(seed: int) -> tuple[ScenePair, ...]:
 
 
 def pair(
-    seed: int, index: int, *, keep_sizes: bool = False, full_size: bool = False, changes: LayoutChanges = UNCHANGED
+    seed: int,
+    index: int,
+    *,
+    keep_sizes: bool = False,
+    robot: str = PAPER_ROBOT.name,
+    changes: LayoutChanges = UNCHANGED,
 ) -> ScenePair:
     """Draw one pair of a seed; equal seeds and indices give equal pairs.
 
     Args:
         seed: Any integer from 0.
         index: 0 to 101.
-        keep_sizes, full_size, changes: As for `executor.scenes.generators.families.pair_of`.
+        keep_sizes, robot, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
         IndexError: There is no pair of that index.
@@ -319,7 +324,7 @@ def pair(
         lambda attempt: _arranged(layout, variation, seed, attempt, changes),
         most_tries=MOST_ATTEMPTS,
         plan=lambda _, scene: _planned(scene, wish, sizing),
-        robot_scale=FULL_SCALE if full_size else PAPER_SCALE,
+        robot=robot,
         changes=changes,
     )
 

@@ -40,7 +40,7 @@ from executor.scenes.placement import (
 )
 from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units, against, build_walls, row, row_length_m
 from oag import SceneObject
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from oag.sizes import Sizing
 
 TABLES = ("table_four_legs", "table_four_legs", "table_round")
@@ -326,7 +326,12 @@ _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
 def draw(
-    family: str, seed: int, *, keep_sizes: bool = False, full_size: bool = False, changes: LayoutChanges = UNCHANGED
+    family: str,
+    seed: int,
+    *,
+    keep_sizes: bool = False,
+    robot: str = PAPER_ROBOT.name,
+    changes: LayoutChanges = UNCHANGED,
 ) -> ScenePair:
     """Draw the scene and the task of a seed; equal seeds give equal pairs.
 
@@ -336,7 +341,7 @@ def draw(
     Args:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
-        keep_sizes, full_size, changes: As for `executor.scenes.generators.families.pair_of`.
+        keep_sizes, robot, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
         ValueError: There is no such family.
@@ -362,7 +367,7 @@ def draw(
         layout,
         most_tries=_TRIES,
         plan=lambda query, scene: llm.propose(query, scene, sizing=sizing).task,
-        robot_scale=FULL_SCALE if full_size else PAPER_SCALE,
+        robot=robot,
         changes=changes,
     )
 

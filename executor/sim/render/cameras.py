@@ -31,6 +31,7 @@ from executor.assets.parameters import number
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
 from oag import Scene, SceneObject, Task
+from oag.model.robots import Robot
 from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 
@@ -218,14 +219,14 @@ def head_camera() -> Camera:
     return Camera("head", MAST_LINK, pose, fov_y_rad=math.radians(68.0))
 
 
-def wrist_camera() -> Camera:
+def wrist_camera(robot: Robot) -> Camera:
     """Return the camera on the hand, which looks along the approach axis between the fingers.
 
     It has no body. It sits 23 mm to the side of the hand and as far back, where the hand and what it holds keep things
     away.
     """
     pose = look_at([0.045, 0.0, 0.0], [0.015, 0.0, 0.15], up=[1.0, 0.0, 0.0])
-    return Camera("wrist", "panda_hand", pose, fov_y_rad=math.radians(72.0), near_m=0.01)
+    return Camera("wrist", robot.hand_link, pose, fov_y_rad=math.radians(72.0), near_m=0.01)
 
 
 WALL = "wall"
@@ -283,7 +284,11 @@ def cameras_for(
     Raises:
         ValueError: When a view is not one of `VIEWS`.
     """
-    makers = {"global": lambda: global_camera(scene, aspect, task), "head": head_camera, "wrist": wrist_camera}
+    makers = {
+        "global": lambda: global_camera(scene, aspect, task),
+        "head": head_camera,
+        "wrist": lambda: wrist_camera(scene.robot.model),
+    }
     views = tuple(views)
     for view in views:
         if view not in makers:

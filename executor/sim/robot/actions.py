@@ -1,11 +1,12 @@
 """The two action spaces at a low rate, joint targets and hand actions, and the conversion from the first to the second.
 
-Joint targets: (12,) positions of base, arm and fingers when the next action comes, in the order of `JOINT_NAMES`, [m]
-and [rad].
+Joint targets: (J,) positions of base, arm and fingers when the next action comes, in the order of the robot's
+`joint_names`, [m] and [rad].
 
-Hand actions are the paper's ten numbers. Three move [m] and three turn (rotation vector [rad]) the point between the
-fingertips, in the base's axes and relative to the base. One is the opening of the fingers: 0 shut, 1 open, below 0
-where they press harder. Three drive (2, [m]) and turn (1, [rad]) the base, in its own axes before the action.
+Hand actions are the paper's ten numbers, and one more for a lift. Three move [m] and three turn (rotation vector [rad])
+the point between the fingertips, in the base's axes and relative to the base. One is the opening of the fingers: 0
+shut, 1 open, below 0 where they press harder. Three drive (2, [m]) and turn (1, [rad]) the base, in its own axes before
+the action. The last one moves the lift [m], and with it the frame that the hand moves in.
 
 All differences are between targets, not between reached positions. So the pressing force of a hand is part of an
 action, and many small actions do not drift. The inverse, in which ten numbers leave a joint of the arm free, is in
@@ -24,62 +25,65 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array
-from executor.sim.robot.description import BASE_LINK, FINGER_DRIVE, JOINT_NAMES, TCP_LINK, robot_urdf
+from executor.sim.robot.description import FINGER_DRIVE, mount_link, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
+from oag.model.robots import Robot
 
-TARGETS, HAND_NUMBERS = len(JOINT_NAMES), 10
-_ARM = slice(3, 10)
+OPENING, BASE_NUMBERS_FROM = 6, 7
+"""Position of the opening in a hand action, and of the first of the base's numbers."""
+
+
+def hand_numbers(robot: Robot) -> int:
+    """Return the length of a robot's hand actions."""
+    return BASE_NUMBERS_FROM + len(robot.base_joints)
 
 
 @cache
-def joint_limits(scale: float) -> Array:
-    """Return (12, 2): the least and the largest target of each joint, [m] or [rad].
+def joint_limits(robot: Robot) -> Array:
+    """Return (J, 2): the least and the largest target of each joint, [m] or [rad].
 
     They are the joints' own limits, as the engine reads them. But targets of the fingers may go beyond shut, down to
     where their drives press with all their force whatever is between them.
 
-    Args:
-        scale: The robot's, of a Panda's full size.
-
     Raises:
-        RobotDataMissing: The Panda's distribution is not installed.
+        RobotDataMissing: The distribution of the robot's description is not installed.
     """
     limits = {
         joint.attrib["name"]: [float(limit.attrib[end]) for end in ("lower", "upper")]
-        for joint in ET.parse(robot_urdf(scale, visual=False)).getroot().findall("joint")
+        for joint in ET.parse(robot_urdf(robot, visual=False)).getroot().findall("joint")
         if (limit := joint.find("limit")) is not None
     }
-    found = np.array([limits[name] for name in JOINT_NAMES])
+    found = np.array([limits[name] for name in robot.joint_names])
     stiffness, _, force_n = FINGER_DRIVE
-    found[-2:, 0] = -force_n / stiffness
+    found[robot.fingers, 0] = -force_n / stiffness
     return found
 
 
 @cache
-def arm_chain(scale: float) -> ArmChain:
-    """Return the arm's kinematics at a scale, from the base's frame to the point between the fingertips."""
-    return ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
+def arm_chain(robot: Robot) -> ArmChain:
+    """Return a robot's arm, from the base's frame to the point between the fingertips."""
+    return ArmChain(robot_urdf(robot, visual=False), mount_link(robot), robot.tip_link)
 
 
-def hand_actions(scale: float, before: Array, after: Array) -> Array:
-    """Return (N, 10) hand actions between joint targets.
+def hand_actions(robot: Robot, before: Array, after: Array) -> Array:
+    """Return (N, H) hand actions between joint targets.
 
     Args:
-        scale: The robot's, of a Panda's full size.
-        before, after: (N, 12) joint targets, before and after each action.
+        robot: Its record.
+        before, after: (N, J) joint targets, before and after each action.
     """
     before, after = np.atleast_2d(np.asarray(before, float)), np.atleast_2d(np.asarray(after, float))
-    chain = arm_chain(scale)
-    opening = after[:, 10:].mean(axis=1) / joint_limits(scale)[-1, 1]
-    T_before, T_after = chain.forward(before[:, _ARM]), chain.forward(after[:, _ARM])
-    return actions_between(before[:, :3], after[:, :3], T_before, T_after, opening)
+    chain = arm_chain(robot)
+    opening = after[:, robot.fingers].mean(axis=1) / joint_limits(robot)[-1, 1]
+    T_before, T_after = chain.forward(before[:, robot.arm]), chain.forward(after[:, robot.arm])
+    return actions_between(before[:, robot.base], after[:, robot.base], T_before, T_after, opening)
 
 
 def actions_between(before: Array, after: Array, T_before: Array, T_after: Array, opening: Array) -> Array:
-    """Return (N, 10) hand actions from one pose of base and hand to another.
+    """Return (N, H) hand actions from one pose of base and hand to another.
 
     Args:
-        before, after: (N, 3) the base, x, y [m] and yaw [rad].
+        before, after: (N, B) the base, x, y [m] and yaw [rad], and a lift [m].
         T_before, T_after: (N, 4, 4) the hand, from the base.
         opening: (N,) opening of the fingers, in the units of hand actions.
     """

@@ -1,7 +1,7 @@
-"""The robot's URDF: a Panda arm on a holonomic base, loaded with its drives.
+"""The robot's URDF: the arm of a record on a holonomic base, loaded with its drives.
 
-The Panda comes from the installed distribution `example-robot-data`; nothing of it is copied into this project. The
-scaled file is written once into the user's cache, so that physics, kinematics and cameras read the same numbers.
+The arm comes from an installed distribution; nothing of it is copied into this project. The scaled file is written once
+into the user's cache, so that physics, kinematics and cameras read the same numbers.
 
 Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; the size proofs of `oag` use it, too. Mount
 height, gains and friction are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches 0.65 m
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.system.files import cache_dir, content_key
-from oag.model.scene import PAPER_SCALE
+from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, Robot
 
 KEPT_FRACTION = 0.05  # No difference shows at 224 pixels; pictures of 128 take a quarter less time than with 0.10.
 _FEWEST_TRIANGLES = 24
@@ -171,38 +171,26 @@ def _to_glb(parts: list[ColoredPart]) -> bytes:
     return bytes(scene.export(file_type="glb"))
 
 
-MOUNT_HEIGHT_M = 0.30
-ARM_HOME: tuple[float, ...] = (0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785)
-JOINT_NAMES: tuple[str, ...] = (
-    "base_x",
-    "base_y",
-    "base_yaw",
-    *(f"panda_joint{index}" for index in range(1, 8)),
-    "panda_finger_joint1",
-    "panda_finger_joint2",
-)
-TCP_LINK = "panda_hand_tcp"
-HAND_LINK = "panda_hand"
-FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
 BASE_LINK = "base_body"
 MAST_LINK = "base_mast"
+LIFT_LINK = "lift_carriage"
 CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
 """The lens of the head camera in the base's frame: the front of the housing on top of the mast."""
 
-DISTRIBUTION = "example-robot-data"
-_PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
-_PACKAGE_PREFIX = "package://example-robot-data/"
-BASE_SIDE_M = 0.34
-BASE_HEIGHTS_M = (0.03, 0.18)
-"""Between which the base is a box with that side; its pedestal and the mast are above."""
+_PACKAGE = "package://"
+BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
+"""The base is a box of that side, from that height up to its chassis'; pedestal, lift and mast are above."""
 
 _BASE_MASS_KG = 60.0
 _PEDESTAL_WIDTH_M = 0.16
-_PEDESTAL_BOTTOM_M = 0.18
 _MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
 _MAST_AXIS_M = (-0.150, 0.146)
 _MAST_MASS_KG = 1.2  # 1.2 m of profile at 0.8 kg/m, and a camera.
 _HOUSING_M = (0.05, 0.046, 0.03)
+_GUIDE_WIDTH_M = 0.06  # Of a mast that guides a lift: a profile of 60 by 60 mm.
+_BRACKET_M, _BRACKET_MIDDLE_M = (0.30, 0.24, 0.04), (-0.02, 0.05)  # From the mast to below the arm.
+_GUIDED_M = 0.16  # Of the mast, by the carriage.
+_CARRIAGE_MASS_KG = 8.0
 
 BASE_FORCE_N = 350.0
 """Along each of the base's two axes, 495 N at the most: three quarters of its weight, which rubber wheels hold."""
@@ -211,8 +199,8 @@ YAW_TORQUE_NM = 100.0  # Of 500 N at the wheels, 0.2 m off the middle.
 # Stiffness, damping, force limit: N/m, Ns/m, N for sliding joints and Nm/rad, Nms/rad, Nm for turning ones.
 BASE_DRIVE = (6e4, 8e3, BASE_FORCE_N)
 YAW_DRIVE = (2e4, 2e3, YAW_TORQUE_NM)
-ARM_DRIVE = (2e3, 2e2, 87.0)  # This and the wrist's at full size.
-WRIST_DRIVE = (2e3, 2e2, 12.0)
+LIFT_DRIVE = (6e4, 8e3, 1500.0)  # What one motor of such a column lifts.
+ARM_GAINS = (2e3, 2e2)
 FINGER_DRIVE = (2e3, 1e2, 30.0)
 ROTOR = 0.1
 """Rotor's share of a joint's inertia at full size, in kg m2 and kg; the value of MuJoCo's model of this arm.
@@ -227,62 +215,75 @@ PATCH_RADIUS_M = 0.02
 MIN_PATCH_RADIUS_M = 0.01
 _MAX_DEPENETRATION_M_S = 10.0
 _NEAR_THE_MOUNT, _BEYOND_THE_ELBOW, _MAST_FOOT = 1 << 20, 1 << 21, 1 << 22
-_IGNORED = {
-    BASE_LINK: _NEAR_THE_MOUNT | _MAST_FOOT,
-    MAST_LINK: _MAST_FOOT,
-    **dict.fromkeys(("panda_link0", "panda_link1", "panda_link2"), _NEAR_THE_MOUNT),
-    **dict.fromkeys(("panda_link3", "panda_link4"), _NEAR_THE_MOUNT | _BEYOND_THE_ELBOW),
-    **dict.fromkeys(("panda_link5", "panda_link6", "panda_link7", "panda_hand"), _BEYOND_THE_ELBOW),
-}
 
 
 class RobotDataMissing(Scene2DemoError):
-    """The distribution that ships the Panda is not installed, or ships it no longer."""
+    """The distribution that ships a robot's description is not installed, or ships it no longer."""
 
-    def __init__(self, problem: str) -> None:
+    def __init__(self, problem: str, distribution: str) -> None:
         super().__init__(
             f"The robot's description was not found: {problem}. "
-            f"Install it with `pip install 'scene2demo[sim]'` (it brings {DISTRIBUTION})."
+            f"Install it with `pip install 'scene2demo[sim]'` (it brings {distribution})."
         )
 
 
 @cache
-def data_root() -> Path:
-    """Return the installed folder that `package://example-robot-data/` stands for.
+def description_path(robot: Robot = PAPER_ROBOT) -> Path:
+    """Return the installed file that describes a robot.
 
     Raises:
-        RobotDataMissing: When the distribution or its Panda is not there.
+        RobotDataMissing: When the distribution or its description is not there.
     """
+    name = robot.distribution
     try:
-        files = metadata.files(DISTRIBUTION) or []
+        files = metadata.files(name) or []
     except metadata.PackageNotFoundError:
-        raise RobotDataMissing(f"the distribution {DISTRIBUTION} is not installed") from None
+        raise RobotDataMissing(f"the distribution {name} is not installed", name) from None
     for file in files:
-        if file.as_posix().endswith("/" + _PANDA_URDF):
+        if file.as_posix().endswith("/" + robot.urdf):
             path = Path(str(file.locate())).resolve()
             if path.is_file():
-                return path.parents[3]
-    raise RobotDataMissing(f"{DISTRIBUTION} {metadata.version(DISTRIBUTION)} has no {_PANDA_URDF}")
+                return path
+    raise RobotDataMissing(f"{name} {metadata.version(name)} has no {robot.urdf}", name)
 
 
-def drives(scale: float) -> tuple[tuple[float, float, float], ...]:
-    """Return stiffness, damping and force limit of each joint's drive, in the order of `JOINT_NAMES`."""
-    arm, wrist = (
-        (stiffness, damping, torque_nm * scale**4) for stiffness, damping, torque_nm in (ARM_DRIVE, WRIST_DRIVE)
-    )
-    return (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *[arm] * 4, *[wrist] * 3, FINGER_DRIVE, FINGER_DRIVE)
+def data_root(robot: Robot = PAPER_ROBOT) -> Path:
+    """Return the installed folder that `package://` and the distribution's name stand for.
+
+    Raises:
+        RobotDataMissing: When the distribution or its description is not there.
+    """
+    return description_path(robot).parents[robot.urdf.count("/")]
 
 
-def armatures(scale: float) -> tuple[float, ...]:
-    """Return the rotor's share of each joint's inertia, [kg m2] or [kg], in the order of `JOINT_NAMES`."""
-    return (0.0,) * 3 + (ROTOR * scale**5,) * 7 + (ROTOR * scale**3,) * 2
+def drives(robot: Robot) -> tuple[tuple[float, float, float], ...]:
+    """Return stiffness, damping and force limit of each joint's drive, in the order of its `joint_names`."""
+    base = (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *([LIFT_DRIVE] if robot.lift_m else []))
+    arm = ((*ARM_GAINS, torque_nm * robot.scale**4) for torque_nm in robot.torques_nm)
+    return (*base, *arm, FINGER_DRIVE, FINGER_DRIVE)
 
 
-def robot_urdf(scale: float = PAPER_SCALE, *, visual: bool) -> Path:
+def armatures(robot: Robot) -> tuple[float, ...]:
+    """Return the rotor's share of each joint's inertia, [kg m2] or [kg], in the order of its `joint_names`."""
+    base, arm = len(robot.base_joints), len(robot.arm_joints)
+    return (0.0,) * base + (ROTOR * robot.scale**5,) * arm + (ROTOR * robot.scale**3,) * 2
+
+
+def base_links(robot: Robot) -> frozenset[str]:
+    """Return the links that drive or lift, and do nothing else."""
+    return frozenset((BASE_LINK, MAST_LINK, *([LIFT_LINK] if robot.lift_m else [])))
+
+
+def mount_link(robot: Robot) -> str:
+    """Return the link that carries the arm, whose frame is the base's at the lift's height."""
+    return LIFT_LINK if robot.lift_m else BASE_LINK
+
+
+def robot_urdf(robot: Robot = PAPER_ROBOT, *, visual: bool) -> Path:
     """Return the path of the robot's URDF in the cache, writing it first where it is not there yet.
 
     Args:
-        scale: Of a Panda's full size.
+        robot: Its record.
         visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without
             Vulkan.
 
@@ -290,31 +291,36 @@ def robot_urdf(scale: float = PAPER_SCALE, *, visual: bool) -> Path:
         The URDF; its name holds a hash of its content.
 
     Raises:
-        RobotDataMissing: When the Panda's distribution is not installed.
+        RobotDataMissing: When the distribution of the description is not installed.
     """
-    return _written(cache_dir(), scale, visual)
+    return _written(cache_dir(), robot, visual)
 
 
 @cache
-def _written(folder: Path, scale: float, visual: bool) -> Path:
-    content = robot_xml(scale, visual=visual)
-    name = f"panda_mobile_{'visual' if visual else 'physics'}_{content_key(content)}.urdf"
+def _written(folder: Path, robot: Robot, visual: bool) -> Path:
+    content = robot_xml(robot, visual=visual)
+    name = f"{_family(robot)}_{'visual' if visual else 'physics'}_{content_key(content)}.urdf"
     path = folder / "robot" / name
     return path if path.is_file() else write_atomically(path, content)
 
 
-def robot_xml(scale: float = PAPER_SCALE, *, visual: bool) -> bytes:
+def _family(robot: Robot) -> str:
+    return f"{Path(robot.urdf).stem}_mobile"
+
+
+def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
     """Return the robot's URDF as bytes; see `robot_urdf`."""
-    root = ET.parse(data_root() / _PANDA_URDF).getroot()
-    root.set("name", "panda_mobile")
+    scale = robot.scale
+    root = ET.parse(description_path(robot)).getroot()
+    root.set("name", _family(robot))
     _strip(root, visual=visual)
     _scale(root, scale)
     for mesh in root.iter("mesh"):
-        source = data_root() / mesh.attrib["filename"].removeprefix(_PACKAGE_PREFIX)
+        source = data_root(robot) / mesh.attrib["filename"].removeprefix(f"{_PACKAGE}{robot.distribution}/")
         path = decimated_mesh(source) if source.suffix == ".dae" else source
         mesh.set("filename", str(path))
         mesh.set("scale", _numbers([scale] * 3))
-    for index, element in enumerate(_base(visual=visual)):
+    for index, element in enumerate(_base(robot, visual=visual)):
         root.insert(index, element)
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8")
@@ -357,19 +363,22 @@ def _scale(root: ET.Element, scale: float) -> None:
             limit.set("effort", _numbers([float(limit.attrib["effort"]) * scale**4]))
 
 
-def _base(*, visual: bool) -> list[ET.Element]:
-    """Return the holonomic base: two sliding links, a turning body with its pedestal, and the arm's mount."""
+def _base(robot: Robot, *, visual: bool) -> list[ET.Element]:
+    """Return the holonomic base: two sliding links, a turning body with its pedestal, a lift, and the arm's mount."""
     body = ET.Element("link", name=BASE_LINK)
     body.append(_inertial(_BASE_MASS_KG, 2.0, "0 0 0.12"))
-    width, pedestal = BASE_SIDE_M, MOUNT_HEIGHT_M - _PEDESTAL_BOTTOM_M
+    width, top, bottom = BASE_SIDE_M, robot.chassis_m, BASE_BOTTOM_M
+    pedestal = robot.mount_m - top
     # The physical base ends 3 cm above the floor: nearer, the engine would report it as a contact at every step.
     # The wheels' skirt below it is there for cameras only.
     pieces = (
-        ((width, width, 0.15), 0.105, (0.25, 0.27, 0.30), True),
-        ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), _PEDESTAL_BOTTOM_M + pedestal / 2, (0.6, 0.6, 0.62), True),
+        ((width, width, top - bottom), (top + bottom) / 2, (0.25, 0.27, 0.30), True),
+        ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), top + pedestal / 2, (0.6, 0.6, 0.62), True),
         ((width - 0.04, width - 0.04, 0.03), 0.015, (0.04, 0.04, 0.05), False),
     )
     for index, (size, height, color, collides) in enumerate(pieces):
+        if index == 1 and robot.lift_m:
+            continue
         tags = (*(["visual"] if visual else []), *(["collision"] if collides else []))
         _add_box(body, tags, size, (0.0, 0.0, height), color, f"base_{index}")
     links = [ET.Element("link", name=name) for name in ("world_root", "base_link_x", "base_link_y")]
@@ -378,28 +387,53 @@ def _base(*, visual: bool) -> list[ET.Element]:
     return [
         *links,
         body,
-        _mast(visual=visual),
+        _mast(robot, visual=visual),
+        *(_lift(robot, visual=visual) if robot.lift_m else ()),
         _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
         _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
         # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
         _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", bounds=(100.0, 2.0, YAW_TORQUE_NM)),
-        _joint("arm_mount", "fixed", BASE_LINK, "panda_link0", height_m=MOUNT_HEIGHT_M),
+        _joint("arm_mount", "fixed", mount_link(robot), robot.arm_links[0], height_m=robot.mount_m),
         _joint("mast_foot", "fixed", BASE_LINK, MAST_LINK),
     ]
 
 
-def _mast(*, visual: bool) -> ET.Element:
+def _lift(robot: Robot, *, visual: bool) -> tuple[ET.Element, ET.Element]:
+    """Return the carriage that the mast guides and that carries the arm, and its joint."""
+    carriage = ET.Element("link", name=LIFT_LINK)
+    carriage.append(_inertial(_CARRIAGE_MASS_KG, 0.1, _numbers([0, 0, robot.mount_m - _BRACKET_M[2] / 2])))
+    x, y = _MAST_AXIS_M
+    side = _GUIDE_WIDTH_M + 0.02
+    pieces = (
+        (_BRACKET_M, (*_BRACKET_MIDDLE_M, robot.mount_m - _BRACKET_M[2] / 2)),
+        ((side, side, _GUIDED_M), (x, y, robot.mount_m - _BRACKET_M[2] + _GUIDED_M / 2)),
+    )
+    tags = (*(["visual"] if visual else []), "collision")
+    for index, (size, middle) in enumerate(pieces):
+        _add_box(carriage, tags, size, middle, (0.42, 0.44, 0.47), f"lift_{index}")
+    joint = ET.Element("joint", name=LIFT_JOINT, type="prismatic")
+    ET.SubElement(joint, "parent", link=BASE_LINK)
+    ET.SubElement(joint, "child", link=LIFT_LINK)
+    ET.SubElement(joint, "origin", xyz="0 0 0", rpy="0 0 0")
+    ET.SubElement(joint, "axis", xyz="0 0 1")
+    upper, effort = _numbers([robot.lift_m]), _numbers([LIFT_DRIVE[2]])
+    ET.SubElement(joint, "limit", lower="0", upper=upper, effort=effort, velocity="0.2")
+    return carriage, joint
+
+
+def _mast(robot: Robot, *, visual: bool) -> ET.Element:
     """Return the mast of the head camera, from the top of the base up, in the base's frame; all of it collides."""
     x, y = _MAST_AXIS_M
     top = CAMERA_MOUNT_M[2]
-    width, height = _MAST_WIDTH_M, top - _HOUSING_M[2] / 2 - _PEDESTAL_BOTTOM_M
+    width = _GUIDE_WIDTH_M if robot.lift_m else _MAST_WIDTH_M
+    height = top - _HOUSING_M[2] / 2 - robot.chassis_m
     lens_x, lens_y, lens_z = CAMERA_MOUNT_M
     pieces = (
-        ((width, width, height), (x, y, _PEDESTAL_BOTTOM_M + height / 2), (0.62, 0.64, 0.66)),
+        ((width, width, height), (x, y, robot.chassis_m + height / 2), (0.62, 0.64, 0.66)),
         (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, lens_z), (0.10, 0.10, 0.12)),
     )
     mast = ET.Element("link", name=MAST_LINK)
-    mast.append(_inertial(_MAST_MASS_KG, 0.15, _numbers([x, y, (_PEDESTAL_BOTTOM_M + top) / 2])))
+    mast.append(_inertial(_MAST_MASS_KG, 0.15, _numbers([x, y, (robot.chassis_m + top) / 2])))
     for index, (size, middle, color) in enumerate(pieces):
         _add_box(mast, (*(["visual"] if visual else []), "collision"), size, middle, color, f"mast_{index}")
     return mast
@@ -460,48 +494,60 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
-def load_robot(sapien_scene: Any, scale: float = PAPER_SCALE, *, visual: bool) -> Any:
+def load_robot(sapien_scene: Any, robot: Robot = PAPER_ROBOT, *, visual: bool) -> Any:
     """Return the robot's articulation, added to the scene and ready to be driven.
 
     Args:
         sapien_scene: A `sapien.Scene`; it needs a render system only where `visual` is true.
-        scale: Of a Panda's full size.
+        robot: Its record.
         visual: Whether cameras shall see the robot.
 
     Returns:
-        `sapien.physx.PhysxArticulation` with 12 active joints in the order of `description.JOINT_NAMES`.
+        `sapien.physx.PhysxArticulation` whose active joints are in the order of the record's `joint_names`.
 
     Raises:
-        RobotDataMissing: When the Panda's distribution is not installed.
+        RobotDataMissing: When the distribution of the description is not installed.
     """
     loader = sapien_scene.create_urdf_loader()
     loader.fix_root_link = True
-    for finger in FINGER_LINKS:
+    for finger in robot.finger_links:
         loader.set_link_material(finger, FINGER_FRICTION, FINGER_FRICTION, 0.0)
         loader.set_link_patch_radius(finger, PATCH_RADIUS_M)
         loader.set_link_min_patch_radius(finger, MIN_PATCH_RADIUS_M)
-    robot = loader.load(str(robot_urdf(scale, visual=visual)))
-    robot.name = "robot"
-    for link in robot.links:
+    loaded = loader.load(str(robot_urdf(robot, visual=visual)))
+    loaded.name = "robot"
+    ignored = _ignored(robot)
+    for link in loaded.links:
         link.set_disable_gravity(True)
         link.set_max_depenetration_velocity(_MAX_DEPENETRATION_M_S)
-        _exclude_self_collision(link)
-    _couple_fingers(robot)
-    for joint, drive, armature in zip(robot.active_joints, drives(scale), armatures(scale), strict=True):
+        _exclude_self_collision(link, ignored.get(link.name, 0))
+    _couple_fingers(loaded, robot)
+    for joint, drive, armature in zip(loaded.active_joints, drives(robot), armatures(robot), strict=True):
         joint.set_drive_properties(*drive)
         joint.set_armature(np.array([armature], dtype=np.float32))
         joint.set_friction(0.0)  # The loader's default of 0.05 would leave the arm short of its target.
-    return robot
+    return loaded
 
 
-def _couple_fingers(robot: Any) -> None:
+def _ignored(robot: Robot) -> dict[str, int]:
+    """Return the ignore bits of each link."""
+    found = {BASE_LINK: _NEAR_THE_MOUNT | _MAST_FOOT, MAST_LINK: _MAST_FOOT}
+    if robot.lift_m:
+        found[LIFT_LINK] = _NEAR_THE_MOUNT | _MAST_FOOT
+    for number, link in enumerate(robot.arm_links):
+        near, beyond = number < robot.elbow, number >= robot.forearm
+        found[link] = (_NEAR_THE_MOUNT if near else 0) | (_BEYOND_THE_ELBOW if beyond else 0)
+    return {**found, robot.hand_link: _BEYOND_THE_ELBOW}
+
+
+def _couple_fingers(loaded: Any, robot: Robot) -> None:
     """Couple the fingers, as the one motor of a real hand does: what they hold stays in its middle.
 
     Uncoupled, they would press with 30 N each and yield together to whatever pushes from the side.
     """
-    left, right = (robot.find_link_by_name(name) for name in FINGER_LINKS)
-    robot.create_fixed_tendon(
-        [robot.find_link_by_name(HAND_LINK), left, right],
+    left, right = (loaded.find_link_by_name(name) for name in robot.finger_links)
+    loaded.create_fixed_tendon(
+        [loaded.find_link_by_name(robot.hand_link), left, right],
         [0.0, 1.0, -1.0],
         [0.0, 1.0, -1.0],
         stiffness=FINGER_COUPLING[0],
@@ -509,7 +555,7 @@ def _couple_fingers(robot: Any) -> None:
     )
 
 
-def _exclude_self_collision(link: Any) -> None:
+def _exclude_self_collision(link: Any, bits: int) -> None:
     """Mark a link's shapes with bits of the ignore group: shapes that share one do not collide.
 
     Hulls of neighbouring links overlap by design. Forearm, hand and fingers do collide with base, pedestal, shoulder
@@ -517,4 +563,4 @@ def _exclude_self_collision(link: Any) -> None:
     """
     for shape in link.collision_shapes:
         contact_type, affinity, ignore, instance = shape.get_collision_groups()
-        shape.set_collision_groups([contact_type, affinity, ignore | _IGNORED.get(link.name, 0), instance])
+        shape.set_collision_groups([contact_type, affinity, ignore | bits, instance])

@@ -1,8 +1,8 @@
 """Kinematics of the arm on its base: inverse kinematics, straight hand motions, and batched Jacobians.
 
-`Kinematics` uses SAPIEN's rigid-body model. The base is planar and holonomic, so a hand pose is solved in the base's
-frame: the answer for one base pose is the answer for all. Random restarts filter by joint limits, which the solver
-itself ignores.
+`Kinematics` uses SAPIEN's rigid-body model. The base is planar and holonomic, and its frame goes up with a lift. So a
+hand pose is solved in the base's frame: the answer for one base pose is the answer for all. Random restarts filter by
+joint limits, which the solver itself ignores.
 
 `LineTracker` follows a line with the arm alone, by damped least squares on the Jacobians of all waypoints at once. Each
 waypoint starts from the posture at the start of the line. A batch of thirty costs little more than a single pose, and
@@ -20,12 +20,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
-from executor.sim.robot.description import ARM_HOME, BASE_LINK, TCP_LINK, drives, robot_urdf
+from executor.sim.robot.description import drives, mount_link, robot_urdf
 from executor.system.effort import LINE_STEP_S, POSTURE_S, Effort
 from executor.system.extras import load_sapien
+from oag.model.robots import Robot
 
-ARM = slice(3, 10)
-DOF = 12
 IK_ITERATIONS = 100
 IK_TOLERANCE = 1e-4
 
@@ -35,7 +34,7 @@ class ArmSolution:
     """One arm posture for a hand pose.
 
     Attributes:
-        arm: (7,) joint positions in rad.
+        arm: (A,) joint positions in rad.
         margin_rad: Distance of the nearest joint to its limit.
     """
 
@@ -48,18 +47,21 @@ class Kinematics:
 
     Args:
         articulation: The SAPIEN articulation of `executor.sim.robot.description`.
+        robot: Its record.
         seed: Seed of the restarts, so that equal queries get equal answers.
     """
 
-    def __init__(self, articulation: Any, seed: int = 0) -> None:
+    def __init__(self, articulation: Any, robot: Robot, seed: int = 0) -> None:
+        self.robot = robot
         self._model = articulation.create_pinocchio_model()
         names = [link.name for link in articulation.links]
-        self._eef = names.index(TCP_LINK)
+        self._eef = names.index(robot.tip_link)
         limits = np.asarray(articulation.get_qlimits(), dtype=float)
-        self.lower, self.upper = limits[:10, 0], limits[:10, 1]
-        self.arm_lower, self.arm_upper = self.lower[ARM], self.upper[ARM]
-        self.finger_upper_m = float(limits[10, 1])
-        self._mask = np.array([0] * 3 + [1] * 7 + [0] * 2, dtype=np.int32)
+        self.lower, self.upper = limits[: robot.movers, 0], limits[: robot.movers, 1]
+        self.arm_lower, self.arm_upper = self.lower[robot.arm], self.upper[robot.arm]
+        self.finger_upper_m = float(limits[robot.movers, 1])
+        self._mask = np.zeros(len(limits), dtype=np.int32)
+        self._mask[robot.arm] = 1
         self._rng = np.random.default_rng(seed)
         self.effort = Effort()
 
@@ -68,18 +70,18 @@ class Kinematics:
         self._rng = np.random.default_rng(seed)
 
     def base_transform(self, base: Array) -> Array:
-        """Return the (4, 4) pose of the base for (x, y, yaw)."""
-        return transform(rotation_z(float(base[2])), [base[0], base[1], 0.0])
+        """Return the (4, 4) pose of the base for its coordinates (B,): x, y, yaw, and the lift as a height."""
+        return transform(rotation_z(float(base[2])), [base[0], base[1], base[3] if len(base) > 3 else 0.0])
 
     def forward(self, q: Array) -> Array:
-        """Return T_world_eef (4, 4) for base and arm positions q (10,)."""
-        full = np.zeros(DOF)
-        full[:10] = q[:10]
+        """Return T_world_eef (4, 4) for base and arm positions q."""
+        full = np.zeros(len(self._mask))
+        full[: self.robot.movers] = q[: self.robot.movers]
         self._model.compute_forward_kinematics(full)
         return np.asarray(self._model.get_link_pose(self._eef).to_transformation_matrix(), dtype=float)
 
     def margin(self, arms: Array) -> float:
-        """Return the distance in rad of the nearest joint to its limit over postures (..., 7)."""
+        """Return the distance in rad of the nearest joint to its limit over postures (..., A)."""
         return float(min((arms - self.arm_lower).min(), (self.arm_upper - arms).min()))
 
     def solve(
@@ -96,8 +98,8 @@ class Kinematics:
 
         Args:
             T_world_eef: (4, 4) wanted hand pose.
-            base: (3,) base x, y, yaw.
-            near: (7,) posture to start from first; the home posture by default.
+            base: (B,) the base's coordinates.
+            near: (A,) posture to start from first; the home posture by default.
             restarts: How many starting points to try.
             minimum_margin_rad: Postures nearer than this to a joint limit are left out.
             enough: After how many postures to stop; all that the restarts find by default.
@@ -106,17 +108,17 @@ class Kinematics:
 
         T_base_eef = inverse(self.base_transform(base)) @ T_world_eef
         target = sapien.Pose(T_base_eef[:3, 3], quaternion_wxyz(T_base_eef))
-        home = np.array(ARM_HOME)
-        start = np.zeros(DOF)
+        arm_joints, home = self.robot.arm, np.array(self.robot.home)
+        start = np.zeros(len(self._mask))
         found: list[ArmSolution] = []
         for attempt in range(restarts):
             self.effort.add(POSTURE_S)
             if attempt == 0:
-                start[ARM] = home if near is None else near
+                start[arm_joints] = home if near is None else near
             elif attempt % 2:
-                start[ARM] = home + self._rng.normal(0.0, 0.5, 7)
+                start[arm_joints] = home + self._rng.normal(0.0, 0.5, len(home))
             else:
-                start[ARM] = self._rng.uniform(self.arm_lower, self.arm_upper)
+                start[arm_joints] = self._rng.uniform(self.arm_lower, self.arm_upper)
             q, converged, _ = self._model.compute_inverse_kinematics(
                 self._eef,
                 target,
@@ -129,7 +131,7 @@ class Kinematics:
             )
             if not converged:
                 continue
-            arm = np.array(q[ARM], dtype=float)
+            arm = np.array(q[arm_joints], dtype=float)
             margin = self.margin(arm)
             if margin < minimum_margin_rad or any(np.abs(arm - s.arm).max() < 0.05 for s in found):
                 continue
@@ -151,20 +153,20 @@ PATIENCE, PROGRESS = 8, 0.8
 
 
 class LineTracker:
-    """Follows Cartesian lines with the seven arm joints, the base standing still.
+    """Follows Cartesian lines with the arm's joints, the base standing still.
 
     Args:
-        scale: The robot's, of a Panda's full size.
-        kinematics: Limits and base frame.
+        kinematics: The robot's limits and base frame.
 
     Attributes:
         at_limit: Names of the joints that were at a limit where the last line that failed was farthest off.
     """
 
-    def __init__(self, scale: float, kinematics: Kinematics) -> None:
+    def __init__(self, kinematics: Kinematics) -> None:
+        robot = self._robot = kinematics.robot
         self.at_limit: tuple[str, ...] = ()
-        self._chain = ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
-        self._torques_nm = np.array([force_limit for _, _, force_limit in drives(scale)[ARM]])
+        self._chain = ArmChain(robot_urdf(robot, visual=False), mount_link(robot), robot.tip_link)
+        self._torques_nm = np.array([force_limit for _, _, force_limit in drives(robot)[robot.arm]])
         self._kinematics = kinematics
         self._lower = kinematics.arm_lower + INSET_RAD
         self._upper = kinematics.arm_upper - INSET_RAD
@@ -173,19 +175,19 @@ class LineTracker:
         """Return (N,) the largest share of torque that any arm joint needs to press with a force.
 
         Args:
-            path: (N, 10) base and arm.
+            path: (N, Q) base and arm.
             forces_n: (N, 3) the pressing force in the world, at the point between the fingertips.
         """
         turns = Rotation.from_euler("z", path[:, [2]])
-        jacobians = self._chain.forward_and_jacobian(path[:, ARM])[1]
+        jacobians = self._chain.forward_and_jacobian(path[:, self._robot.arm])[1]
         torques = np.einsum("nij,ni->nj", jacobians[:, :3], turns.inv().apply(forces_n))
         return np.asarray(np.abs(torques / self._torques_nm).max(axis=1))
 
     def track(self, q: Array, poses: list[Array], iterations: int = 40) -> tuple[Array | None, float]:
-        """Return the (N, 10) path through the poses and the worst residual [m].
+        """Return the (N, Q) path through the poses and the worst residual [m].
 
         Args:
-            q: (10,) base and arm where the line starts.
+            q: (Q,) base and arm where the line starts.
             poses: N hand poses T_world_eef, each near the one before.
             iterations: Upper bound of Newton steps.
 
@@ -193,9 +195,9 @@ class LineTracker:
             The path, or None when a pose cannot be reached within the joint limits or only on another branch; and the
                 largest position residual.
         """
-        T_base_world = inverse(self._kinematics.base_transform(q[:3]))
+        T_base_world = inverse(self._kinematics.base_transform(q[self._robot.base]))
         targets = np.stack([T_base_world @ T for T in poses])
-        start = q[ARM]
+        start = q[self._robot.arm]
         arm = np.tile(start, (len(poses), 1))
         damping = DAMPING * np.eye(6)
         residual_m = np.inf
@@ -210,7 +212,7 @@ class LineTracker:
                 path = np.concatenate([start[None], arm])
                 if np.abs(np.diff(path, axis=0)).max() > BRANCH_JUMP_RAD:
                     return None, residual_m
-                return np.concatenate([np.tile(q[:3], (len(poses), 1)), arm], axis=1), residual_m
+                return np.concatenate([np.tile(q[self._robot.base], (len(poses), 1)), arm], axis=1), residual_m
             residuals_m.append(residual_m)
             if len(residuals_m) > PATIENCE and residual_m > PROGRESS * residuals_m[-1 - PATIENCE]:
                 break
@@ -219,7 +221,7 @@ class LineTracker:
             arm = np.clip(arm + np.clip(step, -LONGEST_STEP_RAD, LONGEST_STEP_RAD), self._lower, self._upper)
         worst = arm[int(np.linalg.norm(pose_error(targets, self._chain.forward(arm))[:, :3], axis=1).argmax())]
         held = np.minimum(worst - self._lower, self._upper - worst) < AT_LIMIT_RAD
-        self.at_limit = tuple(f"panda_joint{index + 1}" for index in np.flatnonzero(held))
+        self.at_limit = tuple(self._robot.arm_joints[index] for index in np.flatnonzero(held))
         return None, residual_m
 
 

@@ -23,10 +23,10 @@ from executor.data.store import EpisodeStore, NotADataset, StoredEpisode
 from executor.data.views import DEPTH, SEGMENTATION, pictures
 from executor.envs.hand_control import Elbow, HandFollower
 from executor.geometry import inverse, quaternions_last
-from executor.sim.robot.description import BASE_LINK, TCP_LINK, robot_urdf
+from executor.sim.robot.description import BASE_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
 from executor.sim.world import World
-from oag.model.scene import PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.data.conftest import numbers
 from tests.executor.helpers import MakeWorld
 
@@ -168,12 +168,12 @@ def points_at(handle: tuple[str, Handle], world: World, cloud: np.ndarray) -> in
 def test_hand_actions_lead_to_the_commanded_targets(
     filmed_store: EpisodeStore, episodes: list[Episode], make_world: MakeWorld
 ) -> None:
-    chain = ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
+    chain = ArmChain(robot_urdf(visual=False), BASE_LINK, PAPER_ROBOT.tip_link)
     for episode in (episodes[0], episodes[-1]):
         told = source(filmed_store, episode)
         targets, elbow = told.arrays["robot_target"].astype(float), Elbow(make_world(told.scene))
         for k in range(0, episode.length - 1, 7):
-            follower = HandFollower(PAPER_SCALE, targets[k], 0.1, elbow)
+            follower = HandFollower(PAPER_ROBOT, targets[k], 0.1, elbow)
             again = follower.joint_target(targets[k], episode.columns["action"][k])
             T_again, T_wanted = chain.forward(np.stack([again[3:10], targets[k + 1, 3:10]]))
             off = inverse(T_wanted) @ T_again

@@ -48,5 +48,5 @@ def test_a_data_set_is_of_one_robot(made_store: EpisodeStore, tmp_path: Path) ->
     meta = json.loads(told.read_text(encoding="utf-8"))
     meta["robot"]["scale"] = 1.0
     told.write_text(json.dumps(meta), encoding="utf-8")
-    with pytest.raises(NothingToExport, match="robots of both sizes"):
+    with pytest.raises(NothingToExport, match="different robots"):
         stream_of(store)

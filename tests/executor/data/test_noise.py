@@ -13,15 +13,16 @@ from executor.data.units import DemoUnit
 from executor.data.work import make_unit, noise_of, physics_of
 from executor.records import Trajectory
 from executor.rollouts.recording import repeat
-from executor.skills.trajectories import MOST, RAD_PER_M, SPEED_LIMITS, CommandNoise
+from executor.skills.trajectories import MOST, RAD_PER_M, CommandNoise, speed_limits
+from oag.model.robots import PAPER_ROBOT
 
 DT_S = 0.004
-FAST = SPEED_LIMITS
+FAST = speed_limits(PAPER_ROBOT)
 NOISE = CommandNoise(0.01, 5)
 
 
 def _offsets(noise: CommandNoise, count: int, *, subtask: int = 0, gripping: bool = False) -> np.ndarray:
-    stream = noise.of_subtask(subtask, DT_S)
+    stream = noise.of_subtask(PAPER_ROBOT, subtask, DT_S)
     assert stream is not None
     return np.array([stream.offset(FAST, 9.0, gripping=gripping) for _ in range(count)])
 
@@ -35,7 +36,7 @@ def test_noise_has_the_deviation_that_was_asked_for_and_an_end() -> None:
 
 def test_noise_is_slow_enough_to_be_followed() -> None:
     found = _offsets(NOISE, 5_000)[:, 0]
-    assert np.abs(np.diff(found)).max() / DT_S < 0.3 * SPEED_LIMITS[0]
+    assert np.abs(np.diff(found)).max() / DT_S < 0.3 * FAST[0]
 
 
 def test_it_follows_from_seed_and_subtask() -> None:
@@ -45,7 +46,7 @@ def test_it_follows_from_seed_and_subtask() -> None:
 
 
 def test_a_robot_that_rests_or_is_about_to_is_told_the_truth_and_one_that_holds_something_nearly() -> None:
-    stream = NOISE.of_subtask(0, DT_S)
+    stream = NOISE.of_subtask(PAPER_ROBOT, 0, DT_S)
     assert stream is not None
     assert not stream.offset(np.zeros(10), 9.0, gripping=False).any()
     assert not stream.offset(FAST, 0.0, gripping=False).any()
@@ -53,7 +54,7 @@ def test_a_robot_that_rests_or_is_about_to_is_told_the_truth_and_one_that_holds_
 
 
 def test_without_a_deviation_there_is_none() -> None:
-    assert CommandNoise(0.0, 5).of_subtask(0, DT_S) is None
+    assert CommandNoise(0.0, 5).of_subtask(PAPER_ROBOT, 0, DT_S) is None
 
 
 def _unit(**wishes: object) -> DemoUnit:

@@ -15,7 +15,7 @@ from executor.data.store import SAMPLES, EpisodeStore
 from executor.envs.demonstration_replay import replay_actions
 from executor.envs.hand_control import Elbow, HandFollower
 from executor.sim.robot.actions import hand_actions
-from oag.model.scene import PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
@@ -71,11 +71,11 @@ def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) ->
 def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore, make_world: MakeWorld) -> None:
     for episode in made_store.demonstrations():
         targets = episode.arrays["robot_target"].astype(float)
-        reached, follower = targets[0], HandFollower(PAPER_SCALE, targets[0], 0.1, Elbow(make_world(episode.scene)))
-        for action in hand_actions(PAPER_SCALE, targets[:-1], targets[1:]):
+        reached, follower = targets[0], HandFollower(PAPER_ROBOT, targets[0], 0.1, Elbow(make_world(episode.scene)))
+        for action in hand_actions(PAPER_ROBOT, targets[:-1], targets[1:]):
             reached = follower.joint_target(reached, action)
         # From where the demonstration ends, what is left to do is nothing.
-        left = hand_actions(PAPER_SCALE, reached[None], targets[-1:])[0]
+        left = hand_actions(PAPER_ROBOT, reached[None], targets[-1:])[0]
         assert np.abs(left[:6]).max() < 2e-3 and np.abs(left[7:]).max() < 1e-6
 
 

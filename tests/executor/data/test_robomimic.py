@@ -13,13 +13,14 @@ import pytest
 from numpy.typing import NDArray
 
 from executor.data.episode import Episode, EpisodeTooShort
-from executor.data.formats.robomimic import ACTION_NAMES, ACTION_RATES, normalised_actions, write_robomimic
+from executor.data.formats.robomimic import action_names, action_rates, normalised_actions, write_robomimic
 from executor.records import Rollout
 from executor.scenes import library
 from executor.sim.render.cameras import VIEWS, cameras_for, intrinsic_matrix
 from executor.sim.render.frames import Frames
 from executor.sim.render.stage import SceneRenderer
 from executor.sim.robot.actions import joint_limits
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")
@@ -59,8 +60,8 @@ def test_one_place_opens_files_to_write_them() -> None:
 def actions_of(rollout: Rollout) -> NDArray[np.float32]:
     """Return a rollout's normalised actions, at 10 samples a second."""
     motion = rollout.trajectory
-    opening_m = float(joint_limits(rollout.scene.robot.scale)[-1, 1])
-    return normalised_actions(motion.robot_qpos, motion.robot_target[1:], ACTION_RATES / 10.0, opening_m)
+    opening_m = float(joint_limits(rollout.scene.robot.model)[-1, 1])
+    return normalised_actions(motion.robot_qpos, motion.robot_target[1:], action_rates(PAPER_ROBOT) / 10.0, opening_m)
 
 
 def test_actions_are_normalised_and_give_the_targets_back(path: Path) -> None:
@@ -68,7 +69,7 @@ def test_actions_are_normalised_and_give_the_targets_back(path: Path) -> None:
     with h5py.File(path) as file:
         demo = file["data/demo_0"]
         actions, scale, targets = demo["actions"][:], demo.attrs["action_scale"], demo["actions_absolute"][:]
-    assert actions.shape == (len(motion.time_s) - 1, len(ACTION_NAMES)) and np.abs(actions).max() < 1.0
+    assert actions.shape == (len(motion.time_s) - 1, len(action_names(PAPER_ROBOT))) and np.abs(actions).max() < 1.0
     assert np.array_equal(actions, actions_of(invented_rollout())) and np.array_equal(targets, motion.robot_target[1:])
     moves = actions[:, :10] * scale
     now = motion.robot_qpos[:-1]
@@ -85,12 +86,12 @@ def test_the_gripper_is_one_when_open_and_minus_one_when_shut() -> None:
     assert actions_of(rollout)[:, 10] == pytest.approx(np.clip(opening / 0.028 * 2 - 1, -1, 1), abs=1e-5)
 
 
-@pytest.mark.parametrize(("scale", "opening_m"), [(0.7, 0.028), (1.0, 0.04)])
-def test_the_grippers_range_is_the_robots(scale: float, opening_m: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("robot", "opening_m"), [("paper", 0.028), ("panda", 0.04)])
+def test_the_grippers_range_is_the_robots(robot: str, opening_m: float, tmp_path: Path) -> None:
     rollout = invented_rollout()
     targets_m = np.linspace(0.0, opening_m, len(rollout.trajectory.time_s) - 1)
     rollout.trajectory.robot_target[1:, 10:] = targets_m[:, None]
-    episode = Episode.from_rollout(replace(rollout, scene=rollout.scene.with_robot(scale)))
+    episode = Episode.from_rollout(replace(rollout, scene=rollout.scene.with_robot(robot)))
     with h5py.File(write_robomimic(tmp_path / "e.hdf5", [episode])) as file:
         assert file["data/demo_0/actions"][:, 10] == pytest.approx(np.linspace(-1.0, 1.0, len(targets_m)), abs=1e-5)
 

@@ -12,10 +12,11 @@ from executor.assets.model import Shape
 from executor.envs.hand_control import SPARE_RAD, Elbow, HandFollower, Obstacles
 from executor.geometry import Array, transform_from_quaternion
 from executor.sim.robot.actions import arm_chain, joint_limits
-from executor.sim.robot.description import ARM_HOME, BASE_LINK, robot_urdf
+from executor.sim.robot.description import BASE_LINK, robot_urdf
 from executor.sim.robot.kinematics import ArmChain
 from oag import Scene, SceneObject
-from oag.model.scene import PAPER_SCALE, RobotPose
+from oag.model.robots import PAPER_ROBOT
+from oag.model.scene import RobotPose
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
@@ -43,10 +44,10 @@ def room(*walls_m: tuple[float, float]) -> Scene:
 def stood_still(scene: Scene, arm: Array, make_world: MakeWorld, actions: int = 30) -> Array:
     """Return the (7,) posture after some actions that tell the hand nothing."""
     target = np.concatenate([[0.0, 0.0, 0.0], arm, [OPEN_M, OPEN_M]])
-    follower = HandFollower(PAPER_SCALE, target, 0.1, Elbow(make_world(scene)))
+    follower = HandFollower(PAPER_ROBOT, target, 0.1, Elbow(make_world(scene)))
     for _ in range(actions):
         target = follower.joint_target(target, STILL)
-    before, after = arm_chain(PAPER_SCALE).forward(np.stack([arm, target[3:10]]))
+    before, after = arm_chain(PAPER_ROBOT).forward(np.stack([arm, target[3:10]]))
     assert np.allclose(before, after, atol=1e-4)
     return target[3:10]
 
@@ -107,7 +108,7 @@ def test_what_moves_is_looked_at_where_it_is_now(make_world: MakeWorld) -> None:
 
 
 def test_the_elbow_gives_way_to_a_wall_beside_it(make_world: MakeWorld) -> None:
-    home = np.array(ARM_HOME)
+    home = np.array(PAPER_ROBOT.home)
     free = stood_still(room(), home, make_world)
     assert np.allclose(free, home, atol=1e-6)
     left, right = (stood_still(room((0.0, y_m)), home, make_world) for y_m in (0.10, -0.18))
@@ -122,7 +123,7 @@ def test_the_elbow_goes_round_what_is_under_its_middle(make_world: MakeWorld) ->
     post = replace(room((0.0, 0.0)).objects["wall_0"], position=(-0.12, 0.0, 0.3375), bbox_extent=(0.05, 0.2, 0.675))
     upright = replace(post, orientation=(1.0, 0.0, 0.0, 0.0))
     scene = replace(room(), objects={"wall_0": upright})
-    home = np.array(ARM_HOME)
+    home = np.array(PAPER_ROBOT.home)
     after = stood_still(scene, home, make_world)
     around = Obstacles(make_world(scene))
     before_m, after_m = (around.distances_m(elbow_m(arm)[None], 1.0)[0] for arm in (home, after))
@@ -130,8 +131,8 @@ def test_the_elbow_goes_round_what_is_under_its_middle(make_world: MakeWorld) ->
 
 
 def test_joints_keep_off_their_limits_where_the_hand_lets_them(make_world: MakeWorld) -> None:
-    high = joint_limits(PAPER_SCALE)[3:10, 1]
-    arm = np.array(ARM_HOME)
+    high = joint_limits(PAPER_ROBOT)[3:10, 1]
+    arm = np.array(PAPER_ROBOT.home)
     arm[6] = high[6] - 0.05
     after = stood_still(room(), arm, make_world, actions=60)
     assert 0.1 < high[6] - after[6] < SPARE_RAD + 0.05

@@ -19,14 +19,16 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import executor.envs
-from executor.data.state_readers import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
+from executor.data.state_readers import ENVIRONMENT, HANDLE, HANDLES, THING, THINGS, agent_numbers
 from executor.data.units import Variation
 from executor.envs.scene_environment import SceneEnvironment
 from executor.scenes.generators.families import pair_of
 from executor.sim.engine import Physics
 from executor.sim.robot.actions import joint_limits
-from oag.model.scene import PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from tests.source_tree import ROOT
+
+AGENT = agent_numbers(PAPER_ROBOT)
 
 SEED, INDEX = 62990, 0
 Make = Callable[..., SceneEnvironment]
@@ -130,7 +132,7 @@ def test_equal_seeds_and_actions_give_equal_observations(make: Make) -> None:
     first, second = make(), make()
     for env in (first, second):
         env.reset(seed=SEED, options={"index": INDEX})
-    low, high = joint_limits(PAPER_SCALE).T
+    low, high = joint_limits(PAPER_ROBOT).T
     wanted = np.clip(first.target + 0.05, low, high).astype(np.float32)
     for _ in range(3):
         a, b = first.step(wanted), second.step(wanted)

@@ -7,19 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executor.envs.hand_control import ARM_SPEEDS_RAD_S, OWED_M, Elbow, HandFollower
-from executor.envs.scene_environment import FOLLOWING_SPEEDS, SPEEDS
+from executor.envs.hand_control import OWED_M, Elbow, HandFollower, arm_speeds
+from executor.envs.scene_environment import target_speeds
 from executor.geometry import Array
 from executor.sim.robot.actions import arm_chain, hand_actions, joint_limits
-from executor.sim.robot.description import ARM_HOME, FINGER_DRIVE
+from executor.sim.robot.description import FINGER_DRIVE
 from executor.sim.world import World
 from oag import Scene
-from oag.model.scene import PAPER_SCALE, RobotPose
+from oag.model.robots import PAPER_ROBOT
+from oag.model.scene import RobotPose
 
 pytestmark = pytest.mark.physics
 
 PERIOD_S = 0.1
-START = np.array([0.3, -0.2, 0.5, *ARM_HOME, 0.028, 0.028])
+START = np.array([0.3, -0.2, 0.5, *PAPER_ROBOT.home, 0.028, 0.028])
 STILL = np.array([0.0] * 6 + [1.0] + [0.0] * 3)
 
 
@@ -37,11 +38,11 @@ def _moved(x_m: float = 0.0, z_m: float = 0.0) -> Array:
 
 
 def _hand(target: Array) -> Array:
-    return np.asarray(arm_chain(PAPER_SCALE).forward(target[None, 3:10])[0, :3, 3])
+    return np.asarray(arm_chain(PAPER_ROBOT).forward(target[None, 3:10])[0, :3, 3])
 
 
 def test_what_one_action_leaves_undone_the_next_ones_make_good(elbow: Elbow) -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, 0.02, elbow), START
+    follower, target = HandFollower(PAPER_ROBOT, START, 0.02, elbow), START
     before = _hand(START)
     target = follower.joint_target(target, _moved(x_m=0.04))
     assert np.linalg.norm(_hand(target) - before) < 0.03
@@ -51,7 +52,7 @@ def test_what_one_action_leaves_undone_the_next_ones_make_good(elbow: Elbow) -> 
 
 
 def test_no_more_is_owed_than_comes_back_soon(elbow: Elbow) -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow), START
+    follower, target = HandFollower(PAPER_ROBOT, START, PERIOD_S, elbow), START
     for _ in range(20):
         target = follower.joint_target(target, _moved(x_m=0.1))
     stretched = _hand(target)
@@ -64,37 +65,38 @@ def test_no_more_is_owed_than_comes_back_soon(elbow: Elbow) -> None:
 
 
 def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way(elbow: Elbow) -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow), START
+    follower, target = HandFollower(PAPER_ROBOT, START, PERIOD_S, elbow), START
     rng = np.random.default_rng(62000)
-    low, high = joint_limits(PAPER_SCALE)[3:10].T
+    low, high = joint_limits(PAPER_ROBOT)[3:10].T
     # Smooth wandering about where the arm begins, as fast as hands of demonstrations are.
     ways = 0.12 * np.sin(np.arange(200)[:, None] * rng.uniform(0.02, 0.08, 3))
     for step in np.diff(ways, axis=0):
         action = STILL.copy()
         action[:3] = step
         after = follower.joint_target(target, action)
-        assert (np.abs(after - target)[3:10] <= ARM_SPEEDS_RAD_S * PERIOD_S + 1e-9).all()
+        assert (np.abs(after - target)[3:10] <= arm_speeds(PAPER_ROBOT) * PERIOD_S + 1e-9).all()
         assert (after[3:10] >= low).all() and (after[3:10] <= high).all()
         target = after
     assert np.allclose(_hand(target), _hand(START) + ways[-1] - ways[0], atol=2e-3)
 
 
 def test_a_hand_that_is_told_nothing_leaves_the_arm_alone(elbow: Elbow) -> None:
-    follower = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow)
+    follower = HandFollower(PAPER_ROBOT, START, PERIOD_S, elbow)
     assert np.allclose(follower.joint_target(START, STILL), START, atol=1e-6)
 
 
 def test_fingers_press_as_they_were_told(elbow: Elbow) -> None:
     pressing_m = -FINGER_DRIVE[2] / FINGER_DRIVE[0]
-    assert np.allclose(joint_limits(PAPER_SCALE)[10:, 0], pressing_m)
+    assert np.allclose(joint_limits(PAPER_ROBOT)[10:, 0], pressing_m)
     pressed = START.copy()
     pressed[10:] = pressing_m
-    action = hand_actions(PAPER_SCALE, START, pressed)[0]
+    action = hand_actions(PAPER_ROBOT, START, pressed)[0]
     assert np.allclose(
-        HandFollower(PAPER_SCALE, START, PERIOD_S, elbow).joint_target(START, action), pressed, atol=1e-6
+        HandFollower(PAPER_ROBOT, START, PERIOD_S, elbow).joint_target(START, action), pressed, atol=1e-6
     )
 
 
 def test_only_an_arm_that_follows_is_faster_than_planned_motions() -> None:
-    assert (FOLLOWING_SPEEDS[3:10] > SPEEDS[3:10]).all()
-    assert np.array_equal(FOLLOWING_SPEEDS[[0, 1, 2, 10, 11]], SPEEDS[[0, 1, 2, 10, 11]])
+    following, planned = (target_speeds(PAPER_ROBOT, following=following) for following in (True, False))
+    assert (following[3:10] > planned[3:10]).all()
+    assert np.array_equal(following[[0, 1, 2, 10, 11]], planned[[0, 1, 2, 10, 11]])

@@ -15,10 +15,10 @@ from executor.envs.episodes import hand_distance_m
 from executor.geometry import Array, transform
 from executor.learn.evaluation import NEAR_M, OutcomeWatch
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import TCP_LINK
 from executor.sim.world import World
 from oag import SceneObject
 from oag.model.actions import flow_from_json
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import scene_object
 
 FIXTURES = [
@@ -44,7 +44,11 @@ class _Placed:
         }
 
     def T_world_link(self, object_id: str, link: str | None = None) -> Array:
-        return transform(np.eye(3), self.hand_m) if (object_id, link) == (ROBOT, TCP_LINK) else self.links[link]
+        return (
+            transform(np.eye(3), self.hand_m)
+            if (object_id, link) == (ROBOT, PAPER_ROBOT.tip_link)
+            else self.links[link]
+        )
 
     def contacts(self, of: object) -> list[Any]:
         return []

@@ -13,11 +13,14 @@ from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import Demonstrations, read_demonstrations
 from executor.learn.evaluation import environment_for
 from executor.learn.networks import Locator, PolicyNetwork
-from executor.learn.observations import ROBOT_NUMBERS, THING_NUMBERS
+from executor.learn.observations import THING_NUMBERS, robot_number_count
 from executor.learn.policy_record import PolicyRecord
 from executor.learn.settings import PolicySettings
 from executor.learn.training import Trainer
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.learn.conftest import small
+
+ROBOT_NUMBERS = robot_number_count(PAPER_ROBOT)
 
 pytestmark = pytest.mark.physics
 FROM_HAND = slice(4, 7)
@@ -39,7 +42,7 @@ def data(picked: EpisodeStore) -> Demonstrations:
 def test_the_hands_points_stand_still_when_seen_from_the_hand(data: Demonstrations) -> None:
     assert data.clouds is not None and data.numbers.shape[1] == ROBOT_NUMBERS + THING_NUMBERS
     seen: list[torch.Tensor] = []
-    locator = Locator(1, 0, (8,))
+    locator = Locator(17, 1, 0, (8,))
     locator.whole.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
     moments = np.arange(int(data.ends[0]))
     with torch.inference_mode():

@@ -15,7 +15,7 @@ import torch
 
 from executor.data.formats.export import open_set, write_set
 from executor.data.formats.store_reader import stream_of
-from executor.data.state_readers import AGENT, ENVIRONMENT, THING, THINGS
+from executor.data.state_readers import ENVIRONMENT, THING, THINGS, agent_numbers
 from executor.data.store import EpisodeStore, NotADataset
 from executor.envs.scene_environment import SceneEnvironment
 from executor.learn import demonstrations
@@ -26,10 +26,10 @@ from executor.learn.evaluation import NEAR_M, EpisodeOutcome, OutcomeWatch, envi
 from executor.learn.networks import NetworkSizes, PolicyNetwork
 from executor.learn.observations import (
     HANDLE_NUMBERS,
-    ROBOT_NUMBERS,
     THING_NUMBERS,
     own_numbers,
     primitive_of,
+    robot_number_count,
     state_numbers,
     subtask_of,
 )
@@ -48,9 +48,11 @@ from executor.learn.scores import PolicyScore, paired_tests
 from executor.learn.settings import Sees, SettingsError, known_settings, read_settings, settings_of
 from executor.learn.training import Trainer, learning_rate, parameters
 from executor.sim.robot.actions import joint_limits
-from oag.model.scene import FULL_SCALE
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT
 from oag.model.symbols import Primitive
 from tests.executor.learn.conftest import small
+
+AGENT, ROBOT_NUMBERS = agent_numbers(PAPER_ROBOT), robot_number_count(PAPER_ROBOT)
 
 pytestmark = pytest.mark.physics
 
@@ -70,11 +72,11 @@ def trained(data: Demonstrations, out: Path, **parts: dict[str, object]) -> Poli
 
 def test_targets_in_the_room_undo_targets_from_here() -> None:
     rng = np.random.default_rng(0)
-    low, high = joint_limits(FULL_SCALE).T
+    low, high = joint_limits(FULL_SIZE).T
     qpos, targets = rng.uniform(low, high), rng.uniform(low, high, (5, 12))
     targets[:, 11] = targets[:, 10]
-    chunk = to_base_targets(qpos[None], targets[None])[0]
-    assert np.allclose(to_world_targets(qpos, chunk), targets, atol=1e-5)
+    chunk = to_base_targets(PAPER_ROBOT, qpos[None], targets[None])[0]
+    assert np.allclose(to_world_targets(PAPER_ROBOT, qpos, chunk), targets, atol=1e-5)
 
 
 def test_what_is_seen_does_not_depend_on_where_the_room_is() -> None:
@@ -105,11 +107,15 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     assert (data.phases[data.lasts - 1] == data.phases).all() and (data.lasts <= data.ends).all()
     begins = int(np.flatnonzero(np.diff(data.phases))[0]) + 1
     chunk, after = data.chunks(np.array([begins - 2]), 4)
-    expected = to_base_targets(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
+    expected = to_base_targets(
+        PAPER_ROBOT, data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]]
+    )
     assert np.array_equal(chunk, expected)
     assert after[0].tolist() == data.phases[begins - 1 : begins + 3].tolist() and after[0, 0] != after[0, 1]
     chunk, after = data.chunks(np.array([border - 2]), 4)
-    expected = to_base_targets(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
+    expected = to_base_targets(
+        PAPER_ROBOT, data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]]
+    )
     assert np.array_equal(chunk, expected)
     assert after.tolist() == [[data.phases[border - 1]] * 4]
     assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
@@ -199,7 +205,7 @@ def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> 
 def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
     torch.manual_seed(0)
     network = PolicyNetwork(
-        small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4)
+        small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4, robot=17)
     ).eval()
     numbers, phase = torch.randn(1, 1, 5), torch.ones(1, 1, dtype=torch.int64)
     usual, other = (network(numbers, phase, grasp_mode=torch.full((1, 1), grasp_mode))[0] for grasp_mode in (0, 1))
@@ -208,7 +214,9 @@ def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
 
 def test_of_several_networks_each_learns_from_its_part_and_the_mean_counts() -> None:
     torch.manual_seed(0)
-    network = PolicyNetwork(small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4))
+    network = PolicyNetwork(
+        small(network={"members": 2}), NetworkSizes(numbers=5, action=11, phases=3, grasp_modes=4, robot=17)
+    )
     given = {"numbers": torch.randn(4, 1, 5), "phase": torch.ones(4, 1, dtype=torch.int64)}
     given["grasp_mode"] = torch.zeros_like(given["phase"])
     first, second = (member(**given) for member in network.members)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from executor.data.formats.export import open_set
-from executor.data.state_readers import AGENT, ENVIRONMENT, THING, THINGS
+from executor.data.state_readers import ENVIRONMENT, THING, THINGS, agent_numbers
 from executor.data.store import EpisodeStore
 from executor.learn.acting import TrainedPolicy
 from executor.learn.action_chunks import action_size, to_world_targets
@@ -26,8 +26,10 @@ from executor.learn.policy_record import PolicyRecord
 from executor.learn.settings import SettingsError
 from executor.learn.training import Trainer
 from executor.sim.robot.actions import arm_chain
-from oag.model.scene import PAPER_SCALE
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.learn.conftest import small
+
+AGENT = agent_numbers(PAPER_ROBOT)
 
 pytestmark = pytest.mark.physics
 
@@ -84,13 +86,13 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
     joints[:, 3:10] = rng.uniform(-1.0, 1.0, (4, 7))
     chain, mirror = arm_chain(0.7), np.diag([1.0, -1.0, 1.0, 1.0])
     seen = mirror @ chain.forward(joints[:, 3:10]) @ mirror
-    assert np.allclose(chain.forward(mirror_joints(joints)[:, 3:10]), seen)
+    assert np.allclose(chain.forward(mirror_joints(PAPER_ROBOT, joints)[:, 3:10]), seen)
 
     columns = {name: column.copy() for name, column in next(iter(open_set(picked.path, ()).episodes())).columns.items()}
     columns["observation.state"][:, 9] = columns["action.joint_target"][:, 9] = 0.5
-    image = mirror_columns(columns)
+    image = mirror_columns(PAPER_ROBOT, columns)
     assert image is not None
-    again = mirror_columns(image)
+    again = mirror_columns(PAPER_ROBOT, image)
     assert again is not None
     for name in (
         "observation.state",
@@ -100,10 +102,10 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
         "primitive_index",
     ):
         assert np.allclose(again[name], columns[name], atol=1e-6)
-    sides = mirror_columns({**columns, "primitive_index": np.array([17, 15, 16, 20, 11, 7])})
+    sides = mirror_columns(PAPER_ROBOT, {**columns, "primitive_index": np.array([17, 15, 16, 20, 11, 7])})
     assert sides is not None and sides["primitive_index"].tolist() == [17, 16, 15, 21, 12, 7]
     columns["action.joint_target"][0, 9] = -2.0
-    assert mirror_columns(columns) is None
+    assert mirror_columns(PAPER_ROBOT, columns) is None
 
 
 def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore, tmp_path: Path) -> None:
@@ -137,15 +139,15 @@ def test_mirror_images_are_learned_from_and_a_way_is_chosen(picked: EpisodeStore
 def test_joints_are_put_right_by_where_the_hand_is_foretold_to_be(picked: EpisodeStore) -> None:
     settings = small(acts={"hand": True})
     data = read_demonstrations([picked.path], settings)
-    assert action_size(settings.acts) == 17
+    assert action_size(settings.acts, PAPER_ROBOT) == 17
     moment = int(np.flatnonzero(data.phases == data.steps.index(2))[0])
     chunk = data.chunks(np.array([moment]), 8)[0][0]
-    exact = to_world_targets(data.qpos[moment], chunk[:, :11])
+    exact = to_world_targets(PAPER_ROBOT, data.qpos[moment], chunk[:, :11])
     askew = chunk.copy()
     askew[:, 3:10] += np.random.default_rng(0).normal(0.0, 0.03, (8, 7))
-    hands = arm_chain(PAPER_SCALE).forward(exact[:, 3:10])
+    hands = arm_chain(PAPER_ROBOT).forward(exact[:, 3:10])
     right, wrong = (
-        arm_chain(PAPER_SCALE).forward(to_world_targets(data.qpos[moment], numbers)[:, 3:10])
+        arm_chain(PAPER_ROBOT).forward(to_world_targets(PAPER_ROBOT, data.qpos[moment], numbers)[:, 3:10])
         for numbers in (askew, askew[:, :11])
     )
     assert np.abs(right - hands)[:, :3, 3].max() < 1e-3 < 5e-3 < np.abs(wrong - hands)[:, :3, 3].max()

@@ -24,7 +24,7 @@ from executor.learn.action_chunks import hand_poses, to_hand_frame
 from executor.learn.demonstrations import learned_from, read_demonstrations
 from executor.learn.evaluation import environment_for
 from executor.learn.policy_record import PolicyRecord
-from oag.model.scene import FULL_SCALE, PAPER_SCALE
+from oag.model.robots import FULL_SIZE
 from tests.executor.learn.conftest import KITCHEN, PLAN, small
 from tests.executor.learn.test_commands import last_json
 
@@ -36,7 +36,7 @@ def full_size(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
     """Return a store with a demonstration of a scene whose own robot is of full size."""
     folder = tmp_path_factory.mktemp("full")
     scene = json.loads(KITCHEN.read_text())
-    scene["robot"]["scale"] = FULL_SCALE
+    scene["robot"]["scale"] = FULL_SIZE.scale
     (folder / "kitchen.json").write_text(json.dumps(scene))
     sources = [{"query": "pick up the glass", "scene": str(folder / "kitchen.json")}]
     store, (series,) = EpisodeStore(folder / "s"), series_of({**PLAN, "episodes": 1, "sources": sources})
@@ -48,20 +48,20 @@ def full_size(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 def test_a_scenes_own_robot_of_full_size_is_what_is_learned_from_and_acted_with(full_size: EpisodeStore) -> None:
     data = read_demonstrations([full_size.path], small(acts={"hand": True}))
     record = PolicyRecord.of(small(acts={"hand": True}), 0, data)
-    assert record.scale == FULL_SCALE and learned_from(full_size.path).kinds == data.kinds
-    now, wanted = (hand_poses(rows, record.scale) for rows in (data.qpos, data.actions))
+    assert record.robot is FULL_SIZE and learned_from(full_size.path).kinds == data.kinds
+    now, wanted = (hand_poses(rows, record.robot) for rows in (data.qpos, data.actions))
     moved_m, seen_m = now[:, :3, 3] - now[0, :3, 3], data.numbers[:, 8:11] - data.numbers[0, 8:11]
     assert np.abs(seen_m).max() > 0.2 and np.allclose(moved_m, seen_m, atol=1e-3)
     assert data.hands is not None and np.allclose(data.hands[:, 0], to_hand_frame(now, wanted), atol=1e-6)
     actor = type("Acts", (), {"record": record})()
     env = environment_for(actor, record.kinds[0])  # type: ignore[arg-type]
     env.reset(seed=62985)
-    assert env.episode.scene.robot.scale == FULL_SCALE
+    assert env.episode.scene.robot.model is FULL_SIZE
     env.close()
 
 
 def test_robots_of_two_scales_are_refused(picked: EpisodeStore, full_size: EpisodeStore) -> None:
-    words = rf"robots of different scales \(.*: {PAPER_SCALE:g}, .*: {FULL_SCALE:g}\); a policy has one robot"
+    words = r"different robots \(.*: paper, .*: panda\); a policy has one robot"
     with pytest.raises(NothingToExport, match=words):
         read_demonstrations([picked.path, full_size.path], small())
 

@@ -43,6 +43,7 @@ from executor.sim.world import World
 from llm.structured.prompting import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from oag.measurements import measurements_json
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 from tests.executor.helpers import at
 
@@ -90,7 +91,7 @@ def test_a_base_that_takes_the_whole_share_drives_the_rigid_arc() -> None:
     T_root, hand, q = at(0.4, -0.2, 0.1), at(-0.2, -0.3, 0.6), np.zeros(10)
     q[:3] = (-0.6, -0.4, 0.2)
     along = course(hand, q[:3], UPRIGHT, T_root, 0.0, 1.2, Share(1.0, 1.0))
-    arc = carry_joint(q, "x", UPRIGHT, T_root, 0.0, 1.2)
+    arc = carry_joint(PAPER_ROBOT, q, "x", UPRIGHT, T_root, 0.0, 1.2)
     np.testing.assert_allclose(along.bases[-1], arc.path[-1, :3], atol=1e-9)
 
 

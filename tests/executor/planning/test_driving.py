@@ -10,9 +10,9 @@ import pytest
 from executor.planning.collision import CollisionOracle
 from executor.planning.paths import segment
 from executor.planning.planner import Planner
-from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from oag import Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 
 
@@ -24,9 +24,9 @@ def test_a_way_leads_round_what_is_longer_than_the_floor_between_start_and_goal(
     with World(scene) as world, World(scene, oracle=True) as still:
         planner = Planner(CollisionOracle(still))
         planner.start_subtask(world, 0, 0)
-        start = np.concatenate([[-1.2, 0.0, 0.0], ARM_HOME])
+        start = np.concatenate([[-1.2, 0.0, 0.0], PAPER_ROBOT.home])
         path = planner.base_path(start, np.array([1.2, 0.0, 3.0]))
         assert path is not None
         np.testing.assert_allclose(path[-1][:2], [1.2, 0.0])
-        rows = np.concatenate([segment(a, b) for a, b in pairwise(path)])
+        rows = np.concatenate([segment(PAPER_ROBOT, a, b) for a, b in pairwise(path)])
         assert planner.oracle.is_path_free(rows)

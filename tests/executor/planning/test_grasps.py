@@ -8,14 +8,17 @@ import pytest
 from executor.assets.asset_geometry import bounds
 from executor.assets.library import asset_for, sample
 from executor.geometry import rotation_z, transform
-from executor.planning.grasps import FINGER_HALF_M, FINGERTIP_M, FINGERTIPS_M, ITEM_HEADINGS, PALM_ROOM_M, item_goals
+from executor.planning.grasps import FINGERTIPS_M, ITEM_HEADINGS, item_goals
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
+
+HAND = PAPER_ROBOT.hand
 
 
 @pytest.mark.parametrize(("scene", "item"), [("kitchen_t1", "glass_0"), ("kitchen_t3", "apple_0")])
 def test_round_things_are_taken_at_their_middle_from_everywhere(scene: str, item: str) -> None:
     asset = asset_for(scene_at_paper_size(scene).objects[item])
-    goals = item_goals(asset, np.eye(4))
+    goals = item_goals(HAND, asset, np.eye(4))
     assert len({round(goal.heading_rad, 6) for goal in goals}) == ITEM_HEADINGS
     for goal in goals:
         # The hand's middle is on the axis, or so little before it that the fingertips still close around it.
@@ -25,13 +28,13 @@ def test_round_things_are_taken_at_their_middle_from_everywhere(scene: str, item
 def test_a_tall_thing_is_taken_from_above_near_its_top_where_the_palm_has_room() -> None:
     asset = asset_for(sample("cup", 3).scaled(0.05 / sample("cup", 3).extent_m[1]))
     radius_m, half_m = asset.extent_m[0] / 2, asset.extent_m[2] / 2
-    steep = [goal for goal in item_goals(asset, np.eye(4)) if goal.T_world_eef[2, 2] < -0.6]
+    steep = [goal for goal in item_goals(HAND, asset, np.eye(4)) if goal.T_world_eef[2, 2] < -0.6]
     assert steep
     for goal in steep:
         approach, hand = goal.T_world_eef[:3, 2], goal.T_world_eef[:3, 3]
         level = approach[:2] / np.linalg.norm(approach[:2])
         upper_edge = np.array([*(-radius_m * level), half_m])
-        assert float(approach @ (upper_edge - hand)) >= -PALM_ROOM_M - 1e-9
+        assert float(approach @ (upper_edge - hand)) >= -HAND.palm_room_m - 1e-9
         assert hand[2] < half_m
 
 
@@ -39,18 +42,18 @@ def test_a_tall_thing_is_taken_from_above_near_its_top_where_the_palm_has_room()
 def test_fingertips_stay_off_what_a_flat_thing_lies_on(model: str) -> None:
     item = sample(model, 1)
     asset = asset_for(item.scaled(0.05 / min(item.extent_m[:2])))
-    for goal in item_goals(asset, np.eye(4)):
+    for goal in item_goals(HAND, asset, np.eye(4)):
         approach, across = goal.T_world_eef[:3, 2], goal.T_world_eef[:3, 0]
-        tip_z = goal.T_world_eef[2, 3] + FINGERTIP_M * approach[2] - FINGER_HALF_M * abs(across[2])
+        tip_z = goal.T_world_eef[2, 3] + HAND.fingertip_m * approach[2] - HAND.finger_half_m * abs(across[2])
         assert tip_z >= -asset.extent_m[2] / 2 + 0.0015
 
 
 def test_a_thin_thing_is_taken_so_steeply_that_the_tips_hold_most_of_it() -> None:
     item = sample("plate", 1)
     asset = asset_for(item.scaled(0.05 / min(item.extent_m[:2])))
-    goals = sorted(item_goals(asset, np.eye(4)), key=lambda goal: goal.cost)
+    goals = sorted(item_goals(HAND, asset, np.eye(4)), key=lambda goal: goal.cost)
     for goal in goals[:ITEM_HEADINGS]:
-        tips_m = goal.T_world_eef[2, 3] + FINGERTIP_M * goal.T_world_eef[2, 2]
+        tips_m = goal.T_world_eef[2, 3] + HAND.fingertip_m * goal.T_world_eef[2, 2]
         assert asset.extent_m[2] / 2 - tips_m >= asset.extent_m[2] / 2
 
 
@@ -59,7 +62,7 @@ def test_a_thin_thing_is_taken_so_steeply_that_the_tips_hold_most_of_it() -> Non
 def test_fingers_close_across_what_fits_between_them(model: str, yaw_rad: float) -> None:
     asset = asset_for(sample(model, 0))
     T = transform(rotation_z(yaw_rad), [0.5, 0.2, 0.7])
-    goals = item_goals(asset, T)
+    goals = item_goals(HAND, asset, T)
     assert goals
     for goal in goals:
         closing = np.abs(T[:3, :3].T @ goal.T_world_eef[:3, 1])
@@ -70,10 +73,10 @@ def test_fingers_close_across_what_fits_between_them(model: str, yaw_rad: float)
 @pytest.mark.parametrize("model", ["carton", "book_upright", "die", "half_apple"])
 def test_the_palm_stays_clear_of_deep_things(model: str) -> None:
     asset = asset_for(sample(model, 0))
-    for goal in item_goals(asset, np.eye(4)):
+    for goal in item_goals(HAND, asset, np.eye(4)):
         R = goal.T_world_eef[:3, :3]
         nearest = bounds(asset, R.T)[0][2]
-        palm = float(R[:, 2] @ goal.T_world_eef[:3, 3]) - PALM_ROOM_M
+        palm = float(R[:, 2] @ goal.T_world_eef[:3, 3]) - HAND.palm_room_m
         lift = 0.12 * asset.extent_m[2]  # Tall things are taken above their middle, at any tilt.
         assert palm <= nearest + lift + 1e-9
 
@@ -83,7 +86,7 @@ def test_a_mug_is_closed_on_where_its_sides_hold_also_from_where_its_ear_is(seed
     item = sample("mug", seed)
     asset = asset_for(item.scaled(0.05 / item.extent_m[1]))
     axis_m, radius_m = np.array(asset.grasp_point_m), asset.extent_m[1] / 2
-    goals = item_goals(asset, np.eye(4))
+    goals = item_goals(HAND, asset, np.eye(4))
     # The ear is at +x: hands come from its side as well, from above.
     assert any(goal.T_world_eef[0, 2] < 0.0 for goal in goals)
     for goal in goals:
@@ -93,6 +96,6 @@ def test_a_mug_is_closed_on_where_its_sides_hold_also_from_where_its_ear_is(seed
 
 def test_something_deep_is_taken_near_its_front_where_it_is_as_wide() -> None:
     asset = asset_for(sample("book_upright", 0))
-    level = [goal.T_world_eef for goal in item_goals(asset, np.eye(4)) if abs(goal.T_world_eef[2, 2]) < 1e-6]
+    level = [goal.T_world_eef for goal in item_goals(HAND, asset, np.eye(4)) if abs(goal.T_world_eef[2, 2]) < 1e-6]
     assert level
     assert all(np.linalg.norm(T[:2, 3]) > FINGERTIPS_M for T in level)

@@ -17,6 +17,7 @@ from executor.planning.planner import Planner
 from executor.planning.stances import HandGoal
 from executor.sim.world import World
 from oag import Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 
 TABLE_M = 0.60
@@ -55,7 +56,7 @@ def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
     worlds += [world, oracle]
     planner = Planner(CollisionOracle(oracle))
     planner.start_subtask(world, 0, 0)
-    goals = item_goals(world.assets["apple_0"], world.T_world_link("apple_0"))
+    goals = item_goals(PAPER_ROBOT.hand, world.assets["apple_0"], world.T_world_link("apple_0"))
     regions = list(world.assets["counter_0"].regions)
     onward = PlacementLookahead(planner, world, "apple_0", goals, "counter_0", regions, np.zeros(3))
     found = {round(np.rad2deg(pitch_of(g.T_world_eef))): onward.allows_placement(g.T_world_eef) for g in goals}

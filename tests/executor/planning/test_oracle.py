@@ -15,10 +15,9 @@ from executor.planning.collision import Carried, CollisionOracle, fingers_may_to
 from executor.planning.paths import polyline
 from executor.planning.picks import Pick
 from executor.planning.planner import Planner
-from executor.sim.robot.description import ARM_HOME
-from executor.sim.robot.kinematics import ARM
 from executor.sim.world import World
 from oag import Action, Primitive
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
 
 pytestmark = pytest.mark.physics
@@ -41,7 +40,7 @@ def scene_world() -> Iterator[tuple[World, Planner]]:
 
 
 def _at(x: float, y: float, yaw: float = 0.0) -> Array:
-    return np.array([x, y, yaw, *ARM_HOME])
+    return np.array([x, y, yaw, *PAPER_ROBOT.home])
 
 
 def test_free_floor_is_free_and_furniture_is_not(scene_world: tuple[World, Planner]) -> None:
@@ -79,7 +78,7 @@ def test_what_is_carried_collides_and_may_be_allowed_to(scene_world: tuple[World
         assert not oracle.hits(stance.q, margin_m=0.001, allowed=held_may_touch(["table_0"]))
     finally:
         oracle.carried = None
-    assert not oracle.hits(stance.q, allowed=fingers_may_touch("glass_0"))
+    assert not oracle.hits(stance.q, allowed=fingers_may_touch(PAPER_ROBOT, "glass_0"))
 
 
 def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, Planner]) -> None:
@@ -94,7 +93,7 @@ def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, 
     offset = hand[:3, 3] - bar
     assert np.hypot(*offset[:2]) < 1e-3
     assert abs(offset[2]) < handle.length_m / 2
-    assert planner.kinematics.margin(stance.approach[:, ARM]) == pytest.approx(stance.margin_rad)
+    assert planner.kinematics.margin(stance.approach[:, PAPER_ROBOT.arm]) == pytest.approx(stance.margin_rad)
     assert stance.margin_rad > 0.1
     np.testing.assert_allclose(stance.approach[-1], stance.q)
 
@@ -131,7 +130,7 @@ def test_base_paths_go_around_and_refuse_blocked_goals(scene_world: tuple[World,
     planner = scene_world[1]
     path = planner.base_path(_at(-0.3, -0.1), np.array([0.0, -2.0, 1.0]))
     assert path is not None
-    assert planner.oracle.first_hit(polyline(path)) is None
+    assert planner.oracle.first_hit(polyline(PAPER_ROBOT, path)) is None
     assert planner.base_path(_at(-0.3, -0.1), np.array([0.95, 0.0, 0.0])) is None
 
 

@@ -16,6 +16,7 @@ from executor.planning.paths import (
     segment,
     spread_out,
 )
+from oag.model.robots import PAPER_ROBOT
 
 small = st.floats(-2.0, 2.0)
 configuration = st.lists(small, min_size=10, max_size=10).map(np.array)
@@ -23,7 +24,7 @@ configuration = st.lists(small, min_size=10, max_size=10).map(np.array)
 
 @given(configuration, configuration)
 def test_segments_are_dense_and_end_exactly(a: np.ndarray, b: np.ndarray) -> None:
-    rows = np.vstack([a, segment(a, b)])
+    rows = np.vstack([a, segment(PAPER_ROBOT, a, b)])
     np.testing.assert_allclose(rows[-1], b, atol=1e-12)
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     assert steps[:2].max() <= BASE_STEP_M + 1e-9
@@ -56,4 +57,4 @@ def test_a_base_move_goes_along_the_heading_and_a_turn_stays(q: np.ndarray, dist
     )
     turn = base_turn(q, heading)
     np.testing.assert_allclose(np.delete(turn[1] - q, 2), np.zeros(9))
-    assert len(polyline(np.stack([q, move[1], turn[1]]))) >= 2
+    assert len(polyline(PAPER_ROBOT, np.stack([q, move[1], turn[1]]))) >= 2

@@ -21,6 +21,7 @@ from executor.sim.detectors import read
 from executor.sim.world import World
 from executor.skills.navigate import ELSEWHERE_M, LOOKED_AT, distinct_first
 from oag import Action, Primitive, Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 from tests.executor.helpers import at, on_a_shelf, scene_of
 
@@ -29,7 +30,7 @@ ASKEW_RAD = np.pi / 4
 
 def _stance(x_m: float, y_m: float) -> Stance[None]:
     q = np.array([x_m, y_m, *np.zeros(8)])
-    return Stance(q, q[None], 1.0, 0.02, None, 1.0)
+    return Stance(PAPER_ROBOT, q, q[None], 1.0, 0.02, None, 1.0)
 
 
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), max_size=40))

@@ -19,10 +19,10 @@ from executor.planning.grasps import item_goals
 from executor.planning.place_search import PlaceSearch
 from executor.planning.planner import Planner
 from executor.records import FailureKind
-from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from executor.skills.navigate import regions_for
 from oag import Action, Primitive, Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 
 HERE = np.array([-0.4, 0.0, 0.0])
@@ -155,11 +155,11 @@ def test_what_does_not_serve_is_tried_last_and_left_out_nowhere(
 @pytest.mark.physics
 def test_where_no_place_is_found_it_says_what_meets(worlds: list[World]) -> None:
     world, planner = _planner("fridge_freezer_drawer", "tumbler", worlds)
-    goal = item_goals(world.assets["item_0"], world.T_world_link("item_0"))[0].T_world_eef
+    goal = item_goals(PAPER_ROBOT.hand, world.assets["item_0"], world.T_world_link("item_0"))[0].T_world_eef
     planner.oracle.carried = Carried("item_0", inverse(goal) @ world.T_world_link("item_0"))
     regions = [r for r in world.assets["fixture_0"].regions if r.joint == "door_hinge"]
     moves = (Action(Primitive.MOVE_BASE_FORWARD), Action(Primitive.LIFT_EEF_DOWN))
-    q = np.concatenate([HERE, ARM_HOME])
+    q = np.concatenate([HERE, PAPER_ROBOT.home])
     failure = PlaceSearch(planner, world, "fixture_0", regions, q).explain_failure(moves)
     assert failure.kind is FailureKind.NO_PATH
     assert failure.message.startswith("no place for item_0 at fixture_0 was found: ")

@@ -24,8 +24,8 @@ from executor.rollouts.rollout import rollout
 from executor.sim.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from oag.measurements import measurements_json
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
-from oag.sizes import PAPER_GRIPPER
 from tests.executor.helpers import at
 
 TOP_M = 0.60
@@ -68,7 +68,7 @@ def test_a_hold_of_the_wall_is_told_from_one_around_all_of_it(model: str) -> Non
     for goal in rim_goals(asset, np.eye(4)):
         assert is_held_at_rim(asset, Carried("it", inverse(goal.T_world_eef)))
     small = scaled(asset, 0.05 / min(asset.extent_m[:2]))
-    for goal in item_goals(small, np.eye(4)):
+    for goal in item_goals(PAPER_ROBOT.hand, small, np.eye(4)):
         assert not is_held_at_rim(small, Carried("it", inverse(goal.T_world_eef)))
 
 
@@ -146,7 +146,7 @@ def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(p
     flat, world = planner(_thing("plate", (0.2, 0.2, 0.02)))
     assert next(Pick(flat, world, "plate_0", lift, np.zeros(3)).rim_stances(), None) is None
     failure = explain_rim_failure(flat, world, "plate_0", np.zeros(3))
-    room_m, needed_m = room_below_m(world.assets["plate_0"], PAPER_GRIPPER.opening_m)
+    room_m, needed_m = room_below_m(PAPER_ROBOT.hand, world.assets["plate_0"])
     assert failure.kind is FailureKind.TOO_WIDE and room_m < needed_m
     assert measurements_json(failure.measurements)["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
     assert "a finger below it needs" in failure.message

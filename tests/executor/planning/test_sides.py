@@ -7,6 +7,7 @@ import numpy as np
 from executor.planning.collision import Hit
 from executor.planning.place_search import COLLISIONS_OF_TAKEN_SIDE, HeadingStatistics
 from executor.planning.stances import BaseCandidate, HandGoal
+from oag.model.robots import PAPER_ROBOT
 
 TABLE = [Hit("panda_link3", "table_0/table", -0.01), Hit("panda_hand", "bowl_0/bowl", -0.01)]
 BOWL = [Hit("panda_hand", "bowl_0/bowl", -0.01), Hit("held object", "bowl_0/bowl", -0.01)]
@@ -17,7 +18,7 @@ def _goal(heading_rad: float, region: str = "hollow") -> HandGoal:
 
 
 def _learned(hits: list[Hit], *, times: int = COLLISIONS_OF_TAKEN_SIDE) -> HeadingStatistics:
-    sides = HeadingStatistics()
+    sides = HeadingStatistics(PAPER_ROBOT)
     for _ in range(times):
         sides.learn(_goal(1.0), hits)
     return sides

@@ -8,17 +8,20 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executor.skills.trajectories import (
-    ACCELERATION_LIMITS,
     BLEND_S,
-    CORNER_STEPS,
-    SPEED_LIMITS,
-    STOP_LIMITS,
+    STOPS,
+    acceleration_limits,
+    corner_steps,
+    speed_limits,
     stop_path,
     time_path,
 )
+from oag.model.robots import PAPER_ROBOT
 
 DT_S = 1 / 250
 CUT_M = 0.002
+SPEED_LIMITS, ACCELERATION_LIMITS = speed_limits(PAPER_ROBOT), acceleration_limits(PAPER_ROBOT)
+STOP_LIMITS, CORNER_STEPS = STOPS * ACCELERATION_LIMITS, corner_steps(PAPER_ROBOT)
 waypoint = st.lists(st.floats(-2.0, 2.0), min_size=10, max_size=10)
 
 
@@ -31,7 +34,7 @@ def accelerations(velocities: np.ndarray) -> np.ndarray:
 @given(st.lists(waypoint, min_size=2, max_size=5), st.sampled_from([0.3, 1.0]))
 def test_limits_hold_and_the_end_is_reached(waypoints: list[list[float]], speed: float) -> None:
     path = np.array(waypoints)
-    positions, velocities = time_path(path, DT_S, speed)
+    positions, velocities = time_path(PAPER_ROBOT, path, DT_S, speed)
     if len(positions) == 0:
         assert np.abs(np.diff(path, axis=0)).max() < 1e-5
         return
@@ -42,14 +45,14 @@ def test_limits_hold_and_the_end_is_reached(waypoints: list[list[float]], speed:
 
 
 def test_a_path_that_goes_nowhere_takes_no_time() -> None:
-    positions, velocities = time_path(np.zeros((3, 10)), DT_S)
+    positions, velocities = time_path(PAPER_ROBOT, np.zeros((3, 10)), DT_S)
     assert positions.shape == velocities.shape == (0, 10)
 
 
 def test_motion_starts_and_stops_gently() -> None:
     path = np.zeros((2, 10))
     path[1, 3] = 1.0
-    _, velocities = time_path(path, DT_S)
+    _, velocities = time_path(PAPER_ROBOT, path, DT_S)
     assert abs(velocities[0, 3]) < 0.05
     assert abs(velocities[-1, 3]) < 0.05
     assert np.abs(velocities).max() > 1.0
@@ -60,7 +63,7 @@ def test_a_drive_slows_down_before_a_corner_and_cuts_it_by_millimetres() -> None
     path[1:, 0] = 1.0
     path[2:, 1] = 1.0
     path[3, 2] = np.pi / 2
-    positions, velocities = time_path(path, DT_S)
+    positions, velocities = time_path(PAPER_ROBOT, path, DT_S)
     corner = int(np.argmin(np.linalg.norm(positions - path[1], axis=1)))
     off_m = float(np.linalg.norm(positions[corner] - path[1]))
     assert 0.0 < off_m < CUT_M
@@ -77,7 +80,7 @@ def test_many_small_corners_add_up_to_no_more() -> None:
     angles = np.linspace(0.0, np.pi, 200)
     path = np.zeros((200, 10))
     path[:, 0], path[:, 1], path[:, 2] = 0.05 * np.cos(angles), 0.05 * np.sin(angles), angles
-    _, velocities = time_path(path, DT_S)
+    _, velocities = time_path(PAPER_ROBOT, path, DT_S)
     assert (np.abs(accelerations(velocities)) <= ACCELERATION_LIMITS * 1.01).all()
 
 
@@ -85,7 +88,7 @@ def test_many_small_corners_add_up_to_no_more() -> None:
 @example([0.0] * 10, [0.0] * 9 + [0.03125])  # Less than a tick.
 def test_a_stop_slows_down_evenly_within_its_limits(position: list[float], share: list[float]) -> None:
     start, velocity = np.array(position), np.array(share) * SPEED_LIMITS
-    positions, velocities = stop_path(start, velocity, DT_S)
+    positions, velocities = stop_path(PAPER_ROBOT, start, velocity, DT_S)
     if not len(positions):
         assert np.abs(velocity / STOP_LIMITS).max() < 1e-9
         return
@@ -98,5 +101,5 @@ def test_a_stop_slows_down_evenly_within_its_limits(position: list[float], share
 
 
 def test_a_robot_that_stands_is_stopped_already() -> None:
-    positions, velocities = stop_path(np.ones(10), np.zeros(10), DT_S)
+    positions, velocities = stop_path(PAPER_ROBOT, np.ones(10), np.zeros(10), DT_S)
     assert positions.shape == velocities.shape == (0, 10)

@@ -8,13 +8,15 @@ import pytest
 from executor.assets.library import asset_for, sample
 from executor.geometry import pitch_of, rotation_z, transform
 from executor.planning.grasps import BACK_M, GRIP_DEPTH_M, item_goals, top_goals
+from oag.model.robots import PAPER_ROBOT
 
 
 def _mug() -> tuple[float, list[tuple[float, np.ndarray]], list[tuple[float, np.ndarray]]]:
     item = sample("mug", 3)
     asset = asset_for(item.scaled(0.05 / item.extent_m[1]))
     T = transform(rotation_z(np.pi), [0.0, 0.0, 0.0])
-    both = ([(goal.heading_rad, goal.T_world_eef) for goal in make(asset, T)] for make in (item_goals, top_goals))
+    made = item_goals(PAPER_ROBOT.hand, asset, T), top_goals(asset, T)
+    both = ([(goal.heading_rad, goal.T_world_eef) for goal in goals] for goals in made)
     return asset.extent_m[2], *both
 
 

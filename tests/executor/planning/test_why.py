@@ -14,10 +14,10 @@ from executor.planning.picks import explain_pick_failure, in_the_way
 from executor.planning.planner import Planner
 from executor.planning.stances import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest_miss
 from executor.records import FailureKind
-from executor.sim.robot.description import ARM_HOME
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from oag.measurements import measurements_json
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import at, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
@@ -37,7 +37,7 @@ def test_out_of_reach_names_the_residual_and_the_joints(scene_world: tuple[World
     world, planner = scene_world
     world.set_object_pose("glass_0", at(0.0, -1.12, 1.9))
     planner.start_subtask(world, 0, 0)
-    goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
+    goals = item_goals(PAPER_ROBOT.hand, world.assets["glass_0"], world.T_world_link("glass_0"))
     failure = explain_pick_failure(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.UNREACHABLE
     assert measurements_json(failure.measurements)["residual_m"] > 0.3
@@ -50,7 +50,7 @@ def test_in_a_shut_refrigerator_the_door_is_in_the_way(scene_world: tuple[World,
     centre = world.T_world_link("refrigerator_0")[:3, 3]
     world.set_object_pose("glass_0", at(centre[0] - 0.05, centre[1], 0.78))
     planner.start_subtask(world, 0, 0)
-    goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
+    goals = item_goals(PAPER_ROBOT.hand, world.assets["glass_0"], world.T_world_link("glass_0"))
     failure = explain_pick_failure(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.NO_PATH
     assert any("refrigerator_0" in pair for pair in measurements_json(failure.measurements)["in_the_way"])
@@ -59,7 +59,7 @@ def test_in_a_shut_refrigerator_the_door_is_in_the_way(scene_world: tuple[World,
 def test_what_stands_on_the_straight_way_is_named(scene_world: tuple[World, Planner]) -> None:
     world, planner = scene_world
     planner.start_subtask(world, 0, 0)
-    q = np.array([*HERE, *ARM_HOME])
+    q = np.array([*HERE, *PAPER_ROBOT.home])
     through = in_the_way(planner, q, np.array([3.0, 0.0]))
     assert any("refrigerator_0" in pair for pair in through)
     assert in_the_way(planner, q, np.array([-1.5, 0.0])) == ()

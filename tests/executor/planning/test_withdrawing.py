@@ -14,6 +14,7 @@ from executor.planning.paths import segment
 from executor.planning.planner import Planner
 from executor.sim.world import World
 from oag import Scene, SceneObject
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 
 TOP_M = 0.83
@@ -45,7 +46,9 @@ def test_a_hand_in_a_hollow_leaves_it_over_the_rim() -> None:
         plan = withdraw(planner, inside[0])
         assert plan is not None
         way = np.concatenate([plan.back_off, plan.home])
-        dense = np.concatenate([segment(a, b, 0.01, base_share=0.1) for a, b in pairwise(way) if np.abs(a - b).max()])
+        dense = np.concatenate(
+            [segment(PAPER_ROBOT, a, b, 0.01, base_share=0.1) for a, b in pairwise(way) if np.abs(a - b).max()]
+        )
         planner.oracle.base_clearance_m = planner.oracle.arm_clearance_m = 0.0
         assert planner.oracle.is_path_free(dense)
 
@@ -57,7 +60,7 @@ def test_a_hand_lets_go_where_it_takes_nothing_along() -> None:
         planner = Planner(CollisionOracle(still))
         planner.start_subtask(world, 0, 0)
         planner.oracle.opening_m = planner.kinematics.finger_upper_m
-        fingers = fingers_may_touch("bowl_0/bowl", hand=True)
+        fingers = fingers_may_touch(PAPER_ROBOT, "bowl_0/bowl", hand=True)
         beside = transform(hand_rotation(0.0, 0.0), world.T_world_link("bowl_0")[:3, 3] - [0.20, 0.0, 0.0])
         within = beside.copy()
         within[0, 3] += 0.18

@@ -14,16 +14,17 @@ from executor.rollouts.goals import judge_at_rest
 from executor.rollouts.run_record import rollout_json
 from executor.sim.detectors import deepest_overlap, summarize_overlaps
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import ARM_HOME, TCP_LINK
 from executor.skills.control import LIMIT_S, Controller
-from executor.skills.trajectories import ACCELERATION_LIMITS, SPEED_LIMITS, STOP_LIMITS
+from executor.skills.trajectories import STOPS, acceleration_limits, speed_limits
 from oag.measurements import measurements_json
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 from tests.executor.rollouts.conftest import Components
 from tests.executor.rollouts.tasks import t1
 
 pytestmark = pytest.mark.physics
 
+SPEED_LIMITS, ACCELERATION_LIMITS = speed_limits(PAPER_ROBOT), acceleration_limits(PAPER_ROBOT)
 OVERSHOOT = 1.5
 """How much faster than its limit a driven joint may be for a tenth of a second."""
 
@@ -106,7 +107,7 @@ def test_an_overlap_is_measured_with_its_pair(make_world: MakeWorld) -> None:
 
 def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    start = np.array([-0.3, -0.1, 0.0, *ARM_HOME])
+    start = np.array([-0.3, -0.1, 0.0, *PAPER_ROBOT.home])
     told: list[np.ndarray] = []
     control = Controller(world, start, 0.028, lambda: told.append(control.velocity))
     control.start_primitive()
@@ -118,8 +119,8 @@ def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> Non
     assert measurements_json(failure.measurements)["time_s"] == pytest.approx(0.5, abs=0.1)
     assert control.q[0] > end[0] + 0.3, "the robot stops where it is"
     slower = np.abs(np.diff(told, axis=0)).max(axis=0) / world.timestep_s
-    assert (slower <= 1.01 * STOP_LIMITS).all(), "and slows down for it, no faster than its wheels can"
-    assert slower[0] > 0.9 * STOP_LIMITS[0], "which is faster than on a drive"
+    assert (slower <= 1.01 * STOPS * ACCELERATION_LIMITS).all(), "and slows down for it, no faster than its wheels can"
+    assert slower[0] > 0.9 * STOPS * ACCELERATION_LIMITS[0], "which is faster than on a drive"
 
 
 def test_a_thing_in_the_fingers_is_in_no_place_yet(make_world: MakeWorld) -> None:
@@ -129,7 +130,7 @@ def test_a_thing_in_the_fingers_is_in_no_place_yet(make_world: MakeWorld) -> Non
     world.set_object_pose("glass_0", at(*place))
     world.step()
     assert all(reading.satisfied for reading in judge_at_rest(goal, world))
-    hand = world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    hand = world.T_world_link(ROBOT, PAPER_ROBOT.tip_link)[:3, 3]
     for step in range(200):
         world.set_object_pose("glass_0", at(*hand))
         for joint in world.robot.active_joints[-2:]:

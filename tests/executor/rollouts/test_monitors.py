@@ -8,6 +8,7 @@ import pytest
 from executor.records import FailureKind
 from executor.skills.control import Bystanders, stall
 from oag.measurements import RobotStall, measurements_json
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
 
@@ -45,14 +46,14 @@ def test_a_stall_says_how_far_short_it_is() -> None:
     near, far = target.copy(), target.copy()
     near[0], near[4] = 0.01, 0.01
     far[1], far[5] = 0.05, np.deg2rad(10.0)
-    assert stall(near, target) is None
+    assert stall(PAPER_ROBOT, near, target) is None
     turned = target.copy()
     turned[2] = np.deg2rad(20.0)
-    blocked_turn = stall(turned, target)
+    blocked_turn = stall(PAPER_ROBOT, turned, target)
     assert blocked_turn is not None and measurements_json(blocked_turn.measurements)["yaw_short_deg"] == 20.0
     whole_turn = target.copy()
     whole_turn[2] = 2 * np.pi
-    assert stall(whole_turn, target) is None
-    failure = stall(far, target)
+    assert stall(PAPER_ROBOT, whole_turn, target) is None
+    failure = stall(PAPER_ROBOT, far, target)
     assert failure is not None and failure.kind is FailureKind.STALLED
     assert failure.measurements == (RobotStall(0.05, 0.0, 10.0),)

@@ -11,7 +11,6 @@ import pytest
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
 from executor.records import FailureKind
-from executor.sim.robot.description import ARM_HOME
 from executor.sim.world import World
 from executor.skills.articulate import articulate
 from executor.skills.control import Controller
@@ -21,6 +20,7 @@ from executor.skills.navigate import navigate_to_target, nearest_home, retreat
 from executor.skills.session import Session
 from oag import Action, Primitive
 from oag.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import scene_at_paper_size
 from tests.executor.rollouts.tasks import t1
 
@@ -40,7 +40,7 @@ def session(planner: Planner) -> Iterator[Session]:
     """A session at the start of T1's second subtask's flow, the robot at home before the refrigerator."""
     scene = scene_at_paper_size("kitchen_t1")
     world = World(scene)
-    start = np.array([scene.robot.position[0], scene.robot.position[1], scene.robot.yaw_rad, *ARM_HOME])
+    start = np.array([scene.robot.position[0], scene.robot.position[1], scene.robot.yaw_rad, *PAPER_ROBOT.home])
     control = Controller(world, start, planner.kinematics.finger_upper_m, lambda: None)
     planner.start_subtask(world, 0, 0)
     subtask = t1().task.subtasks[1]
@@ -170,7 +170,7 @@ def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
 def test_of_several_stances_the_one_nearest_to_home_is_taken_and_those_not_found_are_passed_over(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    home, planner = np.array(ARM_HOME), session.planner
+    home, planner = np.array(PAPER_ROBOT.home), session.planner
     away_rad = {0: None, 1: 0.5, 2: -0.2, 3: 0.2}
     monkeypatch.setattr(planner, "seed", 9)
 

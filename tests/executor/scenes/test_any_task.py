@@ -13,7 +13,7 @@ import bddl
 from executor.bench.any_task import _STATED, has_true_reason, labels, wish_rows
 from executor.scenes.generators import any_task
 from executor.scenes.library import load
-from oag.model.scene import FULL_SCALE
+from oag.model.robots import LIFTED
 
 SEED = 70056  # A scene that is drawn at the first try.
 
@@ -22,7 +22,7 @@ def test_equal_seeds_give_equal_wishes_of_their_label() -> None:
     first, second = any_task.draw(SEED), any_task.draw(SEED)
     assert first.query == second.query == labels()[SEED].query
     assert first.scene.to_json() == second.scene.to_json()
-    assert first.scene.robot.scale == FULL_SCALE
+    assert first.scene.robot.model == LIFTED
     assert all(thing.scale == (1.0, 1.0, 1.0) for thing in first.scene.objects.values())
 
 

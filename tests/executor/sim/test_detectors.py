@@ -12,9 +12,9 @@ from bddl import Atom
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.sim.detectors import UnknownObject, read
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import TCP_LINK
 from executor.sim.world import World
 from oag import Scene
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import BOARD, MakeWorld, at, on_a_shelf, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
@@ -195,7 +195,7 @@ def test_open_begins_at_five_percent(fraction: float, expected: bool, make_world
 
 def test_a_thing_between_the_fingers_is_inside_the_gripper(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    position = world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    position = world.T_world_link(ROBOT, PAPER_ROBOT.tip_link)[:3, 3]
     assert value(world, "inside", "glass_0", "gripper") is False
     for step in range(200):
         world.set_object_pose("glass_0", at(*position))
@@ -257,6 +257,6 @@ def test_an_unknown_object_is_named_with_near_ones(make_world: MakeWorld) -> Non
 
 
 def test_hand_orientation_helper_agrees_with_the_robot_s_frame(make_world: MakeWorld) -> None:
-    rotation = make_world("kitchen_t1").T_world_link(ROBOT, TCP_LINK)[:3, :3]
+    rotation = make_world("kitchen_t1").T_world_link(ROBOT, PAPER_ROBOT.tip_link)[:3, :3]
     level = hand_rotation(0.0, 0.0)
     assert float(rotation[:, 2] @ level[:, 2]) > 0.7

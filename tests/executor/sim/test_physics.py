@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from executor.sim.engine import STANDARD, Physics
-from executor.sim.robot.description import FINGER_FRICTION, FINGER_LINKS
+from executor.sim.robot.description import FINGER_FRICTION
 from executor.sim.world import World
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld, settle
 
 pytestmark = pytest.mark.physics
@@ -25,7 +26,7 @@ def limits(world: World) -> np.ndarray:
 
 
 def finger_friction(world: World) -> set[tuple[float, float]]:
-    shapes = [s for name in FINGER_LINKS for s in world.robot.find_link_by_name(name).collision_shapes]
+    shapes = [s for name in PAPER_ROBOT.finger_links for s in world.robot.find_link_by_name(name).collision_shapes]
     materials = [shape.physical_material for shape in shapes]
     return {(round(m.static_friction, 6), round(m.dynamic_friction, 6)) for m in materials}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.sim.robot.description import ARM_HOME
 from executor.skills.control import LONGEST_WAIT_S, Controller, settle_to_rest
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
@@ -17,7 +17,7 @@ def controller(make_world: MakeWorld, raised_m: float) -> Controller:
     """A robot at rest in the kitchen of T3, the apple above its place by some metres."""
     world = make_world("kitchen_t3")
     pose = world.scene.robot
-    start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
+    start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *PAPER_ROBOT.home])
     world.robot.set_qpos(np.array([*start, 0.04, 0.04]))
     T = world.T_world_link("apple_0")
     T[2, 3] += raised_m

@@ -25,6 +25,7 @@ from executor.sim.render.cameras import (
     look_at,
     wrist_camera,
 )
+from oag.model.robots import PAPER_ROBOT
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
 SIZE = (320, 240)
@@ -132,7 +133,7 @@ def test_head_and_wrist_look_where_the_hand_works() -> None:
     workspace = [[0.45, 0.0, 0.65], [0.45, 0.25, 0.65], [0.45, -0.25, 0.65]]
     assert in_picture(project(head_camera(), np.eye(4), workspace, (100, 100)), (100, 100)).all()
     between_the_fingers = [[0.0, 0.0, 0.09], [0.0, 0.0, 0.3]]
-    assert in_picture(project(wrist_camera(), np.eye(4), between_the_fingers, (100, 100)), (100, 100)).all()
+    assert in_picture(project(wrist_camera(PAPER_ROBOT), np.eye(4), between_the_fingers, (100, 100)), (100, 100)).all()
 
 
 @pytest.mark.parametrize("camera", cameras_for(library.load("kitchen_t3")), ids=VIEWS)

@@ -10,10 +10,10 @@ import pytest
 from executor.assets.library import LIBRARY, sample
 from executor.planning.collision import Carried, CollisionOracle
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import ARM_HOME, BASE_LINK, MAST_LINK
-from executor.sim.robot.kinematics import ARM
+from executor.sim.robot.description import BASE_LINK, MAST_LINK
 from executor.sim.world import World
 from oag import Scene
+from oag.model.robots import PAPER_ROBOT
 from oag.model.scene import RobotPose
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size
 
@@ -83,7 +83,7 @@ def test_the_forearm_collides_with_base_and_upper_arm_and_neighbours_do_not(make
 def test_the_oracle_sees_the_hand_in_the_robots_own_pedestal() -> None:
     with World(scene_at_paper_size("kitchen_t1"), oracle=True) as world:
         oracle = CollisionOracle(world)
-        home, folded = (np.array([-2.0, 0.0, 0.0, *arm]) for arm in (ARM_HOME, FOLDED))
+        home, folded = (np.array([-2.0, 0.0, 0.0, *arm]) for arm in (PAPER_ROBOT.home, FOLDED))
         assert oracle.hits(home) == []
         hits = oracle.hits(folded)
         assert hits
@@ -105,13 +105,13 @@ def test_the_oracle_sees_the_elbow_at_the_mast_and_the_mast_under_a_table() -> N
     with World(scene, oracle=True) as world, World(scene) as real:
         oracle = CollisionOracle(world)
         oracle.synchronize(real)
-        elbow_back_left = np.array([-2.0, 0.0, 0.0, -0.75, -1.3, *ARM_HOME[2:]])
+        elbow_back_left = np.array([-2.0, 0.0, 0.0, -0.75, -1.3, *PAPER_ROBOT.home[2:]])
         assert {frozenset((hit.mover, hit.other)) for hit in oracle.hits(elbow_back_left)} & {
             frozenset((MAST_LINK, f"{ROBOT}/panda_link{index}")) for index in (3, 4)
         }
         x, y, _ = scene.objects["table_0"].position
         # The base backs in under the top, which is above it and below the top of the mast.
-        under = np.array([x - 0.35, y, np.pi, *ARM_HOME])
+        under = np.array([x - 0.35, y, np.pi, *PAPER_ROBOT.home])
         assert (MAST_LINK, "table_0") in {(hit.mover, hit.other.split("/")[0]) for hit in oracle.hits(under)}
 
 
@@ -120,7 +120,7 @@ def test_what_is_held_does_not_pass_through_the_robot() -> None:
     with World(scene, oracle=True) as world, World(scene) as real:
         oracle = CollisionOracle(world)
         oracle.synchronize(real)
-        q = np.array([-2.0, 0.0, 0.0, *ARM_HOME])
+        q = np.array([-2.0, 0.0, 0.0, *PAPER_ROBOT.home])
         hand = oracle.kinematics.forward(q)
         oracle.carried = Carried("glass_0", at(0.0, 0.0, 0.0))
         assert oracle.hits(q) == [], "in the hand it touches nothing but the hand"
@@ -135,7 +135,7 @@ def test_the_engine_itself_stops_the_hand_at_the_pedestal(make_world: MakeWorld)
         joint.set_drive_target(float(target))
     for _ in range(750):
         world.step()
-    short = np.abs(np.asarray(world.robot.get_qpos())[ARM] - FOLDED).max()
+    short = np.abs(np.asarray(world.robot.get_qpos())[PAPER_ROBOT.arm] - FOLDED).max()
     touching = [c for c in world.contacts({ROBOT}) if c.b.owner == ROBOT and c.impulse_ns > 0]
     assert touching, "own links press on each other"
     assert short > np.deg2rad(2.0)

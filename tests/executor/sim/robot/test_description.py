@@ -11,13 +11,9 @@ import pytest
 
 from executor.sim.robot import description
 from executor.sim.robot.description import (
-    ARM_HOME,
-    BASE_LINK,
-    JOINT_NAMES,
-    MOUNT_HEIGHT_M,
-    TCP_LINK,
     ColoredPart,
     RobotDataMissing,
+    mount_link,
     read_collada,
     robot_urdf,
     robot_xml,
@@ -25,8 +21,11 @@ from executor.sim.robot.description import (
 )
 from executor.sim.robot.kinematics import ArmChain
 from oag import Primitive
-from oag.model.scene import FULL_SCALE, PAPER_SCALE, RobotPose
-from oag.sizes import Gripper, longest_motion_m
+from oag.model.robots import FULL_SIZE, LIFTED, PAPER_ROBOT, Robot
+from oag.model.scene import RobotPose
+from oag.sizes import Gripper
+
+every_robot = pytest.mark.parametrize("robot", [PAPER_ROBOT, FULL_SIZE, LIFTED], ids=lambda robot: robot.name)
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +49,8 @@ def numbers(element: ET.Element | None, key: str) -> np.ndarray:
 
 def test_moving_joints_are_the_named_ones(physics: ET.Element) -> None:
     moving = [element.get("name") for element in physics.findall("joint") if element.get("type") != "fixed"]
-    assert sorted(map(str, moving)) == sorted(JOINT_NAMES)
-    for name in JOINT_NAMES:
+    assert sorted(map(str, moving)) == sorted(PAPER_ROBOT.joint_names)
+    for name in PAPER_ROBOT.joint_names:
         limit = joint(physics, name).find("limit")
         assert limit is not None and {"lower", "upper", "effort", "velocity"} <= set(limit.attrib)
 
@@ -64,34 +63,34 @@ def test_physics_file_has_nothing_to_draw_and_no_foreign_tags(physics: ET.Elemen
 def test_lengths_masses_and_inertias_scale_with_their_powers(physics: ET.Element, original: ET.Element) -> None:
     for name in ("panda_joint3", "panda_joint5", "panda_hand_tcp_joint"):
         scaled = numbers(joint(physics, name).find("origin"), "xyz")
-        assert scaled == pytest.approx(PAPER_SCALE * numbers(joint(original, name).find("origin"), "xyz"))
+        assert scaled == pytest.approx(PAPER_ROBOT.scale * numbers(joint(original, name).find("origin"), "xyz"))
     for name in ("panda_link4", "panda_hand"):
         new, old = (
             next(link for link in root.findall("link") if link.get("name") == name) for root in (physics, original)
         )
         mass = numbers(new.find("inertial/mass"), "value") / numbers(old.find("inertial/mass"), "value")
         inertia = numbers(new.find("inertial/inertia"), "ixx") / numbers(old.find("inertial/inertia"), "ixx")
-        assert mass == pytest.approx(PAPER_SCALE**3)
-        assert inertia == pytest.approx(PAPER_SCALE**5)
+        assert mass == pytest.approx(PAPER_ROBOT.scale**3)
+        assert inertia == pytest.approx(PAPER_ROBOT.scale**5)
 
 
-@pytest.mark.parametrize("scale", [PAPER_SCALE, FULL_SCALE])
-def test_gripper_opens_to_what_the_limit_on_objects_needs(scale: float) -> None:
-    robot = ET.fromstring(robot_xml(scale, visual=False))
-    upper = [numbers(joint(robot, name).find("limit"), "upper")[0] for name in JOINT_NAMES[-2:]]
-    assert sum(upper) == pytest.approx(Gripper.of(RobotPose(scale=scale)).opening_m)
+@every_robot
+def test_gripper_opens_to_what_the_limit_on_objects_needs(robot: Robot) -> None:
+    root = ET.fromstring(robot_xml(robot, visual=False))
+    upper = [numbers(joint(root, name).find("limit"), "upper")[0] for name in robot.finger_joints]
+    assert sum(upper) == pytest.approx(Gripper.of(RobotPose(name=robot.name)).opening_m)
 
 
-@pytest.mark.parametrize("scale", [PAPER_SCALE, FULL_SCALE])
-def test_no_posture_of_the_arm_gets_beyond_the_longest_motions_of_its_hand(scale: float) -> None:
-    robot = ET.fromstring(robot_xml(scale, visual=False))
-    limits = [joint(robot, name).find("limit") for name in JOINT_NAMES[3:10]]
+@every_robot
+def test_no_posture_of_the_arm_gets_beyond_the_longest_motions_of_its_hand(robot: Robot) -> None:
+    root = ET.fromstring(robot_xml(robot, visual=False))
+    limits = [joint(root, name).find("limit") for name in robot.arm_joints]
     low, high = (np.concatenate([numbers(limit, end) for limit in limits]) for end in ("lower", "upper"))
-    chain = ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
-    hands_m = chain.forward(np.random.default_rng(0).uniform(low, high, (20_000, 7)))[:, :3, 3]
-    up_m = longest_motion_m(Primitive.LIFT_EEF_UP, RobotPose(scale=scale))
-    across_m = longest_motion_m(Primitive.MOVE_EEF_LEFT, RobotPose(scale=scale))
-    assert up_m is not None and 0.85 * up_m < hands_m[:, 2].max() <= up_m
+    chain = ArmChain(robot_urdf(robot, visual=False), mount_link(robot), robot.tip_link)
+    hands_m = chain.forward(np.random.default_rng(0).uniform(low, high, (20_000, len(low))))[:, :3, 3]
+    up_m = robot.longest_motion_m(Primitive.LIFT_EEF_UP)
+    across_m = robot.longest_motion_m(Primitive.MOVE_EEF_LEFT)
+    assert up_m is not None and 0.85 * up_m < hands_m[:, 2].max() + robot.lift_m <= up_m
     assert across_m is not None and 0.85 * across_m < np.ptp(hands_m[:, 1]) <= across_m
 
 
@@ -115,7 +114,7 @@ def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_it
 
 
 def test_arm_angles_are_not_scaled_and_home_is_within_them(physics: ET.Element, original: ET.Element) -> None:
-    for name, home in zip(JOINT_NAMES[3:10], ARM_HOME, strict=True):
+    for name, home in zip(PAPER_ROBOT.joint_names[3:10], PAPER_ROBOT.home, strict=True):
         limit, unscaled = joint(physics, name).find("limit"), joint(original, name).find("limit")
         assert limit is not None and unscaled is not None
         assert limit.attrib["lower"] == unscaled.attrib["lower"]
@@ -123,7 +122,7 @@ def test_arm_angles_are_not_scaled_and_home_is_within_them(physics: ET.Element, 
 
 
 def test_arm_stands_at_the_mount_height(physics: ET.Element) -> None:
-    assert numbers(joint(physics, "arm_mount").find("origin"), "xyz") == pytest.approx([0, 0, MOUNT_HEIGHT_M])
+    assert numbers(joint(physics, "arm_mount").find("origin"), "xyz") == pytest.approx([0, 0, PAPER_ROBOT.mount_m])
 
 
 def test_every_link_has_a_mass(physics: ET.Element) -> None:
@@ -162,13 +161,13 @@ def test_a_missing_distribution_is_one_clear_sentence(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(description.metadata, "files", missing)
     with pytest.raises(RobotDataMissing, match=r"scene2demo\[sim\]"):
-        description.data_root.__wrapped__()
+        description.description_path.__wrapped__(PAPER_ROBOT)
 
 
 def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(description.metadata, "files", lambda name: [])
     with pytest.raises(RobotDataMissing, match=r"panda\.urdf"):
-        description.data_root.__wrapped__()
+        description.description_path.__wrapped__(PAPER_ROBOT)
 
 
 def hand_parts() -> list[ColoredPart]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from executor.sim.engine import ROBOT
-from executor.sim.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
+from executor.sim.robot.description import FINGER_DRIVE
+from oag.model.robots import PAPER_ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
 pytestmark = pytest.mark.physics
@@ -14,7 +15,7 @@ pytestmark = pytest.mark.physics
 
 def test_joints_come_in_the_named_order(make_world: MakeWorld) -> None:
     robot = make_world("kitchen_t1").robot
-    assert tuple(joint.name for joint in robot.active_joints) == JOINT_NAMES
+    assert tuple(joint.name for joint in robot.active_joints) == PAPER_ROBOT.joint_names
 
 
 def test_joints_have_no_friction_of_their_own(make_world: MakeWorld) -> None:
@@ -34,7 +35,9 @@ def test_fingers_give_way_to_nothing_from_the_side(make_world: MakeWorld) -> Non
         joint.set_drive_target(0.015)
     settle(world, 0.5)
     for _ in range(100):
-        left.add_force_at_point(20.0 * world.T_world_link(ROBOT, TCP_LINK)[:3, 1], left.entity_pose.p, "force")
+        left.add_force_at_point(
+            20.0 * world.T_world_link(ROBOT, PAPER_ROBOT.tip_link)[:3, 1], left.entity_pose.p, "force"
+        )
         world.step()
     one, other = world.robot.get_qpos()[-2:]
     assert abs(one - other) < 5e-4
@@ -49,7 +52,7 @@ def test_it_stays_at_its_start_pose(make_world: MakeWorld) -> None:
 
 
 def test_the_hand_s_frame_points_forward_and_closes_sideways(make_world: MakeWorld) -> None:
-    T_world_eef = make_world("kitchen_t1").T_world_link(ROBOT, TCP_LINK)
+    T_world_eef = make_world("kitchen_t1").T_world_link(ROBOT, PAPER_ROBOT.tip_link)
     approach, closing = T_world_eef[:3, 2], T_world_eef[:3, 1]
     assert approach[0] > 0.7 and abs(approach[1]) < 0.01
     assert abs(closing[1]) > 0.99
@@ -77,7 +80,7 @@ def test_a_table_stops_the_base(make_world: MakeWorld) -> None:
 
 def test_a_closed_gripper_holds_a_glass_in_the_air(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    position = world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    position = world.T_world_link(ROBOT, PAPER_ROBOT.tip_link)[:3, 3]
     glass = world.T_world_link("glass_0")
     for step in range(200):
         world.set_object_pose("glass_0", at(*position))
