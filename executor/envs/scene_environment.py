@@ -448,7 +448,7 @@ def action_limits(mode: ActionMode, rate_hz: float, robot: Robot) -> tuple[Array
     if mode == "joint_target":
         return limits[:, 0], limits[:, 1]
     # Driving along both room axes at once is faster along the base's own.
-    driving = speed_limits(robot)[robot.base]
+    driving = speed_limits(robot)[robot.base].copy()
     driving[:2] *= np.sqrt(2.0)
     most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
     most[BASE_NUMBERS_FROM:] *= 1.001

@@ -42,7 +42,9 @@ def _of_joints(robot: Robot, kinds: tuple[float, float, float, float]) -> Array:
     """Return (Q,) a number for each joint of base and arm: along the floor, of yaw, of a lift, of the arm."""
     floor, yaw, lift, arm = kinds
     lifts = [lift] * (len(robot.base_joints) - 3)
-    return np.array([floor, floor, yaw, *lifts] + [arm] * len(robot.arm_joints))
+    found = np.array([floor, floor, yaw, *lifts] + [arm] * len(robot.arm_joints))
+    found.setflags(write=False)  # Some are cached.
+    return found
 
 
 @cache

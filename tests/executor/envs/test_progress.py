@@ -34,6 +34,8 @@ EXTENTS = {"microwave": (0.4, 0.5, 0.3), "bottle": (0.06, 0.06, 0.28), "book": (
 class _Placed:
     """A world in which one thing stands anywhere, each link of it somewhere else, and the hand is where it is put."""
 
+    model = PAPER_ROBOT
+
     def __init__(self, thing: SceneObject, seed: int) -> None:
         asset, self.scene = asset_for(thing), SimpleNamespace(objects={"it": thing})
         self.assets, self.hand_m, self.time_s = {"it": asset}, np.zeros(3), 0.0
