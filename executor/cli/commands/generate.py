@@ -232,10 +232,11 @@ def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
     from llm import tasks
+    from oag.model.robots import chosen_robot
     from oag.sizes import Sizing
 
     check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene with it")
-    scene = scene_for("", name, full_size=options.full_size)
+    scene = scene_for("", name, robot=chosen_robot(options.robot or "", full_size=options.full_size))
     require_valid(scene)
     answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed)
     counts: Counter[str] = Counter()

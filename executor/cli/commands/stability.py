@@ -19,6 +19,7 @@ from executor.cli.options import (
     MaxTokens,
     Maybe,
     ReplaceFile,
+    RobotName,
     SceneName,
     Sentence,
 )
@@ -55,6 +56,7 @@ class Options(CommonOptions):
     flows: Flag = False
     """Count plans with other actions or numbers as other forms; by default the subtasks alone count."""
     full_size: FullSize = False
+    robot: RobotName = None
     out: Maybe[Path] = None
     """File for the picture (SVG): how many runs have how many subtasks, a part for each form."""
     force: ReplaceFile = False
@@ -73,10 +75,16 @@ def execute(options: Options) -> int:
         from llm import AnswersRefused, QueryError
         from llm.offline.reader import paraphrases
         from oag import stability
+        from oag.model.robots import chosen_robot
     for name, path in (("--out", options.out), ("--record", options.record)):
         if path is not None:
             refuse_existing(path, force=options.force, option=name)
-    scene = scene_for(options.query, options.scene, full_size=options.full_size, listen=lambda notes: None)
+    scene = scene_for(
+        options.query,
+        options.scene,
+        robot=chosen_robot(options.robot or "", full_size=options.full_size),
+        listen=lambda notes: None,
+    )
     words = [word.strip() for word in options.perturb.split(",") if word.strip()]
     model = connect_model(options, options.record)
     spending = spending_of(model, quiet=True)

@@ -15,7 +15,7 @@ import tyro
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, check
-from executor.cli.options import READ_SCENE, CommonOptions, Flag, FullSize, KeepSizes, Maybe
+from executor.cli.options import READ_SCENE, CommonOptions, Flag, FullSize, KeepSizes, Maybe, RobotName
 from executor.cli.output import OUT, counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ class Options(CommonOptions):
     """With --feasible: seeds the planning."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    robot: RobotName = None
 
 
 def execute(options: Options) -> int:
@@ -61,11 +62,14 @@ def execute(options: Options) -> int:
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
         from llm import tasks
+        from oag.model.robots import chosen_robot
         from oag.sizes import Sizing
         from oag.wish_list import KINDS
     check_seed(options.seed)
     check_unit_limit(options.limit_s)
-    scene = scene_for("", options.scene, full_size=options.full_size, listen=tell_notes)
+    scene = scene_for(
+        "", options.scene, robot=chosen_robot(options.robot or "", full_size=options.full_size), listen=tell_notes
+    )
     tell_warnings(require_valid(scene))
     refused: list[tuple[Wish, NoPlan]] = []
     found = tasks(

@@ -97,10 +97,10 @@ def _data() -> dict[str, Any]:
 def _home(home: str, seed: int, attempt: int, rng: np.random.Generator) -> Scene:
     own_seed = int(rng.integers(1_000_000))
     if home == "household":
-        return household.pair(own_seed, int(rng.integers(household.COUNT)), keep_sizes=True, full_size=True).scene
+        return household.pair(own_seed, int(rng.integers(household.COUNT)), keep_sizes=True, robot=LIFTED.name).scene
     if home == "kitchen":
         family = str(rng.choice(tuple(long_horizon.QUERIES)))
-        return long_horizon.draw(family, own_seed, keep_sizes=True, full_size=True).scene
+        return long_horizon.draw(family, own_seed, keep_sizes=True, robot=LIFTED.name).scene
     return settle(_furnished(f"t7_{seed:06d}_{attempt}", rng).scene().with_robot(LIFTED.name))
 
 
