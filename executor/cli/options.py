@@ -197,8 +197,6 @@ class PhotoInputs:
     """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
     camera_height_m: Maybe[float] = None
     """Without depth: how high above the floor the camera was."""
-    find_more: Flag = False
-    """Also detect objects without a box, from depth; needed where no boxes are given."""
 
 
 @dataclass(frozen=True)

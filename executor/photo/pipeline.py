@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.photo.errors import PhotoRefused
-from executor.photo.fitting.rim import level_by_rim
 from executor.photo.geometry.level import (
     find_board,
     find_upright,
@@ -32,7 +31,7 @@ from executor.photo.geometry.level import (
 )
 from executor.photo.geometry.observation import FloorPlane, Observation, observe
 from executor.photo.geometry.walls import find_walls
-from executor.photo.inputs.annotations import Detection, Detections, Detector, LeftOut
+from executor.photo.inputs.annotations import Detection, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import Depth, DepthSource, is_capture, read_capture
 from executor.photo.inputs.picture import Intrinsics, Photograph, read_camera, read_picture
@@ -41,8 +40,7 @@ from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_
 
 OnSentence = Callable[[str], None]
 
-_ABOUT_M = 0.1  # Between an object and its top without exact depth: one of them may have been fitted better since.
-_LEAST_BOX_SHARE = 0.01  # Share of the picture below which an object may be left out.
+_ABOUT_M = 0.1  # Between an object and its top without depth: one of them may have been fitted better since.
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,6 @@ class PhotoInput:
         depth: As it was read; None without depth.
         observation, floor: The picture in the level frame, and the floor that levels it.
         left_out: Detections for which the library has no model.
-        find_more: Whether objects without a box are searched for.
         doubts: Evidence that depth or boxes do not belong to this picture, as sentences.
     """
 
@@ -67,14 +64,13 @@ class PhotoInput:
     observation: Observation
     floor: FloorPlane
     left_out: tuple[LeftOut, ...] = ()
-    find_more: bool = False
     doubts: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of everything that determines a reconstruction."""
         scale = None if self.depth is not None else (self.floor.up.tolist(), self.floor.height_m)
-        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale, self.find_more)
+        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -117,14 +113,13 @@ class AuxiliaryInputs:
     """Inputs beside the picture.
 
     Attributes:
-        detect: Detector: a file, a network or a model; optional with depth.
+        detect: Detector: a file, a network or a model.
         depth: Source of the depth; None for a recording, which has its own, and without depth.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration or the picture's EXIF.
         frame: Frame of a recording.
         length, board: Sources of the scale, see `executor.photo.geometry.level`.
         camera_height_m: Height of the camera above the floor. It gives the scale to a picture without depth, or to
             depth that a network guesses.
-        find_more: Whether objects without a box are searched for; needed with depth if no boxes are given.
     """
 
     detect: Detector | None = None
@@ -134,7 +129,6 @@ class AuxiliaryInputs:
     length: str | None = None
     board: str | None = None
     camera_height_m: float | None = None
-    find_more: bool = False
 
 
 def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
@@ -151,12 +145,8 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
     """
     shown, measured, intrinsics = _sensed(picture, auxiliary)
-    if auxiliary.detect is None and measured is None:
-        hint = "give --boxes, --detector or --model, or --depth, or both"
-        raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
-    if auxiliary.detect is None and not auxiliary.find_more:
-        hint = "give --boxes, --detector or --model, or have things searched for in its depths by --find-more"
-        raise PhotoRefused("boxes", picture, "has no boxes", hint)
+    if auxiliary.detect is None:
+        raise PhotoRefused("boxes", picture, "has no boxes", "give --boxes, --detector or --model")
     # A network's depth belongs to the picture, and is distorted.
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
@@ -173,12 +163,12 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         level = observation, floor
     elif measured is not None:
         level = observe(shown, measured, intrinsics)
-    found = Detections(()) if auxiliary.detect is None else auxiliary.detect(shown)
-    if auxiliary.detect is not None and not found.things:
+    found = auxiliary.detect(shown)
+    if not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
     if level is None:
-        floor = _levelled(shown, intrinsics, found.things, auxiliary)
+        floor = _levelled(shown, intrinsics, auxiliary)
         level = flat_observation(shown, intrinsics, floor), floor
     return PhotoInput(
         picture.stem,
@@ -188,14 +178,11 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         found.things,
         *level,
         found.left_out,
-        auxiliary.find_more,
         (*doubts, *found.doubts),
     )
 
 
-def _levelled(
-    picture: Photograph, camera: Intrinsics, things: tuple[Detection, ...], auxiliary: AuxiliaryInputs
-) -> FloorPlane:
+def _levelled(picture: Photograph, camera: Intrinsics, auxiliary: AuxiliaryInputs) -> FloorPlane:
     """Return the floor of a picture without depth."""
     if auxiliary.board is not None:
         return level_by_board(find_board(auxiliary.board, picture, camera))
@@ -203,7 +190,8 @@ def _levelled(
         return level_by_height(find_upright(picture, camera), auxiliary.camera_height_m)
     if auxiliary.length is not None:
         return level_by_length(find_upright(picture, camera), camera, read_length(auxiliary.length))
-    return level_by_rim(picture, camera, things)
+    hint = "give --depth or a recording, --camera-height-m, --length along the floor, or --board"
+    raise PhotoRefused("depth", picture.source, "has no depth, and nothing that gives its scale", hint)
 
 
 def _sensed(picture: Path, auxiliary: AuxiliaryInputs) -> tuple[Photograph, Depth | None, Intrinsics]:
@@ -240,13 +228,11 @@ def reconstruct_scene(
     walls = () if given.depth is None else find_walls(observation, given.detections)
     walled = time.perf_counter()
     on_progress(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    found = reconstruct(
-        observation, given.detections, walls, on_progress, floor.spread_share, find_more=given.find_more
-    )
+    found = reconstruct(observation, given.detections, walls, on_progress, floor.spread_share)
     fitted = time.perf_counter()
     _require_things(given, found)
-    same_height_m = SAME_HEIGHT_M if observation.is_exact else _ABOUT_M
-    found, made = scene_of(found, given.name, _LEAST_BOX_SHARE * observation.z_m.size, same_height_m=same_height_m)
+    same_height_m = SAME_HEIGHT_M if observation.has_depth else _ABOUT_M
+    found, made = scene_of(found, given.name, same_height_m=same_height_m)
     _require_things(given, found)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()

@@ -110,7 +110,6 @@ def _fixed(entry: ModelEntry, axis: int) -> bool:
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Visible through an open door.
 _DETAILS = ("handle_height_m", "handle_length_m")
-_THICKNESS = "top_thickness_m"
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
 _DETAIL_STEPS = (0.12, 0.06)
 _OPEN = "open_fraction"
@@ -168,25 +167,10 @@ def _detailed_by(guess: PoseHypothesis, details: Sequence[NumericParameter], sha
     return guess.with_parameters(**values)
 
 
-def with_top_thickness(guess: PoseHypothesis, steps: Sequence[float] = ()) -> Iterator[PoseHypothesis]:
-    """Yield the hypothesis with other thicknesses of its top, if its model has one.
-
-    Args:
-        guess: The hypothesis.
-        steps: Differences from its own thickness, as shares of the model's range; by default the whole range.
-    """
-    for one in guess.entry.parameters:
-        if isinstance(one, NumericParameter) and one.name == _THICKNESS:
-            now = (float(str(dict(guess.parameters).get(_THICKNESS, one.default))) - one.low) / (one.high - one.low)
-            for share in [now + step for step in steps] or _DETAIL_SHARES:
-                yield _detailed_by(guess, [one], [min(max(share, 0.0), 1.0)])
-
-
 def fit_handles(likelihood: Likelihood, guess: PoseHypothesis) -> PoseHypothesis:
     """Place handles where depth has them, so that a search does not shrink the object because of wrong ones."""
-    colours = likelihood.evidence.observation.monocular
-    best = min((likelihood.rated(one, colours=colours) for one in shapes(guess)), key=lambda one: one.cost)
-    return _detailed(likelihood, best, colours=colours).guess
+    best = min((likelihood.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
+    return _detailed(likelihood, best, colours=False).guess
 
 
 def shapes(guess: PoseHypothesis) -> Iterator[PoseHypothesis]:
@@ -254,10 +238,7 @@ _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a fro
 _SIDES_M = (-0.35, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.35)  # Corrections of misjudged sides.
 _LEAST_M = 0.2  # Of a side that is.
 
-_HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
-"""Shares of furniture's height, and without exact depth of its distance, that are tried before polishing."""
-
-_ITEM_HEIGHTS = (0.7, 0.85, 1.2, 1.4)  # Shares of an item's height that are tried without exact depth.
+_HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)  # Shares of furniture's height that are tried before polishing.
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
 _ALIKE = 6.0  # Extra cost that makes an orientation e times less likely.
 _FIRST, _SECOND = 8, 4  # Turns that are followed, and once more with the body that was found so.
@@ -308,35 +289,6 @@ def with_other_heights(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
     length, width, height = found.size_m
     for share in _HEIGHTS:
         yield replace(found, size_m=(length, width, round(share * height, 4)))
-
-
-def at_other_distances(found: PoseHypothesis, eye_m: Array) -> Iterator[PoseHypothesis]:
-    """Yield a piece as much farther off as larger: if its foot is hidden, its top looks the same.
-
-    Args:
-        found: The hypothesis.
-        eye_m: (3,) the camera.
-    """
-    length, width, height = found.size_m
-    for share in _DISTANCES:
-        top_m = float(eye_m[2]) - share * (float(eye_m[2]) - found.bottom_m - height)
-        size = round(share * length, 4), round(share * width, 4), round(top_m - found.bottom_m, 4)
-        yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=size)
-
-
-def flatter_and_higher(found: PoseHypothesis, eye_m: Array) -> Iterator[PoseHypothesis]:
-    """Yield an item of other heights, at its place and where its top looks the same.
-
-    Args:
-        found: The hypothesis.
-        eye_m: (3,) the camera.
-    """
-    length, width, height = found.size_m
-    above_m = float(eye_m[2]) - found.bottom_m
-    for other in (round(share * height, 4) for share in _ITEM_HEIGHTS):
-        nearer = 1.0 - (other - height) / above_m if above_m > other else 1.0
-        for share in (1.0, nearer):
-            yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=(length, width, other))
 
 
 def _reshaped(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
