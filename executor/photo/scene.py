@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +43,9 @@ _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M, _EDGE_STEPS = 0.004, 24
 _HIGHER_M = 0.002
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
-_NEAR_ITEM_M, _ON_ITEM = 0.03, 0.7  # Beside an item's top; share of its half sides where a middle is stable.
+_ON_ITEM, _ON_TOP = 0.7, 0.4
+"""Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
+
 _REPORTED_M = 0.005
 _CHANGES = 8  # Things that are exchanged or left out until physics accepts a scene.
 
@@ -213,7 +215,7 @@ def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
 
 
 def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float) -> PoseHypothesis:
-    """Move an object wholly onto the top or board that it stands on, at exactly its height.
+    """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
 
     On an item, such as a saucer, its middle is enough.
     """
@@ -232,10 +234,11 @@ def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], sam
             own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
             c, s = abs(math.cos(own)), abs(math.sin(own))
             reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
-            free = _ON_ITEM * half if on_item else np.maximum(half - reach - _EDGE_M, 0.0)
+            free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - _EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
-            by_m = float(np.linalg.norm(inside - local))
-            if by_m < (_NEAR_ITEM_M if on_item else _FARTHEST_M) and (best is None or by_m < best[0]):
+            aside_m = float(np.linalg.norm(inside - local))
+            by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else _FARTHEST_M) and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
     return guess if best is None else best[1]
@@ -341,12 +344,12 @@ def made_of(
     if made.scene is None:
         return MadeScene(None, "; ".join(made.problems), tuple(notes), {})
     if errors := [issue for issue in issues(made.scene) if issue.error]:
-        blamed = min((one.object_id for one in errors if one.object_id in guesses), key=_size_of(guesses), default=None)
-        return MadeScene(made.scene, "; ".join(map(str, errors)), tuple(notes), {}, blamed)
+        blamed = next((one.object_id for one in errors if one.object_id in guesses), None)
+        return MadeScene(made.scene, "; ".join(map(str, errors)), tuple(notes), {}, _culprit(blamed, guesses))
     try:
         settled = settle(made.scene)
     except Unsettled as problem:
-        return MadeScene(made.scene, str(problem), tuple(notes), {}, problem.object_id)
+        return MadeScene(made.scene, str(problem), tuple(notes), {}, _culprit(problem.object_id, guesses))
     moved = {
         key: float(np.linalg.norm(np.subtract(settled.objects[key].position, made.scene.objects[key].position)))
         for key in guesses
@@ -354,8 +357,13 @@ def made_of(
     return MadeScene(settled, "", tuple(notes), moved)
 
 
-def _size_of(guesses: Mapping[str, PoseHypothesis]) -> Callable[[str], float]:
-    return lambda key: math.prod(guesses[key].size_m)
+def _culprit(blamed: str | None, guesses: Mapping[str, PoseHypothesis]) -> str | None:
+    """Return the smallest of an object and those that overlap it: the others stand without it."""
+    if blamed not in guesses:
+        return None
+    parts = {key: solid_parts(guess.as_object(key)) for key, guess in guesses.items()}
+    overlapping = (key for key in guesses if overlap_depth_m(parts[key], parts[blamed]) > _CLEARANCE_M)
+    return min((blamed, *overlapping), key=lambda key: math.prod(guesses[key].size_m))
 
 
 def scene_json(

@@ -38,11 +38,11 @@ from executor.photo.fitting.starts import LEAST_POINTS, likely_boxes
 from executor.photo.inputs.annotations import Detection
 from oag import Kind, kind_of
 
-COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
+COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 3000
 """Pixels of an object to choose starts, to search, and to choose options."""
 
 _TURNED, _LIKELY = 4, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
-_OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
+_OPENED, _FINISHED, _POLISHED = 12, 4, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _SECOND, _LAST = 160, 120  # Renderings of a search.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 _WORTH_A_LOOK = 40.0  # Largest extra cost of a rival without own handles and sides.

@@ -268,7 +268,10 @@ class Likelihood:
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost by box and prior; infinite for an impossible hypothesis."""
-        cost = self.evidence.box_cost(guess) + prior_cost(guess, self.near)
+        cost = prior_cost(guess, self.near)
+        if not math.isfinite(cost):
+            return math.inf
+        cost += self.evidence.box_cost(guess)
         if self.evidence.has_depth:
             return cost
         # Near the horizon, a little of the picture is many metres.

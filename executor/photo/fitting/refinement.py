@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -187,11 +187,6 @@ def shapes(guess: PoseHypothesis) -> Iterator[PoseHypothesis]:
         yield guess.with_parameters(**dict(combination))
 
 
-def shape_of(guess: PoseHypothesis) -> Mapping[str, object]:
-    """Return the discrete options of a hypothesis, without its opening and handles."""
-    return {name: value for name, value in guess.parameters if name in _SHAPING}
-
-
 def with_parts(entries: Sequence[ModelEntry], doors: int | None, drawers: int | None) -> list[ModelEntry]:
     """Return the models that can have so many doors and drawers; all of them if none can.
 
@@ -235,19 +230,15 @@ def _opened(guess: PoseHypothesis) -> float:
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
 
-_SIDES_M = (-0.35, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.35)  # Corrections of misjudged sides.
-_LEAST_M = 0.2  # Of a side that is.
-
 _HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)  # Shares of furniture's height that are tried before polishing.
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
 _ALIKE = 6.0  # Extra cost that makes an orientation e times less likely.
-_FIRST, _SECOND = 8, 4  # Turns that are followed, and once more with the body that was found so.
+_FIRST, _SECOND = 4, 2  # Turns that are followed, and once more with the body that was found so.
 _RENDERINGS, _FINELY = 120, 0.5
-_ROUNDS, _GAINED = 3, 1.0
+_ROUNDS, _GAINED = 2, 1.0
 _SCALES = (0.94, 1.06)
 
 _SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # Effect of depth noise on sides and headings.
-_MOST_ASKEW_RAD = math.radians(20.0)  # Larger angles are intended.
 
 
 def all_turns(found: PoseHypothesis, entries: Sequence[ModelEntry]) -> Iterator[PoseHypothesis]:
@@ -272,46 +263,11 @@ def all_turns(found: PoseHypothesis, entries: Sequence[ModelEntry]) -> Iterator[
             yield _pushed(bare, -_inset_m(bare))
 
 
-def neighbouring_boxes(found: PoseHypothesis, headings_rad: Iterable[float]) -> Iterator[PoseHypothesis]:
-    """Yield a hypothesis, and boxes near it: aligned with its neighbours, with other sides, or both.
-
-    Args:
-        found: The hypothesis.
-        headings_rad: Headings of its neighbours, each up to quarter turns.
-    """
-    for turned in (found, *_straightened(found, headings_rad)):
-        yield turned
-        yield from _reshaped(turned)
-
-
 def with_other_heights(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
     """Yield furniture of slightly different heights."""
     length, width, height = found.size_m
     for share in _HEIGHTS:
         yield replace(found, size_m=(length, width, round(share * height, 4)))
-
-
-def _reshaped(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
-    """Move one upright side out or in, with the opposite side held."""
-    c, s = math.cos(found.yaw_rad), math.sin(found.yaw_rad)
-    for axis, side, by_m in itertools.product(range(2), (-0.5, 0.5), _SIDES_M):
-        length, width, height = (own + by_m * (index == axis) for index, own in enumerate(found.size_m))
-        x, y = (side * by_m * (index == axis) for index in range(2))
-        if min(length, width) > _LEAST_M:
-            at = found.x_m + c * x - s * y, found.y_m + s * x + c * y
-            yield replace(found, x_m=at[0], y_m=at[1], size_m=(length, width, height))
-
-
-def _straightened(found: PoseHypothesis, headings_rad: Iterable[float]) -> Iterator[PoseHypothesis]:
-    """Align a slightly askew piece with its neighbours, its near corner held."""
-    turned: list[float] = []
-    size, held = found.size_m[:2], near_corner(found)
-    for heading in headings_rad:
-        by_rad = math.remainder(heading - found.yaw_rad, math.pi / 2)
-        if _ASKEW_RAD < abs(by_rad) < _MOST_ASKEW_RAD and all(abs(by_rad - one) > _ASKEW_RAD for one in turned):
-            turned.append(by_rad)
-            x, y = held(found.yaw_rad, *size) - held(found.yaw_rad + by_rad, *size) + [found.x_m, found.y_m]
-            yield replace(found, x_m=float(x), y_m=float(y), yaw_rad=found.yaw_rad + by_rad)
 
 
 def quarter_of(guess: PoseHypothesis) -> int:
@@ -327,12 +283,6 @@ def is_same_box(first: PoseHypothesis, second: PoseHypothesis) -> bool:
     apart_m = np.subtract((first.x_m, first.y_m, first.bottom_m), (second.x_m, second.y_m, second.bottom_m))
     askew = abs(math.remainder(turned, math.pi / 2)) > _ASKEW_RAD
     return not askew and bool(np.abs(sizes_m).max() < _SAME_M and np.abs(apart_m).max() < _SAME_M)
-
-
-def is_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
-    """Return whether searches from two hypotheses most likely end at the same place."""
-    one, other = ((guess.entry.model, quarter_of(guess), shape_of(guess)) for guess in (first, second))
-    return one == other and is_same_box(first, second)
 
 
 def distinct(boxes: Sequence[RatedHypothesis]) -> list[RatedHypothesis]:

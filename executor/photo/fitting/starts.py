@@ -55,6 +55,7 @@ _GAP_M = 0.05
 _HEADINGS, _ASKEW_HEADINGS = 8, 24
 _UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
+_CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
 _NEARER = (0.5, 0.7, 0.85, 1.0, 1.1)  # Shares of how far off a box ends on the floor: something may hide the foot.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scaled.
@@ -223,13 +224,19 @@ def outline_starts(
     away = math.atan2(foot[1], foot[0])
     turns = [heading + math.pi / 2 * step for heading in headings_rad for step in range(4)]
     turns = turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]
+    asides = [0.0]
+    asides += [share for share in _ASIDE if box_px[0] < _CUT * observation.size_px[0]]
+    asides += [-share for share in _ASIDE if box_px[2] > (1.0 - _CUT) * observation.size_px[0]]
     for entry in entries:
         for share in _NEARER if is_large(entry) else (1.0,):
             reach_m = share * float(np.linalg.norm(foot))
             for size in _sizes_m(observation, box_px, entry, bottom_m, reach_m):
-                along = reach_m + (size[0] + size[1]) / 4
-                for turned in turns:
-                    yield PoseHypothesis(entry, along * math.cos(away), along * math.sin(away), turned, bottom_m, size)
+                half_m = (size[0] + size[1]) / 4
+                along = reach_m + half_m
+                for aside, turned in itertools.product(asides, turns):
+                    x = along * math.cos(away) - 2 * half_m * aside * math.sin(away)
+                    y = along * math.sin(away) + 2 * half_m * aside * math.cos(away)
+                    yield PoseHypothesis(entry, x, y, turned, bottom_m, size)
 
 
 def _sizes_m(

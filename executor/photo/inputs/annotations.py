@@ -208,6 +208,11 @@ def category_named(label: str) -> str | None:
     return category_of(written)
 
 
+def is_left_out(label: str) -> bool:
+    """Return whether a label is of the room itself, or of what hangs flat on it, and so of no thing."""
+    return label.lower() in FLAT or label.lower() in _ROOM
+
+
 def plain_name(label: str) -> str | None:
     """Return a label as a scene's category, `water_bottle` for "Water bottle"; None without a letter or a meaning."""
     written = _NO_NAME.sub("_", label.strip().lower()).strip("_")
@@ -271,7 +276,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
         if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
             outside.append(shown)
             continue
-        if label.lower() in FLAT or label.lower() in _ROOM:
+        if is_left_out(label):
             continue
         try:
             category = category_named(label)

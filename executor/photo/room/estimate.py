@@ -28,7 +28,7 @@ SAME_M = 0.02
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between an object's visible bottom and its possible support.
 _MOST = 3
-_MISJUDGED_M = 0.5
+_MISJUDGED_M, _MOST_HALF_M = 0.5, 0.15
 _ON_FLOOR_M = 0.15
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 
@@ -65,11 +65,12 @@ def is_item(guess: PoseHypothesis) -> bool:
 
 
 def tops_of(guesses: Iterable[PoseHypothesis]) -> Iterator[Top]:
-    """Yield the tops, boards and hollows of some hypotheses."""
+    """Yield the tops, boards and hollows of some hypotheses; what is over an item is on it, whatever its edge is."""
     for guess in guesses:
         carrier = guess.as_object()
         for region in asset_for(carrier).regions:
-            yield Top(guess, *region_frame(carrier, region))
+            T, half_m = region_frame(carrier, region)
+            yield Top(guess, T, np.divide(guess.size_m[:2], 2) if is_item(guess) else half_m)
 
 
 def is_on_one(guess: PoseHypothesis, tops: Iterable[Top], within_m: float = SAME_M) -> bool:
@@ -86,8 +87,11 @@ def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
     """
     low = float(np.percentile(points[:, 2], 5.0))
     at = np.median(points[:, :2], axis=0)
-    heights = [0.0] if low < _ON_FLOOR_M else []
-    heights += [top.height_m for top in tops if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at)]
+    under = [top for top in tops if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at)]
+    heights = [0.0, *(top.height_m for top in under)] if low < _ON_FLOOR_M else [top.height_m for top in under]
+    # What is over an item is in it or on it, and not below.
+    least_m = max((top.height_m for top in under if is_item(top.of) and top.distance_m(at) == 0.0), default=0.0)
+    heights = [height for height in heights if height >= least_m]
     near = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
     return near[:_MOST] or [round(low, 4)]
 
@@ -111,7 +115,11 @@ def heights_behind(
     for top in tops:
         foot = foot_of(observation, detection.box_px, top.height_m)
         if foot is not None and (given_support is None or top.of is given_support):
-            found.append((top.distance_m(foot), float(np.hypot(*foot)), round(top.height_m, 4)))
+            far_m = float(np.hypot(*foot))
+            wide_m = (detection.box_px[2] - detection.box_px[0]) / observation.K.fx * far_m
+            # Of a thing as deep as wide: its middle stands on the top.
+            middle = foot * (1.0 + min(wide_m / 2, _MOST_HALF_M) / max(far_m, 1e-6))
+            found.append((top.distance_m(middle), far_m, round(top.height_m, 4)))
     if over := [(far_m, height_m) for distance_m, far_m, height_m in found if distance_m == 0.0]:
         return [min(over)[1]]
     # A misjudged one may end before the objects on it.

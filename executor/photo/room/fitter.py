@@ -11,7 +11,7 @@ from executor.photo.errors import LostCause
 from executor.photo.fitting.fit import assess_fit, fills_picture, fit_beneath, fit_thing, update_fit
 from executor.photo.fitting.likelihood import Fit, SearchContext, usual_size_m
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import feet_of, generic_models, named_models
+from executor.photo.fitting.starts import feet_of, generic_models, named_models, stands_on_floor
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.estimate import RoomEstimate
@@ -69,7 +69,7 @@ class RoomFitter:
             before = room.fits[index]
             in_box = room.in_box(index)
             self._views.pop(index, None)
-            self.fit(index, None, ())
+            self.fit(index, [0.0] if stands_on_floor(room.detections[index]) else None, ())
             if index not in room.fits or room.in_box(index) <= in_box:
                 room.remove_fit(index)
                 room.add_fit(index, before)
