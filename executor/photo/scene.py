@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -47,7 +48,9 @@ _ON_ITEM, _ON_TOP = 0.7, 0.4
 """Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
 
 _REPORTED_M = 0.005
-_CHANGES = 8  # Things that are exchanged or left out until physics accepts a scene.
+_CHANGES, _SHRUNK, _SHRINKAGE = 12, 3, 0.7
+"""Changes of things until physics accepts a scene; how often one is made plainer or narrower before it is left out, and
+how much narrower."""
 
 
 def resolve_overlaps(
@@ -292,7 +295,7 @@ class MadeScene:
 def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT_M) -> tuple[FittedRoom, MadeScene]:
     """Return the room that fits in a scene, and its scene: without overlaps, with facts, settled in physics.
 
-    A thing that physics refuses becomes a box of its size; if that does not help, it is left out.
+    A thing that physics refuses becomes a box of its size, then a narrower one; if that does not help, it is left out.
 
     Args:
         found: The fits.
@@ -302,22 +305,31 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
     if not found.things:
         return found, MadeScene(None, "nothing is in it", (), {})
     made = first = made_of(found, found.guesses, name, same_height_m=same_height_m)
-    room = found
+    room, changed = found, Counter[str]()
     for _ in range(_CHANGES):
         thing = next((one for one in room.things if one.id == made.culprit), None)
         if not made.refused or thing is None:
             break
-        guess = thing.fit.guess
-        if guess.entry.model in GENERIC:
+        changed[thing.id] += 1
+        if changed[thing.id] > _SHRUNK:
             room = room.without(thing, LostCause.NO_ROOM, made.refused)
         else:
-            box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
-            plain = replace(thing.fit, guess=replace(guess, entry=box, parameters=()))
-            room = replace(room, things=tuple(replace(one, fit=plain) if one is thing else one for one in room.things))
+            other = replace(thing, fit=replace(thing.fit, guess=_plainer(thing)))
+            room = replace(room, things=tuple(other if one is thing else one for one in room.things))
         if not room.things:
             break
         made = made_of(room, room.guesses, name, same_height_m=same_height_m)
     return (found, first) if made.refused else (room, made)
+
+
+def _plainer(thing: FittedThing) -> PoseHypothesis:
+    """Return a fit as a box of its size; a generic shape as a narrower one."""
+    guess = thing.fit.guess
+    if guess.entry.model in GENERIC:
+        length, width, height = guess.size_m
+        return replace(guess, size_m=(_SHRINKAGE * length, _SHRINKAGE * width, height))
+    box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
+    return replace(guess, entry=box, parameters=())
 
 
 def made_of(

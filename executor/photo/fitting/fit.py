@@ -195,9 +195,10 @@ def _ranked(
     likely = [*boxes, *by_cost(turned)[:_LIKELY]]
     found = cheapest_turns(search.rated(fit_handles(search, one.guess)) for one in likely)
     opened = cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
-    finished = [
-        with_options(fine, refine_nelder_mead(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]
-    ]
+    # Every model comes to its end, then other orientations.
+    models = best_of_models(opened)
+    begun = [*models, *(one for one in opened if all(one is not model for model in models))][:_FINISHED]
+    finished = [with_options(fine, refine_nelder_mead(search, one.guess, _SECOND, colours=True)) for one in begun]
     ranked = best_of_models(finished)
     if not ranked:
         return []
