@@ -371,7 +371,7 @@ def made_of(
 
 def _culprit(blamed: str | None, guesses: Mapping[str, PoseHypothesis]) -> str | None:
     """Return the smallest of an object and those that overlap it: the others stand without it."""
-    if blamed not in guesses:
+    if blamed is None or blamed not in guesses:
         return None
     parts = {key: solid_parts(guess.as_object(key)) for key, guess in guesses.items()}
     overlapping = (key for key in guesses if overlap_depth_m(parts[key], parts[blamed]) > _CLEARANCE_M)
