@@ -308,8 +308,13 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
     room, changed = found, Counter[str]()
     for _ in range(_CHANGES):
         thing = next((one for one in room.things if one.id == made.culprit), None)
-        if not made.refused or thing is None:
+        if not made.refused or (thing is None and not room.walls):
             break
+        if thing is None:
+            # Planes that were taken for walls meet in each other, or nothing else is to blame.
+            room = replace(room, walls=())
+            made = made_of(room, room.guesses, name, same_height_m=same_height_m)
+            continue
         changed[thing.id] += 1
         if changed[thing.id] > _SHRUNK:
             room = room.without(thing, LostCause.NO_ROOM, made.refused)
