@@ -51,8 +51,8 @@ _FRONTED = (*_OPENS, "dishwasher", "shelf")
 AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 """Furniture that mostly stands with its back to a wall."""
 
-CARRIED = ("microwave",)
-"""Furniture that stands on furniture."""
+CARRIED = ("microwave", "wall_cabinet")
+"""Furniture that stands on furniture, or hangs."""
 
 
 Flat: TypeAlias = tuple[float, float]

@@ -99,7 +99,9 @@ def reconstruct(
     # Near objects hide far ones, and are large in the picture.
     by_size = sorted(boxes, key=lambda index: -detections[index].area_px)
     standing = [index for index in by_size if stands_on_floor(detections[index])]
-    carried = [index for index in by_size if index not in standing]
+    # What carries another thing ends below it in the picture.
+    carried = [index for index in boxes if index not in standing]
+    carried.sort(key=lambda index: -detections[index].box_px[3])
     for index in standing:
         fitter.fit(index, [0.0], hidden_by=boxes)
     if observation.has_depth:
