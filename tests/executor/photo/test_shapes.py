@@ -168,3 +168,14 @@ def test_a_box_of_a_smaller_thing_hides_nothing_of_itself() -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
     room = RoomEstimate(seen, (), boxes, 0.0)
     assert not room.around(1, hidden_by=(0, 1)).smaller.any() and room.around(0, hidden_by=(0, 1)).smaller.any()
+
+
+def test_a_shape_is_a_support_where_it_has_a_top_and_opens_nowhere() -> None:
+    drill, mug = shape("generic_box", (0.14, 0.10, 0.12)), replace(BOWL, entry=LIBRARY["mug"], y_m=0.25)
+    seen, (table, box, other) = seen_from_above(TABLE, drill, replace(mug, size_m=(0.11, 0.08, 0.09)))
+    things = [(table, TABLE), (replace(box, label="drill"), drill), (other, replace(mug, size_m=(0.11, 0.08, 0.09)))]
+    _, made = scene_of(known(seen, *things), "drawn")
+    assert made.scene is not None and made.refused == ""
+    assert compose(llm.propose("put the mug on the drill", made.scene).task, scene=made.scene).verify()
+    with pytest.raises(llm.QueryError):
+        llm.propose("open the drill", made.scene)
