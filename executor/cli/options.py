@@ -195,8 +195,14 @@ class PhotoInputs:
     """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are; scales depths, or without depth the floor."""
     board: Maybe[str] = None
     """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
+    tilt: Maybe[float] = None
+    """How far the camera looks down in degrees; in place of what lines of the picture tell."""
+    roll: Maybe[float] = None
+    """With --tilt: by how many degrees the vertical leans to the right in the picture; 0 by default."""
     camera_height_m: Maybe[float] = None
-    """Without depth: how high above the floor the camera was."""
+    """How high above the floor the camera was; scales a picture without depth, and guessed depth."""
+    depth_kind: Maybe[Literal["measured", "guessed"]] = None
+    """Who made the --depth: a sensor (the default), or a network that guessed it from the picture."""
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ class PhotoRefused(Scene2DemoError, ValueError):
 
     Attributes:
         kind: The faulty input, for programs: "picture", "depth", "camera", "scale", "boxes", "label", "floor",
-            "weights" or "nothing".
+            "weights" or "nothing"; "missing" for inputs that are not there.
+        problem: What is wrong, without source and hint.
     """
 
     def __init__(self, kind: str, source: str | Path, problem: str, hint: str = "") -> None:
-        self.kind = kind
+        self.kind, self.problem = kind, problem
         super().__init__(f"{source}: {problem}" + (f"; {hint}" if hint else ""))
 
 

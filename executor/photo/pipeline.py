@@ -13,28 +13,35 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from executor.photo.errors import PhotoRefused
 from executor.photo.geometry.level import (
     find_board,
-    find_upright,
     flat_observation,
     level_by_board,
     level_by_height,
     level_by_length,
-    observe_by_height,
     read_length,
     scale_by_board,
+    scale_by_height,
     scale_by_length,
 )
-from executor.photo.geometry.observation import FloorPlane, Observation, observe
+from executor.photo.geometry.lines import VerticalDirection, find_upright
+from executor.photo.geometry.observation import (
+    FloorPlane,
+    Observation,
+    floor_below,
+    levelled,
+    unnamed_top,
+)
+from executor.photo.geometry.planes import level_planes
 from executor.photo.geometry.walls import find_walls
 from executor.photo.inputs.annotations import Detection, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
-from executor.photo.inputs.depth import Depth, DepthSource, is_capture, read_capture
-from executor.photo.inputs.picture import Intrinsics, Photograph, read_camera, read_picture
+from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
+from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
 
@@ -69,8 +76,8 @@ class PhotoInput:
     @property
     def sha256(self) -> str:
         """Hash of everything that determines a reconstruction."""
-        scale = None if self.depth is not None else (self.floor.up.tolist(), self.floor.height_m)
-        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
+        level = self.floor.up.tolist(), self.floor.height_m, self.observation.depth_distortion
+        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], level)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -118,8 +125,8 @@ class AuxiliaryInputs:
         camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration or the picture's EXIF.
         frame: Frame of a recording.
         length, board: Sources of the scale, see `executor.photo.geometry.level`.
-        camera_height_m: Height of the camera above the floor. It gives the scale to a picture without depth, or to
-            depth that a network guesses.
+        facts: What is known of the camera. The tilt overrides lines. The height gives the scale to a picture without
+            depth and to guessed depth, and the place of a floor that measured depth does not show.
     """
 
     detect: Detector | None = None
@@ -128,7 +135,7 @@ class AuxiliaryInputs:
     frame: int | None = None
     length: str | None = None
     board: str | None = None
-    camera_height_m: float | None = None
+    facts: CameraFacts = field(default_factory=CameraFacts)
 
 
 def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
@@ -144,9 +151,9 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         OSError: A file cannot be read.
         ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
     """
-    shown, measured, intrinsics = _sensed(picture, auxiliary)
-    if auxiliary.detect is None:
-        raise PhotoRefused("boxes", picture, "has no boxes", "give --boxes, --detector or --model")
+    facts = read_facts(auxiliary.camera, auxiliary.facts)
+    shown, measured, intrinsics = _sensed(picture, auxiliary, facts)
+    assert auxiliary.detect is not None, "refused before"
     # A network's depth belongs to the picture, and is distorted.
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
@@ -155,57 +162,134 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         measured = scale_by_board(measured, find_board(auxiliary.board, shown, intrinsics))
     if measured is not None and auxiliary.length is not None:
         measured = scale_by_length(measured, intrinsics, read_length(auxiliary.length))
-    # A network is slow and a model costs: all other inputs have been read by now, and with depth the floor has been
+    # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
     # found.
-    level: tuple[Observation, FloorPlane] | None = None
-    if measured is not None and auxiliary.camera_height_m is not None:
-        measured, observation, floor = observe_by_height(shown, measured, intrinsics, auxiliary.camera_height_m)
-        level = observation, floor
-    elif measured is not None:
-        level = observe(shown, measured, intrinsics)
+    planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
+    if measured is not None:
+        floor_below(picture, planes, facts=facts)
     found = auxiliary.detect(shown)
     if not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
-    if level is None:
-        floor = _levelled(shown, intrinsics, auxiliary)
-        level = flat_observation(shown, intrinsics, floor), floor
+    things = found.things
+    if measured is None:
+        floor = _levelled(shown, intrinsics, auxiliary, facts)
+        observation = flat_observation(shown, intrinsics, floor)
+    else:
+        is_guess = measured.depth_distortion > 0.0
+        if is_guess and planes is not None and facts.height_m is not None:
+            measured, floor = scale_by_height(measured, floor_below(picture, planes, things), facts.height_m)
+        else:
+            floor = floor_below(picture, planes, things, facts)
+        observation = levelled(shown, measured, intrinsics, floor)
+        top = unnamed_top(planes, floor, things)
+        things = things if top is None else (*things, top)
     return PhotoInput(
         picture.stem,
         shown,
         measured,
         intrinsics,
-        found.things,
-        *level,
+        things,
+        observation,
+        floor,
         found.left_out,
         (*doubts, *found.doubts),
     )
 
 
-def _levelled(picture: Photograph, camera: Intrinsics, auxiliary: AuxiliaryInputs) -> FloorPlane:
+def _levelled(
+    picture: Photograph,
+    camera: Intrinsics,
+    auxiliary: AuxiliaryInputs,
+    facts: CameraFacts,
+) -> FloorPlane:
     """Return the floor of a picture without depth."""
     if auxiliary.board is not None:
         return level_by_board(find_board(auxiliary.board, picture, camera))
-    if auxiliary.camera_height_m is not None:
-        return level_by_height(find_upright(picture, camera), auxiliary.camera_height_m)
-    if auxiliary.length is not None:
-        return level_by_length(find_upright(picture, camera), camera, read_length(auxiliary.length))
-    hint = "give --depth or a recording, --camera-height-m, --length along the floor, or --board"
-    raise PhotoRefused("depth", picture.source, "has no depth, and nothing that gives its scale", hint)
+    upright = _upright(picture, camera, facts)
+    if upright is not None and facts.height_m is not None:
+        return level_by_height(upright, facts.height_m)
+    if upright is not None and auxiliary.length is not None:
+        return level_by_length(upright, camera, read_length(auxiliary.length))
+    raise _incomplete(picture.source, auxiliary, facts, upright=upright)
 
 
-def _sensed(picture: Path, auxiliary: AuxiliaryInputs) -> tuple[Photograph, Depth | None, Intrinsics]:
+def _upright(picture: Photograph, camera: Intrinsics, facts: CameraFacts) -> VerticalDirection | None:
+    """Return the vertical as given, else by lines; None where they are not sure."""
+    if facts.up is not None:
+        return VerticalDirection(facts.up, 0, given=True)
+    try:
+        return find_upright(picture, camera)
+    except PhotoRefused:
+        return None
+
+
+def _incomplete(
+    picture: Path,
+    auxiliary: AuxiliaryInputs,
+    facts: CameraFacts,
+    *,
+    no_lens: str = "",
+    upright: VerticalDirection | None = None,
+) -> PhotoRefused:
+    """Return one refusal with everything that a picture lacks, and the shortest command.
+
+    Args:
+        picture: Its file.
+        auxiliary, facts: What was given.
+        no_lens: Why its lens is unknown.
+        upright: The vertical by its lines.
+    """
+    lacks = {}
+    if auxiliary.detect is None:
+        lacks["--boxes BOXES.json"] = "boxes with names (or --detector or --model)"
+    if no_lens:
+        lacks["--camera hfov=DEGREES"] = f"its lens ({no_lens}; a phone's main camera has about 65)"
+    if auxiliary.depth is None and auxiliary.board is None:
+        if facts.up is None and upright is None:
+            lacks["--tilt DEGREES"] = "how far the camera looks down, which lines of a picture rarely tell"
+        if facts.height_m is None and auxiliary.length is None:
+            lacks["--camera-height-m METRES"] = "how high above the floor the camera was"
+    problem = f"{'this is' if len(lacks) == 1 else f'{len(lacks)} things are'} missing: {'; '.join(lacks.values())}"
+    is_bare = auxiliary == AuxiliaryInputs()
+    command = f"scene2demo photo {picture.name} {' '.join(lacks)} --out DIR"
+    hint = f"the shortest command is: {command}" if is_bare else f"add {' '.join(lacks)}"
+    depth = "" if auxiliary.depth is not None else " (--depth FILE gives tilt and height as well)"
+    return PhotoRefused("missing", picture, problem, f"{hint}{depth}")
+
+
+def _sensed(
+    picture: Path, auxiliary: AuxiliaryInputs, facts: CameraFacts
+) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
         if auxiliary.depth is not None:
             raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth and --depth-model")
+        if auxiliary.detect is None:
+            raise PhotoRefused("boxes", picture, "has no boxes", "give --boxes, --detector or --model")
         capture = read_capture(picture, auxiliary.frame)
         own = capture.camera if auxiliary.camera is None else None
-        return capture.picture, capture.depth, own or read_camera(auxiliary.camera, capture.picture)
+        camera = own or read_camera(auxiliary.camera, capture.picture)
+        return capture.picture, _of_kind(capture.depth, facts), camera
     if auxiliary.frame is not None:
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    intrinsics = read_camera(auxiliary.camera, shown)
-    return shown, None if auxiliary.depth is None else auxiliary.depth(shown), intrinsics
+    try:
+        intrinsics = read_camera(auxiliary.camera, shown)
+    except PhotoRefused as problem:
+        if auxiliary.camera is not None:
+            raise
+        raise _incomplete(picture, auxiliary, facts, no_lens=problem.problem) from problem
+    if auxiliary.detect is None:
+        upright = None if auxiliary.depth is not None else _upright(shown, intrinsics, facts)
+        raise _incomplete(picture, auxiliary, facts, upright=upright)
+    return shown, None if auxiliary.depth is None else _of_kind(auxiliary.depth(shown), facts), intrinsics
+
+
+def _of_kind(depth: Depth, facts: CameraFacts) -> Depth:
+    """Return a depth as people say who made it."""
+    if facts.depth_kind != "guessed" or depth.depth_distortion:
+        return depth
+    return replace(depth, depth_distortion=DEFAULT_DEPTH_DISTORTION, source=f"{depth.source}, guessed by a network")
 
 
 def reconstruct_scene(
@@ -227,7 +311,7 @@ def reconstruct_scene(
         on_progress(doubt)
     walls = () if given.depth is None else find_walls(observation, given.detections)
     walled = time.perf_counter()
-    on_progress(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
+    on_progress(f"camera {floor.height_m:.2f} m above the floor ({floor.source}), {len(walls)} walls")
     found = reconstruct(observation, given.detections, walls, on_progress, floor.spread_share)
     fitted = time.perf_counter()
     _require_things(given, found)

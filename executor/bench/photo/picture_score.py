@@ -21,7 +21,7 @@ from executor.bench.tables import rate_text
 from executor.campaign.rate import Rate
 from executor.geometry import Array
 from executor.photo.geometry.residuals import box_of
-from executor.photo.inputs.picture import Intrinsics
+from executor.photo.inputs.picture import Intrinsics, up_in_camera
 from llm.offline.lexicon import built_in
 from llm.vision import overlap
 
@@ -89,17 +89,6 @@ def is_called(label: str, category: str) -> bool:
 def outline_iou(mask: NDArray[np.bool_], box_px: Box) -> float:
     """Return the intersection over union of a box with the box around a mask (H, W); 0 for an empty mask."""
     return overlap(box_of(mask), box_px) if mask.any() else 0.0
-
-
-def up_in_camera(tilt_deg: float, roll_deg: float) -> Array:
-    """Return the (3,) vertical in the frame of a camera: x right, y down, z ahead.
-
-    Args:
-        tilt_deg: How far the camera looks down.
-        roll_deg: By how much the vertical leans to the right in the picture.
-    """
-    tilt, roll = math.radians(tilt_deg), math.radians(roll_deg)
-    return np.array([math.sin(roll) * math.cos(tilt), -math.cos(roll) * math.cos(tilt), -math.sin(tilt)])
 
 
 def angle_deg(first: Array, second: Array) -> float:

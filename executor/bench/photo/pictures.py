@@ -42,6 +42,7 @@ from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.inputs.annotations import Detection, boxes_in, is_left_out
 from executor.photo.inputs.depth import depth_in
+from executor.photo.inputs.picture import CameraFacts
 from executor.photo.output import prepared, visible_surfaces, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
@@ -233,11 +234,13 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
 
 
 def _auxiliary(picture: RealPicture) -> AuxiliaryInputs:
-    """Return what a user gives beside the picture; a measured depth has the scale, so that no height is needed."""
-    depth = None if picture.depth is None else depth_in(picture.depth, picture.depth_unit_m)
-    height_m = picture.level.get("height_m") if picture.depth is None else None
+    """Return what a user gives beside the picture: without depth, the camera's tilt and height as well."""
     detect = boxes_in(picture.boxes, picture.color.name)
-    return AuxiliaryInputs(detect, depth, str(picture.camera), camera_height_m=height_m)
+    if picture.depth is not None:
+        return AuxiliaryInputs(detect, depth_in(picture.depth, picture.depth_unit_m), str(picture.camera))
+    level = picture.level
+    facts = CameraFacts(level.get("tilt_deg"), level.get("roll_deg"), level.get("height_m"))
+    return AuxiliaryInputs(detect, camera=str(picture.camera), facts=facts)
 
 
 def _refused(picture: RealPicture, reason: str, kind: str) -> dict[str, Any]:
@@ -255,12 +258,13 @@ def _support(thing: Mapping[str, Any]) -> str:
 
 
 def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> dict[str, Any]:
-    level = level_scores(picture.level, given.floor.up, given.floor.height_m)
+    # Without depth, tilt and height are given.
+    level = None if given.depth is None else level_scores(picture.level, given.floor.up, given.floor.height_m)
     scene = result.made.scene
     if scene is None or result.made.refused:
         return {**_refused(picture, result.made.refused, "scene"), "level": level, "took_s": dict(result.took_s)}
     read = (thing["id"] for thing in picture.things if not is_left_out(str(thing["label"])))
-    detections: dict[str, Detection] = dict(zip(read, given.detections, strict=True))
+    detections: dict[str, Detection] = dict(zip(read, given.detections, strict=False))
     made_of = {id(one.detection): one.id for one in result.found.things}
     made = {key: made_of[id(one)] for key, one in detections.items() if id(one) in made_of}
     causes = {id(one.detection): one.cause.value for one in result.found.unfitted}

@@ -20,8 +20,9 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from executor.assets.library import LIBRARY
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array
-from executor.photo.geometry.level import find_upright, flat_observation, level_by_height, observe_by_height
-from executor.photo.geometry.observation import observe
+from executor.photo.geometry.level import flat_observation, level_by_height, scale_by_height
+from executor.photo.geometry.lines import find_upright
+from executor.photo.geometry.observation import levelled, observe
 from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.annotations import Detection, Detector
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth
@@ -218,7 +219,8 @@ def input_of(
         observation, floor = observe(picture, depth, camera)
     elif track == "E":
         guessed = Depth(mono_like(shot.depth_m, rng), _MONO, depth_distortion=DEFAULT_DEPTH_DISTORTION)
-        depth, observation, floor = observe_by_height(picture, guessed, camera, height_m)
+        depth, floor = scale_by_height(guessed, observe(picture, guessed, camera)[1], height_m)
+        observation = levelled(picture, depth, camera, floor)
     elif track == "S":
         depth = Depth(sensed(shot.depth_m, rng), _SENSED)
         observation, floor = observe(picture, depth, camera)

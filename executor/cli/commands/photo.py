@@ -65,12 +65,10 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
         inputs: Files and values typed with it.
         asked: The model that is asked for boxes, where there is one.
     """
-    from executor.photo.geometry.observation import HEIGHTS_M
+    from executor.photo.inputs.picture import CameraFacts
     from executor.photo.pipeline import AuxiliaryInputs, read_inputs
 
-    height_m, (low, high) = inputs.camera_height_m, HEIGHTS_M
-    good = height_m is None or low <= height_m <= high
-    check(good, "--camera-height-m", height_m, f"metres from {low:g} to {high:g}")
+    check(inputs.depth_kind is None or inputs.depth is not None, "--depth-kind", inputs.depth_kind, "--depth beside it")
     return read_inputs(
         picture,
         AuxiliaryInputs(
@@ -80,7 +78,7 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
             inputs.frame,
             inputs.length,
             inputs.board,
-            inputs.camera_height_m,
+            CameraFacts(inputs.tilt, inputs.roll, inputs.camera_height_m, inputs.depth_kind),
         ),
     )
 

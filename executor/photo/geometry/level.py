@@ -1,12 +1,6 @@
-"""Level frame and metric scale of pictures without metric depth.
+"""Floor and metric scale of pictures without metric depth.
 
-Edges of furniture, doors and room corners are vertical, so their lines in a picture meet in one point. That point is
-straight above or below the camera (Caprile and Torre 1990). Level lines mostly go in two directions, square to it and
-to each other. A ChArUco board on the floor gives both.
-
-A measured length, a board or the camera's height gives the scale. Depth that a network guesses is correct up to a
-factor and a shift, and is distorted slowly over the picture. On the floor the camera's height and the vertical give the
-true depth (metric depth from a ground plane: Xue et al. 2020).
+A measured length, a board or the camera's height gives the scale, also of depth that a network guesses.
 """
 
 from __future__ import annotations
@@ -16,16 +10,20 @@ import re
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.observation import HEIGHTS_M, TYPICAL, FloorPlane, Observation, level_rotation, observe
+from executor.photo.geometry.lines import VerticalDirection, heading_of_lines
+from executor.photo.geometry.observation import (
+    TYPICAL,
+    FloorPlane,
+    Observation,
+    level_rotation,
+    tilt_deg,
+)
+from executor.photo.geometry.planes import STEEPEST_RAD
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Intrinsics, Photograph
+from executor.photo.inputs.picture import HEIGHTS_M, Intrinsics, Photograph
 from executor.system.extras import require
 
 CLICKED_PX = 1.5
@@ -174,197 +172,7 @@ def _number(text: str) -> float:
     return float(text) if text.count(".") < 2 and text != "." else math.nan
 
 
-_LEAST_LINE_SHARE = 0.04  # Of the picture's height, that a line has to be long.
-_MOST_LINES = 90
-_UPRIGHT_RAD = math.radians(35.0)  # Off the picture's own vertical: lines far from its middle lean.
-_STEEPEST_RAD = math.radians(55.0)  # Largest pitch and roll of a camera.
-_MEET_RAD = math.radians(1.2)  # Between a line and the point in which the others meet.
-_LINE_RAD = 0.005  # Usual error of a line's direction.
-_ON_RAD, _END_PX, _FLATTEST = tuple(map(math.radians, (2.0, 1.0, 0.5, 0.3, 0.2))), 0.12, 0.05
-"""Decreasing tolerances of a line's direction; accuracy of its ends; a line along the view has hardly a direction in
-the picture."""
-
-_MOST_STRETCHED = 6.0  # Of a hue in CIELAB.
-
-_ASKEW_RAD = math.radians(2.0)  # Error of an approximate vertical.
-_LEAST_MEETING, _LEAST_LINES, _LEAST_ALIGNED_LENGTH = 5, 5, 0.25
-"""Least level lines of a direction; least lines of a vertical, and their share of the length of all."""
-
-_MEETINGS, _TRIED = 40, 8  # Vanishing points that are rated, and candidates that are refined.
-_DOWN_RAD = np.radians(np.arange(-10.0, 51.0, 2.0))  # Cameras are held about level.
-_OFF_HORIZON_RAD = math.radians(4.0)  # Off the horizon: a line on it can go anywhere.
-_LEAST_ALIGNED = 0.35  # Of the lines' lengths: where no two directions stand out, furniture is not known to have one.
 _HELD_SHARE = 0.02  # How exactly people know how high they hold a camera.
-
-
-@dataclass(frozen=True)
-class VerticalDirection:
-    """The vertical direction.
-
-    Attributes:
-        up: (3,) in the camera's frame.
-        lines: Number of supporting lines.
-    """
-
-    up: Array
-    lines: int
-
-
-@dataclass(frozen=True)
-class _Lines:
-    """The lines of a picture, the longest first.
-
-    Attributes:
-        normals: (N, 3) of their planes through the camera.
-        middles: (N, 3) unit vectors to their middles.
-        length: (N,) in pixels.
-        may_be_upright: (N,) whether they lean no more than vertical ones do.
-    """
-
-    normals: Array
-    middles: Array
-    length: Array
-    may_be_upright: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, picture: Photograph, camera: Intrinsics) -> _Lines:
-        ends, length = _line_ends(picture)
-        order = np.argsort(-length, kind="stable")
-        ends, length = ends[order], length[order]
-        along = ends[:, 1] - ends[:, 0]
-        leans = np.abs(np.arctan2(along[:, 0], along[:, 1]))
-        rays = _rays(ends, camera)
-        normals, middles = np.cross(rays[:, 0], rays[:, 1]), rays.sum(axis=1)
-        return cls(
-            normals / np.linalg.norm(normals, axis=1, keepdims=True),
-            middles / np.linalg.norm(middles, axis=1, keepdims=True),
-            length,
-            np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD,
-        )
-
-    def aligned_px(self, directions: Array, spread_rad: float) -> float:
-        """Return the total length of lines in some directions (N, 3), weighted by their angle."""
-        off = np.abs(self.normals @ directions.T).min(axis=1)
-        return float(self.length @ np.exp(-0.5 * (off / spread_rad) ** 2))
-
-    def directions(self, up: Array) -> Array:
-        """Return (1 or 3, 3) the vertical, and the two main level directions, if there are any."""
-        R = level_rotation(up)
-        heading_rad = self.heading_rad(R)
-        quarters = [] if heading_rad is None else [heading_rad, heading_rad + math.pi / 2]
-        return np.array([up, *(R.T @ [math.cos(turn), math.sin(turn), 0.0] for turn in quarters)])
-
-    def heading_rad(self, R: Array) -> float | None:
-        """Return one of two orthogonal main directions of level lines; None if none stands out."""
-        normals = self.normals @ R.T
-        # A level line is in its plane through the camera and in a level one.
-        along = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
-        horizontal = np.linalg.norm(along, axis=1)
-        good = (horizontal > math.sin(_OFF_HORIZON_RAD)) & (np.abs(normals[:, 2]) > math.sin(_MEET_RAD))
-        if int(good.sum()) < _LEAST_MEETING:
-            return None
-        turns = np.arctan2(along[good, 1], along[good, 0]) % (math.pi / 2)
-        weight = self.length[good]
-        tried = np.arange(0.0, math.pi / 2, _MEET_RAD / 2)
-        off = np.abs((turns[None, :] - tried[:, None] + math.pi / 4) % (math.pi / 2) - math.pi / 4)
-        with_it = (off < 2 * _MEET_RAD) @ weight
-        best = int(np.argmax(with_it))
-        if with_it[best] < _LEAST_ALIGNED * weight.sum():
-            return None
-        on = off[best] < 2 * _MEET_RAD
-        return float(np.angle(np.sum(weight[on] * np.exp(4j * turns[on]))) / 4)
-
-
-def find_upright(picture: Photograph, camera: Intrinsics, about: Array | None = None) -> VerticalDirection:
-    """Return the vertical by the picture's vertical and level lines.
-
-    Candidates are the vanishing points of vertical lines, and verticals of a level camera. The one is chosen for which
-    most lines are vertical or go in two orthogonal level directions.
-
-    Args:
-        picture: The picture.
-        camera: Its camera.
-        about: (3,) the vertical within some degrees, if depth gives it.
-
-    Raises:
-        PhotoRefused: Nothing else gives it, and too few lines go in such directions.
-        MissingExtra: OpenCV is not installed.
-    """
-    lines = _Lines.of(picture, camera)
-    if about is not None:
-        return _squared(lines, about)[0]
-    squared = [_squared(lines, up) for up in _likely(lines)] if len(lines.length) else []
-    rated = [(lines.aligned_px(directions, _LINE_RAD), found) for found, directions in squared]
-    aligned_px, best = max(rated, key=lambda one: one[0], default=(0.0, None))
-    if best is None or best.lines < _LEAST_LINES or aligned_px < _LEAST_ALIGNED_LENGTH * lines.length.sum():
-        raise _unlevelled(picture, 0 if best is None else best.lines)
-    return best
-
-
-def _likely(lines: _Lines) -> list[Array]:
-    """Return candidates (3,) of the vertical, the likeliest first."""
-    normals, length = (one[lines.may_be_upright][:_MOST_LINES] for one in (lines.normals, lines.length))
-    first, second = np.triu_indices(len(normals), 1)
-    meetings = np.cross(normals[first], normals[second])
-    size = np.linalg.norm(meetings, axis=1)
-    meetings = meetings[size > 1e-3] / size[size > 1e-3, None]
-    meetings = np.where(meetings[:, 1:2] > 0.0, -meetings, meetings)
-    meetings = meetings[-meetings[:, 1] > math.cos(_STEEPEST_RAD)]
-    near = np.abs(meetings @ normals.T) < math.sin(_MEET_RAD)
-    by_meeting = meetings[np.argsort(-(near @ length), kind="stable")]
-    held = [np.array([0.0, -math.cos(down), -math.sin(down)]) for down in _DOWN_RAD]
-    apart = _apart(by_meeting, _MEETINGS)
-    return sorted([*apart, *held], key=lambda up: -lines.aligned_px(lines.directions(up), _MEET_RAD / 2))[:_TRIED]
-
-
-def _apart(directions: Array, most: int) -> list[Array]:
-    """Return the first of some directions (N, 3) that differ by more than the vanishing tolerance."""
-    found: list[Array] = []
-    while len(directions) and len(found) < most:
-        found.append(directions[0])
-        directions = directions[directions @ directions[0] < math.cos(_MEET_RAD)]
-    return found
-
-
-def _squared(lines: _Lines, up: Array) -> tuple[VerticalDirection, Array]:
-    """Refine a vertical known within some degrees by all lines; return it with the directions (1 or 3, 3) of lines.
-
-    Level lines mostly go in two directions. Vertical ones in the middle of a picture hardly tell how far a camera looks
-    down; level ones do.
-    """
-    directions = lines.directions(up)
-    if not len(lines.length):
-        return VerticalDirection(up, 0), directions
-    turned = Rotation.identity()
-    for most_rad in _ON_RAD:
-        which, on = _nearest(lines, turned.apply(directions), most_rad)
-        turned = _turned(lines, on, directions[which[on]], turned)
-    found = turned.apply(directions)
-    _, on = _nearest(lines, found, _MEET_RAD)
-    return VerticalDirection(found[0], int(on.sum())), found
-
-
-def _nearest(lines: _Lines, directions: Array, most_rad: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return (N,) the direction of each line, and whether it fits that one and no other."""
-    off = np.abs(lines.normals @ directions.T)
-    by_size = np.sort(off, axis=1)
-    on = (by_size[:, 0] < math.sin(most_rad)) & (by_size[:, 1:] > math.sin(_OFF_HORIZON_RAD)).all(axis=1)
-    return np.argmin(off, axis=1), on
-
-
-def _turned(lines: _Lines, on: NDArray[np.bool_], directions: Array, first: Rotation) -> Rotation:
-    """Return the rotation that best fits some lines (N,), M of them, to their directions (M, 3)."""
-    normals, middles, half_px = lines.normals[on], lines.middles[on], lines.length[on] / 2
-
-    def off(rotation: Array) -> Array:
-        turned = Rotation.from_rotvec(rotation).apply(directions)
-        # The angle in the picture between a line and where its direction has it.
-        aside = np.linalg.norm(np.cross(middles, turned), axis=1)
-        angle = (normals * turned).sum(axis=1) / np.maximum(aside, _FLATTEST)
-        return np.concatenate([angle * half_px / _END_PX, rotation / _ASKEW_RAD])
-
-    # Most lines are exact; some are of round or askew objects.
-    return Rotation.from_rotvec(least_squares(off, first.as_rotvec(), loss="cauchy").x)
 
 
 def level_by_height(upright: VerticalDirection, height_m: float) -> FloorPlane:
@@ -373,7 +181,7 @@ def level_by_height(upright: VerticalDirection, height_m: float) -> FloorPlane:
     Raises:
         PhotoRefused: The height is absurd.
     """
-    return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.lines} lines; the camera's height as given")
+    return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.source}; the camera's height as given")
 
 
 def level_by_length(upright: VerticalDirection, camera: Intrinsics, known: KnownLength) -> FloorPlane:
@@ -393,7 +201,7 @@ def level_by_length(upright: VerticalDirection, camera: Intrinsics, known: Known
     height_m = known.length_m / max(apart, 1e-9)
     away = max(float(end[2]) for end in ends)
     spread = math.sqrt(2.0) * CLICKED_PX * away / camera.fx / max(apart, 1e-9)
-    return _floor(upright.up, height_m, spread, f"{upright.lines} lines; a known length on the floor")
+    return _floor(upright.up, height_m, spread, f"{upright.source}; a known length on the floor")
 
 
 def level_by_board(board: BoardPose) -> FloorPlane:
@@ -402,7 +210,7 @@ def level_by_board(board: BoardPose) -> FloorPlane:
     Raises:
         PhotoRefused: The board stands, or the camera would be absurdly high or low above it.
     """
-    if -board.normal[1] < math.cos(_STEEPEST_RAD):
+    if -board.normal[1] < math.cos(STEEPEST_RAD):
         raise PhotoRefused("scale", "--board", "does not lie on the floor", "without depth it has to")
     heights = -(board.corners_m @ board.normal)
     height_m = float(np.mean(heights))
@@ -423,190 +231,30 @@ def _floor(up: Array, height_m: float, spread_share: float, source: str) -> Floo
     if not HEIGHTS_M[0] <= height_m <= HEIGHTS_M[1]:
         problem = f"the camera would be {height_m:.2f} m above the floor"
         raise PhotoRefused("scale", source, problem, f"expected {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m")
-    tilt = math.degrees(math.asin(float(np.clip(-up[2], -1.0, 1.0))))
-    return FloorPlane(up, height_m, 0.0, tilt, 0.0, source, spread_share)
+    return FloorPlane(up, height_m, 0.0, tilt_deg(up), 0.0, source, spread_share)
 
 
-def heading_of_lines(picture: Photograph, camera: Intrinsics, R: Array) -> float | None:
-    """Return one of two orthogonal main directions of level lines; None if none stands out."""
-    return _Lines.of(picture, camera).heading_rad(R)
-
-
-def _line_ends(picture: Photograph) -> tuple[Array, Array]:
-    """Return (N, 2, 2) ends of the lines in a picture, and (N,) their lengths; in pixels.
-
-    Neighbouring surfaces of equal brightness may differ in hue: lines are detected in all channels of colour.
-    """
-    cv2 = require("cv2", "photo")
-    _, *hues = cv2.split(cv2.cvtColor(picture.rgb.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2LAB))
-    grey = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
-    # Weak colours are not scaled to the full range: their quantization steps are no lines.
-    scaled = ((hue - hue.min()) * min(_MOST_STRETCHED, 255.0 / max(float(np.ptp(hue)), 1.0)) for hue in hues)
-    channels = [grey, *(one.astype(np.uint8) for one in scaled)]
-    found = [cv2.createLineSegmentDetector().detect(channel)[0] for channel in channels]
-    ends = np.concatenate([np.zeros((0, 2, 2)), *(np.reshape(one, (-1, 2, 2)) for one in found if one is not None)])
-    ends += 0.5
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    good = length > _LEAST_LINE_SHARE * picture.size_px[1]
-    return ends[good], length[good]
-
-
-def _rays(ends: Array, camera: Intrinsics) -> Array:
-    """(N, 2, 3) rays through the ends (N, 2, 2) of lines."""
-    flat = (ends - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-    return np.concatenate([flat, np.ones((len(ends), 2, 1))], axis=2)
-
-
-def _unlevelled(picture: Photograph, lines: int) -> PhotoRefused:
-    problem = f"{lines} lines of it are upright or go in two level directions, which does not tell what is level"
-    return PhotoRefused("floor", picture.source, problem, "give depths, or lay a ChArUco board on the floor (--board)")
-
-
-_DOWN = 0.08  # Of a ray's length, which the floor's rays go down at least: nearer to the horizon nothing is known.
-_FARTHEST_M = 8.0
-_SAMPLES, _TRIALS = 6000, 500
-_POINTS, _SHIFT_M = 20, 0.06  # Straight points that a distorted floor is worth; usual shift of depth.
-_APART_M = 0.4  # Between the two floor points of a trial.
-_FLOOR_FACTORS, _MOST_SHIFT_M = (0.2, 5.0), 1.0
-_ON, _BELOW, _BELOW_WEIGHT = 0.03, 0.08, 3.0  # Shares of the distance. Nothing is below a floor.
-_STRAIGHT = 0.005  # Depth with less distortion on the floor, without noise, was measured: that has 0.002 at most.
-_LEAST_FLOOR_SHARE = 0.03  # Of the pixels below the horizon, that are floor.
-_SMOOTH_PX, _TRUST = (80.0, 40.0, 40.0, 20.0), 0.05
-"""Widths of the smoothing of distortion, decreasing; weight of unknown pixels in it."""
-
-
-def observe_by_height(
-    picture: Photograph, depth: Depth, camera: Intrinsics, height_m: float
-) -> tuple[Depth, Observation, FloorPlane]:
-    """Return corrected depth, and the picture in the level frame, for a known camera height.
+def scale_by_height(depth: Depth, floor: FloorPlane, height_m: float) -> tuple[Depth, FloorPlane]:
+    """Scale depth, and the floor that was found in it, so that the camera's height is correct.
 
     Args:
-        picture, camera: The input.
-        depth: Correct up to a factor, a shift, and slow distortion.
+        depth: Correct up to a factor, as networks guess it.
+        floor: The floor by its level planes. Below a top it is assumed, and that part is not scaled.
         height_m: Of the camera above the floor.
 
     Raises:
-        PhotoRefused: Nothing gives the vertical, or no floor is visible at that distance.
-        MissingExtra: OpenCV is not installed.
+        PhotoRefused: The factor is absurd.
     """
-    upright = find_upright(picture, camera, _about(picture, depth, camera))
-    depth = scale_by_floor(depth, camera, upright, height_m)
-    observation, floor = observe(picture, depth, camera, level_by_height(upright, height_m))
-    return (
-        depth,
-        replace(observation, heading_rad=heading_of_lines(picture, camera, observation.R_camera_level.T)),
+    assumed_m = 0.0 if floor.above_top_m is None else floor.height_m - floor.above_top_m
+    factor = (height_m - assumed_m) / (floor.height_m - assumed_m)
+    above_top_m = None if floor.above_top_m is None else floor.above_top_m * factor
+    scaled = replace(
         floor,
+        height_m=height_m,
+        visible_m2=floor.visible_m2 * factor**2,
+        residual_m=floor.residual_m * factor,
+        source=f"{floor.source}; the camera's height as given",
+        spread_share=_HELD_SHARE,
+        above_top_m=above_top_m,
     )
-
-
-def _about(picture: Photograph, depth: Depth, camera: Intrinsics) -> Array | None:
-    """Return the vertical by the depth's own floor, though it is distorted; None if none is visible."""
-    try:
-        return observe(picture, depth, camera)[1].up
-    except PhotoRefused:
-        return None
-
-
-def scale_by_floor(
-    depth: Depth, camera: Intrinsics, upright: VerticalDirection, height_m: float, seed: int = 0
-) -> Depth:
-    """Return depth in which the floor is flat and at its true distance, with its distortion.
-
-    Args:
-        depth: Correct up to a factor, a shift, and slow distortion.
-        camera: The picture's.
-        upright: The vertical.
-        height_m: Of the camera above the floor.
-        seed: Of the random pairs of floor points that are tried.
-
-    Raises:
-        PhotoRefused: No floor is visible at that distance.
-    """
-    rows, columns = depth.z_m.shape
-    down = -(camera.rays((columns, rows)) @ upright.up)
-    floor_m = height_m / np.maximum(down, 1e-6)
-    below = (down > _DOWN) & (floor_m < _FARTHEST_M) & (depth.z_m > 0.0)
-    z, true = depth.z_m[below], floor_m[below]
-    found = _line(z, true, np.random.default_rng(seed)) if len(z) > _SAMPLES // 10 else None
-    on = np.zeros(0, dtype=bool) if found is None else _is_on(found, z, true)
-    if found is None or on.sum() < _LEAST_FLOOR_SHARE * len(z):
-        problem = f"no floor is seen in it that would be {height_m:.2f} m below the camera"
-        raise PhotoRefused("scale", depth.source, problem, "is the camera's height right, and is enough floor seen?")
-    factor, shift_m = found
-    straight = np.maximum(factor * depth.z_m + shift_m, 0.0)
-    floor = np.zeros(depth.z_m.shape, dtype=bool)
-    floor[below] = on
-    bent = _slowly(np.where(floor, floor_m / np.maximum(straight, 1e-6) - 1.0, 0.0), floor, _SMOOTH_PX[-1], 1e-6)
-    depth_distortion = 1.4826 * float(np.median(np.abs(bent[floor])))
-    z_m = correct_depth(straight, np.where(below, floor_m, np.inf), floor)
-    description = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
-    return replace(
-        depth,
-        z_m=np.where(depth.z_m > 0.0, z_m, 0.0),
-        source=description,
-        depth_distortion=depth_distortion if depth_distortion > _STRAIGHT else 0.0,
-    )
-
-
-def correct_depth(z_m: Array, known_m: Array, is_known: NDArray[np.bool_] | None = None) -> Array:
-    """Correct depth (H, W) where it is known, blending into the uncorrected depth elsewhere.
-
-    Args:
-        z_m: Slowly distorted.
-        known_m: True depth, infinite if unknown.
-        is_known: Pixels to begin with; by default those near their known depth.
-    """
-    for round_px in _SMOOTH_PX:
-        if is_known is None:
-            is_known = np.isfinite(known_m) & (np.abs(z_m / known_m - 1.0) < _ON)
-        bent = np.where(is_known, known_m / np.maximum(z_m, 1e-6) - 1.0, 0.0)
-        z_m = z_m * (1.0 + _slowly(bent, is_known, round_px, _TRUST))
-        is_known = None
-    return z_m
-
-
-def _slowly(bent: Array, is_known: NDArray[np.bool_], round_px: float, trust: float) -> Array:
-    """Return (H, W) smoothed distortion, 0 where nothing is known; shrunk where little is known."""
-    return np.asarray(gaussian_filter(bent, round_px) / (gaussian_filter(is_known.astype(float), round_px) + trust))
-
-
-def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float] | None:
-    """Return factor and shift with most pixels on the floor and fewest below it."""
-    some = rng.choice(len(z), min(_SAMPLES, len(z)), replace=False)
-    z, true = z[some], true[some]
-    best, most = None, 0.0
-    for first, second in rng.integers(0, len(z), (_TRIALS, 2)):
-        if abs(true[first] - true[second]) < _APART_M or abs(z[first] - z[second]) < 1e-6:
-            continue
-        factor = float((true[first] - true[second]) / (z[first] - z[second]))
-        line = factor, float(true[first] - factor * z[first])
-        if not _FLOOR_FACTORS[0] <= factor <= _FLOOR_FACTORS[1] or abs(line[1]) > _MOST_SHIFT_M:
-            continue
-        score = float(_is_on(line, z, true).sum() - _BELOW_WEIGHT * _is_below(line, z, true).sum())
-        if score > most:
-            best, most = line, score
-    for _ in range(3 if best is not None else 0):
-        on = _is_on(best, z, true)
-        best = _likely_line(z[on], true[on])
-    return best
-
-
-def _likely_line(z: Array, true: Array) -> tuple[float, float]:
-    """Return factor and shift of floor points; a distorted floor weighs no more than a few straight points.
-
-    Without that, everything nearer than the visible floor would be far off.
-    """
-    # Errors of depth grow with the distance.
-    sides = np.stack([z / true, 1.0 / true], axis=1) / _ON * math.sqrt(_POINTS / len(z))
-    targets = np.full(len(z), 1.0 / _ON) * math.sqrt(_POINTS / len(z))
-    factor, shift_m = np.linalg.solve(sides.T @ sides + np.diag([0.0, _SHIFT_M**-2]), sides.T @ targets)
-    return float(factor), float(shift_m)
-
-
-def _is_on(line: tuple[float, float] | None, z: Array, true: Array) -> NDArray[np.bool_]:
-    factor, shift = line or (0.0, 0.0)
-    return np.asarray(np.abs((factor * z + shift) / true - 1.0) < _ON)
-
-
-def _is_below(line: tuple[float, float], z: Array, true: Array) -> NDArray[np.bool_]:
-    return np.asarray((line[0] * z + line[1]) / true > 1.0 + _BELOW)
+    return _scaled(depth, factor, _HELD_SHARE, "the camera's height"), scaled

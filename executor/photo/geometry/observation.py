@@ -1,23 +1,28 @@
 """The picture in the level frame: a ray, a depth and its noise for every pixel.
 
-The floor defines the level frame: it is the lowest large plane below the camera. It gives the vertical, the camera's
-height and the noise of the depth.
+The floor defines the level frame: it is the lowest large level plane of the depth. Where a table's top fills the
+picture, that is the lowest one. The floor is then below it by the usual height of a table, and the record says so.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
+from executor.photo.geometry.planes import LevelPlane, LevelPlanes, level_planes
+from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Intrinsics, Photograph
+from executor.photo.inputs.picture import HEIGHTS_M, CameraFacts, Intrinsics, Photograph
 from executor.system.extras import require
 
 
@@ -157,28 +162,18 @@ def is_hidden(observation: Observation, depth_m: Array) -> NDArray[np.bool_]:
     )
 
 
-_SAMPLES = 8000
-_LEAST_SLOPE = 0.02  # Of rays that meet the floor: lower ones carry no information.
-_TOLERANCES_M, _SIGMAS = (0.08, 0.04, 0.02, 0.01, 0.005, 0.0, 0.0, 0.0, 0.0), 1.5
-"""Decreasing tolerances of floor points, in addition to noise: feet of walls and legs are above the floor."""
-_TRIALS = 600
-_FARTHEST_M = 7.0  # Beyond that, noise makes every plane as good.
-_STEEPEST_RAD = math.radians(70.0)  # Between the floor's normal and the picture's upward direction.
-HEIGHTS_M = (0.4, 3.0)
-"""Of a camera above a floor; lower planes are tables."""
+USUAL_TOP_M = 0.74
+"""Height of a table whose floor is not visible: that of desks by EN 527-1, and of most dining tables."""
 
-_NEIGHBOUR_PX = 60
-_SPREAD_M2 = 0.35
-"""Least visible floor, in cells of 10 cm: a smaller area can be anything."""
-
-_AT_M, _NOISIEST_M = 2.0, 0.05  # Cameras for rooms have 1 cm there; more means no plane, or another one.
-_BELOW_WEIGHT = 3.0  # A floor has nothing below it; each point there counts against this many on it.
-_LEVELS = 8  # Bins of depth in which noise is measured.
-_REFINED, _ALIKE_M, _ALIKE = 12, 0.10, math.cos(math.radians(3.0))
-
+_LEAST_FLOOR_M2 = 0.2  # Visible floor: a smaller area can be a seat.
+_DESK_M = 0.75  # Nobody holds a camera lower above a floor; above a table's top, people do.
+_TOPS = ("table", "desk", "desk_with_drawers", "coffee_table", "countertop", "nightstand", "bottom_cabinet")
+_ON_TOP, _LEAST_LOWER_M = 0.8, 0.25  # Share of a plane in the box of its table; of a floor, below a top in that box.
+_AS_GIVEN = 0.1  # Share by which people are off with the height of a camera.
+_SAMPLES, _LEVELS = 8000, 8  # Points and bins of depth by which noise is measured.
 _SHOW_IT = (
-    f"expected {_SPREAD_M2} m2 of floor, {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m below the camera: take the picture so "
-    "that it shows some, and see that its depths are in the right unit (--depth-unit-m)"
+    "give --tilt and --camera-height-m, or take the picture so that it shows floor or a table's top; are the depths "
+    "in the right unit (--depth-unit-m)?"
 )
 
 
@@ -194,6 +189,7 @@ class FloorPlane:
         residual_m: Median distance of its points from the plane.
         source: Its origin, for people.
         spread_share: Relative uncertainty of its distance: the scale of everything on it.
+        above_top_m: Height of the camera above the top that was measured where no floor is visible; None elsewhere.
     """
 
     up: Array
@@ -203,11 +199,13 @@ class FloorPlane:
     residual_m: float
     source: str = "plane fitted to the depth"
     spread_share: float = 0.0
+    above_top_m: float | None = None
 
     def to_json(self) -> dict[str, object]:
         """Return it as plain data."""
         return {
             "camera_height_m": self.height_m,
+            "camera_above_top_m": self.above_top_m,
             "camera_looks_down_deg": self.tilt_deg,
             "floor_seen_m2": self.visible_m2,
             "floor_residual_m": self.residual_m,
@@ -217,147 +215,117 @@ class FloorPlane:
 
 
 def observe(
-    picture: Photograph, depth: Depth, camera: Intrinsics, under: FloorPlane | None = None, seed: int = 0
+    picture: Photograph, depth: Depth, camera: Intrinsics, things: Sequence[Detection] = ()
 ) -> tuple[Observation, FloorPlane]:
     """Return the picture in the level frame, and the floor that levels it.
 
     Args:
         picture, depth, camera: The input.
-        under: The floor, if it is known without the depth; else it is searched for.
-        seed: Of the random planes that are tried.
+        things: Detections, by which a table's top is told from a floor.
 
     Raises:
-        PhotoRefused: No floor is visible.
+        PhotoRefused: Nothing level is visible.
     """
-    rays = camera.rays(picture.size_px)
-    near = (depth.z_m > 0.0) & (depth.z_m < _FARTHEST_M)
-    rng = np.random.default_rng(seed)
-    candidates = _candidates(rays, depth.z_m, near, rng) if under is None else []
-    points = _sample(rays, depth.z_m, near, rng)
-    plane = _best(candidates, points) if under is None else (under.up, under.height_m)
-    if plane is None:
-        problem = "no floor is seen in it: nothing level is below the camera"
-        raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
-    floor = _described(points, *plane)
-    if under is not None:
-        floor = replace(floor, source=under.source, spread_share=under.spread_share)
-    if floor.visible_m2 < _SPREAD_M2 or not HEIGHTS_M[0] <= floor.height_m <= HEIGHTS_M[1]:
-        problem = f"no floor is seen in it: the best plane has {floor.visible_m2:.2f} m2, {floor.height_m:.2f} m below"
-        raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
-    noise = _noise(points, floor)
-    if float(noise.sigma_m(np.array(_AT_M))) > _NOISIEST_M:
-        problem = f"what looks like its floor is uneven by {100 * noise.sigma_m(np.array(_AT_M)):.0f} cm"
-        raise PhotoRefused("floor", picture.source, problem, "expected a flat floor, seen near the camera")
+    floor = floor_below(picture.source, level_planes(depth, camera), things)
+    return levelled(picture, depth, camera, floor), floor
+
+
+def levelled(picture: Photograph, depth: Depth, camera: Intrinsics, floor: FloorPlane) -> Observation:
+    """Return the picture in the level frame of a floor, with the noise of its depth there."""
     R = level_rotation(floor.up)
-    level = Observation(
+    return Observation(
         picture.rgb,
         depth.z_m,
-        rays @ R.T,
+        camera.rays(picture.size_px) @ R.T,
         np.array([0.0, 0.0, floor.height_m]),
         R.T,
-        noise,
+        _noise(depth, camera, floor),
         camera,
         depth_distortion=depth.depth_distortion,
     )
-    return level, floor
 
 
-def _sample(rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator) -> Array:
-    rows, columns = np.nonzero(near)
-    chosen = rng.choice(len(rows), min(_SAMPLES, len(rows)), replace=False)
-    return np.asarray(rays[rows[chosen], columns[chosen]] * z_m[rows[chosen], columns[chosen], None])
+def floor_below(
+    source: str | Path, found: LevelPlanes | None, things: Sequence[Detection] = (), facts: CameraFacts | None = None
+) -> FloorPlane:
+    """Return the floor by the level planes of the depth.
+
+    It is the lowest plane, unless that is a table's top: it lies in the box of a table, or near below the camera. A
+    given height decides.
+
+    Args:
+        source: The picture's file, for messages.
+        found: The planes; None without any.
+        things: Detections.
+        facts: What is known of the camera.
+
+    Raises:
+        PhotoRefused: There is no plane, and tilt and height are not given; or it is absurdly far below.
+    """
+    up, given_m = (None, None) if facts is None else (facts.up, facts.height_m)
+    if found is None:
+        if up is None or given_m is None:
+            raise PhotoRefused("floor", source, "no floor is seen in it: nothing level is below the camera", _SHOW_IT)
+        return FloorPlane(up, given_m, 0.0, tilt_deg(up), 0.0, "tilt and height as given; the depth has no level plane")
+    lowest = _lowest(found)
+    if lowest.height_m > HEIGHTS_M[1]:
+        problem = f"no floor is seen in it: the lowest level plane is {lowest.height_m:.2f} m below the camera"
+        raise PhotoRefused("floor", source, problem, f"expected at most {HEIGHTS_M[1]:g} m; {_SHOW_IT}")
+    carrier = _carrier(found, things)
+    if given_m is not None:
+        nearest = min(found.planes, key=lambda one: abs(one.height_m - given_m))
+        if abs(nearest.height_m - given_m) < _AS_GIVEN * given_m:
+            return _floor(found.up, nearest, "plane fitted to the depth, as far below the camera as given")
+        return _below(found.up, lowest, given_m, "the camera's height as given; the depth shows no floor there")
+    if carrier is None and lowest.height_m >= _DESK_M:
+        return _floor(found.up, lowest, "plane fitted to the depth")
+    named, top_m = ("table", USUAL_TOP_M) if carrier is None else (carrier.label, _usual_top_m(carrier))
+    assumed = f"assumed: {top_m:.2f} m below the top of the {named}, which is {lowest.height_m:.2f} m below the camera"
+    return _below(found.up, lowest, lowest.height_m + top_m, f"{assumed}; no floor is visible")
 
 
-def _candidates(
-    rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator
-) -> list[tuple[Array, float]]:
-    """Return planes through three neighbouring pixels, as (normal, height) with the camera above them."""
-    rows, columns = np.nonzero(near)
-    if len(rows) < 500:
-        return []
-    found = []
-    first = rng.choice(len(rows), _TRIALS)
-    for index in first:
-        offsets = rng.integers(-_NEIGHBOUR_PX, _NEIGHBOUR_PX + 1, (2, 2))
-        at = np.clip(
-            np.array([rows[index], columns[index]]) + np.vstack([[0, 0], offsets]), 0, np.array(near.shape) - 1
-        )
-        if not near[at[:, 0], at[:, 1]].all():
-            continue
-        a, b, c = rays[at[:, 0], at[:, 1]] * z_m[at[:, 0], at[:, 1], None]
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
-        if length < 1e-4:
-            continue
-        normal = normal / length
-        normal = normal if -normal[1] > 0 else -normal
-        height = -float(normal @ a)
-        # Neighbours are noisy, so that limits are wide here and narrow for the plane that is found.
-        if -normal[1] >= math.cos(_STEEPEST_RAD) and 0.7 * HEIGHTS_M[0] <= height <= 1.3 * HEIGHTS_M[1]:
-            found.append((normal, height))
-    return found
+def unnamed_top(found: LevelPlanes | None, floor: FloorPlane, things: Sequence[Detection]) -> Detection | None:
+    """Return the table whose top was measured where no floor is visible, unless it is detected; None without one."""
+    if found is None or floor.above_top_m is None or _carrier(found, things) is not None:
+        return None
+    pixels = _lowest(found).pixels
+    (x0, y0), (x1, y1) = pixels.min(axis=0), pixels.max(axis=0)
+    box_px = float(x0), float(y0), float(x1), float(y1)
+    return Detection("table", "table", box_px, 1.0, "level plane of the depth", provenance="detector")
 
 
-def _best(candidates: list[tuple[Array, float]], points: Array) -> tuple[Array, float] | None:
-    """Return the plane with the most points on it and the fewest below, None if there is none."""
-    planes = list(zip(*_refined(candidates, points), strict=True)) if len(points) >= 500 else []
-    return max(planes, key=lambda plane: _score(points, *plane)) if planes else None
+def _lowest(found: LevelPlanes) -> LevelPlane:
+    return next((one for one in found.planes if one.area_m2 >= _LEAST_FLOOR_M2), found.planes[0])
 
 
-def _refined(candidates: list[tuple[Array, float]], points: Array) -> tuple[list[Array], list[float]]:
-    """Fit the best candidates to the points near them, with decreasing tolerance."""
-    rough = [(_score(points, normal, height, slack_m=0.05), normal, height) for normal, height in candidates]
-    rough.sort(key=lambda one: -one[0])
-    normals, heights = [], []
-    kept: list[tuple[Array, float]] = []
-    for _, normal, height in rough:
-        # Of planes that are nearly the same the first one is enough.
-        if any(abs(height - other) < _ALIKE_M and normal @ near > _ALIKE for near, other in kept):
-            continue
-        kept.append((normal, height))
-        if len(kept) == _REFINED:
-            break
-    for normal, height in kept:
-        for tolerance_m in _TOLERANCES_M:
-            normal, height = _fitted(points, normal, height, tolerance_m)
-        # A plane that leans after refinement is a wall.
-        if -normal[1] >= math.cos(_STEEPEST_RAD):
-            normals.append(normal)
-            heights.append(height)
-    return normals, heights
+def _carrier(found: LevelPlanes, things: Sequence[Detection]) -> Detection | None:
+    """Return the detected table of which the lowest plane is the top: no other plane in its box is its top."""
+    lowest = _lowest(found)
+    higher = [one for one in found.planes if one.height_m < lowest.height_m - _LEAST_LOWER_M]
+    for thing in sorted((one for one in things if one.category in _TOPS), key=lambda one: one.area_px):
+        is_in = lowest.share_in(thing.box_px) >= _ON_TOP
+        if is_in and not any(one.share_in(thing.box_px) >= _ON_TOP for one in higher):
+            return thing
+    return None
 
 
-def _fitted(points: Array, normal: Array, height: float, tolerance_m: float) -> tuple[Array, float]:
-    """Fit a plane to the points near it: depth errs along rays, whose inverses are linear in them on a plane."""
-    rays = points / points[:, 2:]
-    slope = -(rays @ normal)
-    depth = height / np.maximum(slope, 1e-6)
-    sigma = TYPICAL.sigma_m(depth)
-    on = (slope > _LEAST_SLOPE) & (np.abs(points[:, 2] - depth) * slope < tolerance_m + _SIGMAS * sigma * slope)
-    if int(on.sum()) < 50:
-        return normal, height
-    weight = depth[on] ** 2 / sigma[on]
-    inverse, *_ = np.linalg.lstsq(rays[on] * weight[:, None], weight / points[on, 2], rcond=None)
-    fitted_m = 1.0 / float(np.linalg.norm(inverse))
-    return np.asarray(-fitted_m * inverse), fitted_m
+def _usual_top_m(thing: Detection) -> float:
+    entry = next(one for one in LIBRARY.values() if one.category == thing.category)
+    return entry.height.clipped(USUAL_TOP_M, entry.width.low)
 
 
-def _score(points: Array, normal: Array, height: float, slack_m: float = 0.01) -> float:
-    sigma = TYPICAL.sigma_m(points[:, 2])
-    off = points @ normal + height
-    on = (np.abs(off) < slack_m + sigma).sum()
-    below = (off < -0.05 - slack_m - 4 * sigma).sum()
-    return float(on - _BELOW_WEIGHT * below)
+def _floor(up: Array, plane: LevelPlane, source: str) -> FloorPlane:
+    return FloorPlane(up, plane.height_m, plane.area_m2, tilt_deg(up), plane.residual_m, source)
 
 
-def _described(points: Array, normal: Array, height: float) -> FloorPlane:
-    off = points @ normal + height
-    on = np.abs(off) < 0.015 + 2 * TYPICAL.sigma_m(points[:, 2])
-    R = level_rotation(normal)
-    cells = np.unique(np.round((points[on] @ R.T)[:, :2] / 0.1).astype(int), axis=0)
-    tilt = math.degrees(math.asin(float(np.clip(-normal[2], -1.0, 1.0))))
-    residual = float(np.median(np.abs(off[on]))) if on.any() else math.inf
-    return FloorPlane(normal, float(height), 0.01 * len(cells), tilt, residual)
+def _below(up: Array, top: LevelPlane, height_m: float, source: str) -> FloorPlane:
+    above_top_m = top.height_m if top.height_m < height_m else None
+    return FloorPlane(up, height_m, 0.0, tilt_deg(up), top.residual_m, source, above_top_m=above_top_m)
+
+
+def tilt_deg(up: Array) -> float:
+    """Return how far a camera with this vertical (3,) looks down [deg]."""
+    return math.degrees(math.asin(float(np.clip(-up[2], -1.0, 1.0))))
 
 
 def level_rotation(up: Array) -> Array:
@@ -367,14 +335,19 @@ def level_rotation(up: Array) -> Array:
     return np.stack([ahead, np.cross(up, ahead), up])
 
 
-def _noise(points: Array, floor: FloorPlane) -> Noise:
-    """Estimate the depth noise from the floor's points: their spread along the rays, by depth."""
-    off = points @ floor.up + floor.height_m
+def _noise(depth: Depth, camera: Intrinsics, floor: FloorPlane) -> Noise:
+    """Estimate the depth noise from the points of floor or top: their spread along the rays, by depth."""
+    rows, columns = np.nonzero(depth.z_m > 0.0)
+    some = np.linspace(0, len(rows) - 1, 4 * _SAMPLES).astype(int) if len(rows) else np.zeros(0, dtype=int)
+    z = depth.z_m[rows[some], columns[some]]
+    rays = camera.rays((depth.z_m.shape[1], depth.z_m.shape[0]))[rows[some], columns[some]]
     # Depth errs along the ray, which meets the floor at a low angle: the foot of a wall is farther off than noise.
-    slope = np.abs(points @ floor.up) / points[:, 2]
-    on = np.abs(off) < 0.005 + 3 * TYPICAL.sigma_m(points[:, 2]) * slope
-    along = np.abs(off[on]) / np.maximum(slope[on], 1e-6)
-    z = points[on, 2]
+    slope = -(rays @ floor.up)
+    off = z * slope - (floor.height_m if floor.above_top_m is None else floor.above_top_m)
+    on = np.abs(off) < 0.005 + 3 * TYPICAL.sigma_m(z) * np.abs(slope)
+    if on.sum() < _LEVELS * _LEVELS:
+        return TYPICAL
+    along, z = np.abs(off[on]) / np.maximum(slope[on], 1e-6), z[on]
     edges = np.quantile(z, np.linspace(0, 1, _LEVELS + 1))
     bins = [(z >= low) & (z <= high) for low, high in itertools.pairwise(edges)]
     spread = np.array([1.4826 * np.median(along[one]) for one in bins])

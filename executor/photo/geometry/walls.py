@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from executor.geometry import Array
 from executor.photo.geometry.observation import Observation
@@ -36,13 +35,7 @@ _TOLERANCES_M, _SIGMAS = (0.06, 0.03, 0.02, 0.01, 0.005, 0.005, 0.005), 1.5
 """Decreasing tolerances of a wall's points, in addition to noise: objects before it are on one side."""
 _MOST_THROUGH = 0.04  # Of the pixels that look at it.
 _BEGINS = 2.0  # Percentile of the pixels over a wall that gives its top despite noise.
-_ON_FLOOR, _BEND_PX, _FAR_FROM_FLOOR = 0.03, 40.0, 1e-4
-"""For distorted depth: relative tolerance of floor pixels; range in the picture in which they correct distortion;
-weight without floor nearby."""
-
 _AS_OTHERS = math.cos(math.radians(15.0))  # Angle between a plane and another wall that may be aligned.
-_SQUARE, _CORNER_M = math.cos(math.radians(10.0)), 0.3  # Of walls that meet.
-_ASKEW_RAD = math.radians(15.0)  # Rotation of a wall by distortion; one with more is not along the lines.
 _BEYOND_M, _BEYOND = 0.15, 0.04
 """Largest share of visible points beyond a wall's plane, if no boxes mark furniture."""
 
@@ -141,7 +134,6 @@ def find_walls(
     free = unboxed & (observation.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
     left, sigma_left = points[free], sigma[free]
     least, enough = max(_LEAST_POINTS, _LEAST_SHARE * len(left)), _SHARE * len(left)
-    straight = _straight(observation)[free]
     found: list[Wall] = []
     for _ in range(2 * _MOST):
         if len(left) < least or len(found) == _MOST:
@@ -149,12 +141,10 @@ def find_walls(
         plane = _plane(left, sigma_left, rng)
         if plane is None:
             break
-        normal, offset = plane if observation.depth_distortion else _along_others(left, sigma_left, plane, found)
+        normal, offset = _along_others(left, sigma_left, plane, found)
         near = np.abs(left[:, :2] @ normal - offset) < 0.05 + 3 * sigma_left
         if int(near.sum()) < least:
             break
-        if observation.depth_distortion and observation.heading_rad is not None:
-            normal, offset = _squared(left[near], (normal, offset), observation.heading_rad, straight[near])
         wall = _lowered_to_visible_top(_wall(left[near], normal, offset), observation)
         # A strip of a table's top is in a plane, too.
         is_upright = (left[near, 2] < wall.top_m - _STRIP_M).mean() > _LEAST_BELOW
@@ -173,8 +163,8 @@ def find_walls(
             and all(_differs(wall, other) for other in found)
         ):
             found.append(_with_top(wall, observation))
-        left, sigma_left, straight = left[~near], sigma_left[~near], straight[~near]
-    return _ended_in_corners(found) if observation.depth_distortion else tuple(found)
+        left, sigma_left = left[~near], sigma_left[~near]
+    return tuple(found)
 
 
 def find_walls_again(
@@ -248,43 +238,6 @@ def _along_others(
         if (np.abs(across - as_other) < within_m).sum() >= near.sum():
             return normal_of_other, as_other
     return plane
-
-
-def _ended_in_corners(walls: Sequence[Wall]) -> tuple[Wall, ...]:
-    """End walls where others begin; distorted depth has them slightly beyond."""
-    found = []
-    for wall in walls:
-        low, high = wall.span_m
-        for other in walls:
-            across = float(other.normal @ wall.along)
-            if abs(across) < _SQUARE:
-                continue
-            corner = other.offset_m / across
-            low = corner if abs(low - corner) < _CORNER_M else low
-            high = corner if abs(high - corner) < _CORNER_M else high
-        found.append(replace(wall, span_m=(low, high)))
-    return tuple(found)
-
-
-def _straight(observation: Observation) -> Array:
-    """Return (H, W) how much floor is visible near each pixel; it has corrected the distortion there."""
-    on_floor = observation.measured & (np.abs(observation.z_m / observation.floor_z_m - 1.0) < _ON_FLOOR)
-    return np.asarray(gaussian_filter(on_floor.astype(float), _BEND_PX)) + _FAR_FROM_FLOOR
-
-
-def _squared(points: Array, plane: tuple[Array, float], heading_rad: float, straight: Array) -> tuple[Array, float]:
-    """Fit a wall of distorted depth: along the lines of the room, at its distance near visible floor."""
-    normal, _ = plane
-    found_rad = math.atan2(normal[1], normal[0])
-    askew_rad = math.remainder(found_rad - heading_rad, math.pi / 2)
-    if abs(askew_rad) > _ASKEW_RAD:
-        return plane
-    turn = found_rad - askew_rad
-    along = np.array([math.cos(turn), math.sin(turn)])
-    offsets = points[:, :2] @ along
-    order = np.argsort(offsets)
-    reached = np.cumsum(straight[order])
-    return along, float(offsets[order][np.searchsorted(reached, reached[-1] / 2)])
 
 
 def _wall(points: Array, normal: Array, offset: float) -> Wall:

@@ -7,9 +7,10 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,6 +199,80 @@ class Intrinsics:
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy, "source": self.source}
 
 
+DepthKind: TypeAlias = Literal["measured", "guessed"]
+"""A sensor measured a depth, or a network guessed it from the picture."""
+
+HEIGHTS_M = (0.4, 3.0)
+"""Of a camera above a floor."""
+
+_TILTS_DEG, _ROLLS_DEG = (-45.0, 85.0), (-45.0, 45.0)
+
+
+@dataclass(frozen=True)
+class CameraFacts:
+    """What people know of a camera and its depth beside the lens.
+
+    Attributes:
+        tilt_deg: How far it looks down.
+        roll_deg: By how much the vertical leans to the right in the picture; 0 by default.
+        height_m: Above the floor.
+        depth_kind: Who made the depth; a sensor by default.
+    """
+
+    tilt_deg: float | None = None
+    roll_deg: float | None = None
+    height_m: float | None = None
+    depth_kind: DepthKind | None = None
+
+    @property
+    def up(self) -> Array | None:
+        """(3,) the vertical in the camera's frame; None if the tilt is unknown."""
+        return None if self.tilt_deg is None else up_in_camera(self.tilt_deg, self.roll_deg or 0.0)
+
+
+def read_facts(given: str | None, options: CameraFacts) -> CameraFacts:
+    """Return what is known of a camera: by options, else by its JSON file.
+
+    Args:
+        given: The value of `--camera`; a JSON file may have `tilt_deg`, `roll_deg`, `height_m` and `depth_kind`.
+        options: Facts that were typed.
+
+    Raises:
+        PhotoRefused: One is impossible, or a roll has no tilt.
+        OSError: The file cannot be read.
+    """
+    path = Path(given or "")
+    data = _object_in(path) if path.suffix.lower() == ".json" else {}
+    written = {name: data[name] for name in ("tilt_deg", "roll_deg", "height_m", "depth_kind") if name in data}
+    typed = {name: value for name, value in asdict(options).items() if value is not None}
+    facts = {**written, **typed}
+    for name, option, (low, high), unit in (
+        ("tilt_deg", "--tilt", _TILTS_DEG, "degrees"),
+        ("roll_deg", "--roll", _ROLLS_DEG, "degrees"),
+        ("height_m", "--camera-height-m", HEIGHTS_M, "metres"),
+    ):
+        if name in facts and not low <= _number(facts[name]) <= high:
+            source = option if name in typed else f"{path}: {name}"
+            raise PhotoRefused("camera", source, f"is {facts[name]}", f"expected {unit} from {low:g} to {high:g}")
+    if facts.get("depth_kind") not in (None, *get_args(DepthKind)):
+        problem = f"depth_kind is {facts['depth_kind']!r}"
+        raise PhotoRefused("camera", path, problem, f"expected {' or '.join(get_args(DepthKind))}")
+    if "roll_deg" in facts and "tilt_deg" not in facts:
+        raise PhotoRefused("camera", "--roll", "has no tilt beside it", "give --tilt as well")
+    return CameraFacts(**facts)
+
+
+def up_in_camera(tilt_deg: float, roll_deg: float) -> Array:
+    """Return the (3,) vertical in the frame of a camera: x right, y down, z ahead.
+
+    Args:
+        tilt_deg: How far the camera looks down.
+        roll_deg: By how much the vertical leans to the right in the picture.
+    """
+    tilt, roll = math.radians(tilt_deg), math.radians(roll_deg)
+    return np.array([math.sin(roll) * math.cos(tilt), -math.cos(roll) * math.cos(tilt), -math.sin(tilt)])
+
+
 def read_camera(given: str | None, picture: Photograph) -> Intrinsics:
     """Return the intrinsics of a picture.
 
@@ -226,13 +301,18 @@ def read_camera(given: str | None, picture: Photograph) -> Intrinsics:
     return _likely(_from_file(path, picture), picture, str(path))
 
 
-def _from_file(path: Path, picture: Photograph) -> Intrinsics:
+def _object_in(path: Path) -> Mapping[str, Any]:
     try:
         data = read_json(path)
     except ValueError as error:
         raise PhotoRefused("camera", path, f"is no JSON ({error})", _FORMS) from error
     if not isinstance(data, Mapping):
         raise PhotoRefused("camera", path, "is no object", _FORMS)
+    return data
+
+
+def _from_file(path: Path, picture: Photograph) -> Intrinsics:
+    data = _object_in(path)
     numbers = [data.get(name) for name in ("fx", "fy", "cx", "cy")]
     if "K" in data:
         try:

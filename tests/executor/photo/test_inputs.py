@@ -302,7 +302,8 @@ def test_the_command_line_says_in_one_message_what_cannot_be_used(
         ("letter.png", "--boxes", "own.json", *camera): "no known format",
         ("noise.png", "--depth", "letter.png", "--boxes", "own.json", *camera): "no known format",
         ("noise.png", "--boxes", "own.json", "--camera-height-m", "nan", *camera): "metres from 0.4 to 3",
-        ("noise.png", *camera): "give --boxes, --detector or --model",
+        ("noise.png", "--boxes", "own.json", "--tilt", "95", *camera): "degrees from -45 to 85",
+        ("noise.png", *camera): "3 things are missing",
     }
     for words, said in ends.items():
         assert run(["photo", *words, "--out", "out"]) == 2

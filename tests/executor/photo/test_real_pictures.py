@@ -30,7 +30,6 @@ from executor.bench.photo.picture_score import (
     points_in_camera,
     sections,
     size_scores,
-    up_in_camera,
     within,
 )
 from executor.bench.photo.pictures import OutOfTime, cpu_limit, measure_pictures, reached, read_pictures
@@ -40,7 +39,7 @@ from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.geometry.level import flat_observation
 from executor.photo.geometry.observation import FloorPlane
 from executor.photo.geometry.residuals import box_of
-from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
+from executor.photo.inputs.picture import Exif, Intrinsics, Photograph, up_in_camera
 from executor.photo.output import visible_surfaces
 from executor.records import Rollout
 from executor.scenes import library

@@ -1,0 +1,222 @@
+"""Level planes of depth, a floor message from a table's top, and what people know of the camera."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from executor.bench.photo.picture_score import angle_deg
+from executor.cli.app import run
+from executor.geometry import Array
+from executor.photo.errors import PhotoRefused
+from executor.photo.geometry.lines import find_upright
+from executor.photo.geometry.observation import USUAL_TOP_M, floor_below, observe, unnamed_top
+from executor.photo.geometry.planes import level_planes
+from executor.photo.inputs.annotations import Detection, boxes_in
+from executor.photo.inputs.depth import Depth, depth_in
+from executor.photo.inputs.picture import CameraFacts, Exif, Intrinsics, Photograph, read_facts, up_in_camera
+from executor.photo.pipeline import AuxiliaryInputs, read_inputs
+from tests.executor.photo.test_level import CAMERA as LINES_CAMERA
+from tests.executor.photo.test_level import drawn as drawn_boxes
+
+SIZE = (320, 240)
+CAMERA = Intrinsics(290.0, 290.0, 160.0, 120.0, "drawn")
+PICTURE = Photograph(Path("drawn.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8), Exif(None, None, ""))
+EVERYTHING = (0.0, 0.0, float(SIZE[0]), float(SIZE[1]))
+
+
+def depth_of(
+    up: Array, floor_m: float | None, top_m: float | None = None, growth: float = 0.003, seed: int = 0
+) -> Depth:
+    """Return the depth of a floor, and of a top that is less far below the camera; a far wall is behind both.
+
+    Args:
+        up: (3,) the vertical in the camera's frame.
+        floor_m, top_m: How far below the camera; the top fills the left half, or everything if there is no floor.
+        growth: Standard deviation of the noise by the square of the depth [1/m].
+        seed: Of the noise.
+    """
+    rays = CAMERA.rays(SIZE)
+    down = np.maximum(-(rays @ up), 1e-6)
+    z = np.full(down.shape, 6.0) if floor_m is None else np.minimum(floor_m / down, 6.0)
+    if top_m is not None:
+        over = np.ones(down.shape, dtype=bool) if floor_m is None else np.arange(SIZE[0])[None, :] < SIZE[0] / 2
+        # A table ends 1.5 m away.
+        z = np.where(over & (top_m / down < 1.5), top_m / down, z)
+    noise = np.random.default_rng(seed).normal(size=z.shape)
+    return Depth(np.maximum(z + noise * (0.001 + growth * z**2), 0.11), "drawn")
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.floats(10.0, 60.0), st.floats(-12.0, 12.0), st.floats(0.9, 2.0), st.floats(0.3, 0.6), st.integers(0, 99))
+def test_the_vertical_and_both_heights_are_those_that_were_drawn(
+    tilt_deg: float, roll_deg: float, floor_m: float, top_m: float, seed: int
+) -> None:
+    up = up_in_camera(tilt_deg, roll_deg)
+    found = level_planes(depth_of(up, floor_m, top_m, seed=seed), CAMERA)
+    assert found is not None and angle_deg(found.up, up) < 0.3
+    assert [one.height_m for one in found.planes] == pytest.approx([floor_m, top_m], abs=0.02)
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.floats(20.0, 60.0), st.floats(-10.0, 10.0), st.floats(0.25, 0.7))
+def test_a_top_that_fills_the_picture_is_a_table_of_usual_height(
+    tilt_deg: float, roll_deg: float, top_m: float
+) -> None:
+    depth, up = depth_of(up_in_camera(tilt_deg, roll_deg), None, top_m), up_in_camera(tilt_deg, roll_deg)
+    seen, floor = observe(PICTURE, depth, CAMERA)
+    assert angle_deg(floor.up, up) < 0.3
+    assert floor.above_top_m == pytest.approx(top_m, abs=0.02)
+    assert floor.height_m == pytest.approx(top_m + USUAL_TOP_M, abs=0.02) and floor.visible_m2 == 0.0
+    assert floor.source.startswith("assumed") and floor.to_json()["camera_above_top_m"] == floor.above_top_m
+    assert seen.noise.growth_per_m == pytest.approx(0.003, abs=0.0015)
+    # The top is there for what stands on it, also where nobody has put a box around the table.
+    top = unnamed_top(level_planes(depth, CAMERA), floor, ())
+    assert top is not None and top.category == "table" and top.provenance == "detector"
+
+
+def test_the_box_of_a_table_decides_where_its_top_is_as_far_down_as_a_floor() -> None:
+    found = level_planes(depth_of(up_in_camera(35.0, 0.0), None, 0.9), CAMERA)
+    assert floor_below("p", found).above_top_m is None
+    counter = Detection("kitchen counter", "countertop", EVERYTHING, 1.0, "me")
+    below = floor_below("p", found, [counter])
+    assert below.above_top_m == pytest.approx(0.9, abs=0.02) and "kitchen counter" in below.source
+    assert unnamed_top(found, below, [counter]) is None
+    # A box around something else, or around a part, is no such evidence.
+    for other in (replace(counter, category="sofa"), replace(counter, box_px=(0.0, 0.0, 100.0, 240.0))):
+        assert floor_below("p", found, [other]).above_top_m is None
+
+
+def test_a_floor_below_a_table_is_the_floor_though_the_tables_box_is_around_both() -> None:
+    found = level_planes(depth_of(up_in_camera(35.0, 0.0), 1.4, 0.66), CAMERA)
+    floor = floor_below("p", found, [Detection("desk", "desk", EVERYTHING, 1.0, "me")])
+    assert floor.height_m == pytest.approx(1.4, abs=0.02) and floor.above_top_m is None and floor.visible_m2 > 0.2
+
+
+def test_a_given_height_decides_and_a_given_tilt_stands_where_nothing_level_is_measured() -> None:
+    found = level_planes(depth_of(up_in_camera(35.0, 0.0), None, 0.6), CAMERA)
+    given_floor = floor_below("p", found, (), CameraFacts(height_m=1.3))
+    assert given_floor.height_m == 1.3 and given_floor.above_top_m == pytest.approx(0.6, abs=0.02)
+    nearly = floor_below("p", found, (), CameraFacts(height_m=0.62))
+    assert nearly.height_m == pytest.approx(0.6, abs=0.02) and nearly.above_top_m is None
+    wall = Depth(np.full((SIZE[1], SIZE[0]), 2.0), "a wall straight ahead")
+    assert level_planes(wall, CAMERA) is None
+    with pytest.raises(PhotoRefused, match="nothing level is below") as caught:
+        floor_below("p", None, (), CameraFacts(tilt_deg=10.0))
+    assert caught.value.kind == "floor"
+    alone = floor_below("p", None, (), CameraFacts(10.0, 2.0, 1.5))
+    assert alone.height_m == 1.5 and alone.tilt_deg == pytest.approx(10.0) and "given" in alone.source
+    with pytest.raises(PhotoRefused, match="expected at most 3 m"):
+        floor_below("p", level_planes(depth_of(up_in_camera(60.0, 0.0), 3.5), CAMERA))
+
+
+def test_of_two_slopes_the_one_near_the_given_tilt_is_level() -> None:
+    # A board that leans by 25 degrees fills most of the picture.
+    up, board = up_in_camera(30.0, 0.0), up_in_camera(55.0, 0.0)
+    floor, leaning = depth_of(up, 1.4), depth_of(board, 1.1)
+    z_m = np.where(np.arange(SIZE[0])[None, :] < 110, floor.z_m, leaning.z_m)
+    both = Depth(z_m, "drawn")
+    free, near = level_planes(both, CAMERA), level_planes(both, CAMERA, up_in_camera(33.0, 2.0))
+    assert free is not None and angle_deg(free.up, board) < 1.0
+    assert near is not None and angle_deg(near.up, up) < 1.0
+
+
+def test_lines_tell_the_same_at_any_resolution() -> None:
+    cv2 = pytest.importorskip("cv2")
+    clear = drawn_boxes((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))
+    clutter = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    vague = replace(clear, rgb=cv2.resize(clutter, clear.size_px, interpolation=cv2.INTER_NEAREST))
+    vague = replace(
+        vague,
+        rgb=np.ascontiguousarray(cv2.warpAffine(vague.rgb, np.float64([[1, 0.3, 0], [0.2, 1, 0]]), clear.size_px)),
+    )
+    ups = []
+    for factor in (0.75, 1.0, 2.5):
+        camera = Intrinsics(*(factor * one for one in (520.0, 520.0, 320.0, 240.0)), "drawn")
+        size = round(factor * 640), round(factor * 480)
+
+        def scaled(picture: Photograph, size: tuple[int, int] = size) -> Photograph:
+            return replace(picture, rgb=np.asarray(Image.fromarray(picture.rgb).resize(size, Image.Resampling.LANCZOS)))
+
+        ups.append(find_upright(scaled(clear), camera).up)
+        with pytest.raises(PhotoRefused) as caught:
+            find_upright(scaled(vague), camera)
+        assert caught.value.kind == "floor"
+    assert max(angle_deg(ups[1], one) for one in ups) < 0.3
+    assert ups[1] == pytest.approx(find_upright(clear, LINES_CAMERA).up)
+
+
+def test_facts_are_typed_or_in_the_camera_file_and_typed_ones_count(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({"fx": 1, "tilt_deg": 20, "roll_deg": 1, "height_m": 1.2, "depth_kind": "guessed"}))
+    assert read_facts(str(path), CameraFacts()) == CameraFacts(20, 1, 1.2, "guessed")
+    assert read_facts(str(path), CameraFacts(tilt_deg=25.0)) == CameraFacts(25.0, 1, 1.2, "guessed")
+    assert read_facts("hfov=60", CameraFacts(height_m=1.0)) == CameraFacts(height_m=1.0)
+    for wrong in ({"tilt_deg": 120}, {"height_m": "high"}, {"depth_kind": "felt"}, {"roll_deg": 3}, {"tilt_deg": None}):
+        path.write_text(json.dumps(wrong))
+        with pytest.raises(PhotoRefused) as caught:
+            read_facts(str(path), CameraFacts())
+        assert caught.value.kind == "camera"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    noise = np.random.default_rng(0).integers(0, 255, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+    Image.fromarray(noise).save("bare.jpg")
+    np.save("depth.npy", depth_of(up_in_camera(30.0, 0.0), 1.4).z_m)
+    things = [{"label": "chair", "box": [40, 60, 120, 200]}]
+    Path("boxes.json").write_text(json.dumps({"source": "me", "things": things}))
+    return tmp_path
+
+
+def test_a_given_tilt_and_height_level_a_picture_without_depth(folder: Path) -> None:
+    detect = boxes_in(folder / "boxes.json", "bare.jpg")
+    facts = CameraFacts(20.0, 3.0, 1.5)
+    made = read_inputs(folder / "bare.jpg", AuxiliaryInputs(detect, camera="hfov=60", facts=facts))
+    assert made.floor.up == pytest.approx(up_in_camera(20.0, 3.0)) and made.floor.height_m == 1.5
+    assert "tilt as given" in made.floor.source and not made.observation.has_depth
+    other = read_inputs(
+        folder / "bare.jpg", AuxiliaryInputs(detect, camera="hfov=60", facts=replace(facts, tilt_deg=21.0))
+    )
+    assert made.sha256 != other.sha256
+
+
+def test_a_depth_file_can_be_a_guess(folder: Path) -> None:
+    detect = boxes_in(folder / "boxes.json", "bare.jpg")
+    measured = AuxiliaryInputs(detect, depth_in(folder / "depth.npy", None), "hfov=58")
+    guessed = replace(measured, facts=CameraFacts(depth_kind="guessed"))
+    first, second = read_inputs(folder / "bare.jpg", measured), read_inputs(folder / "bare.jpg", guessed)
+    assert first.observation.is_exact and not second.observation.is_exact
+    assert second.depth is not None and "guessed" in second.depth.source
+    assert first.sha256 != second.sha256
+
+
+MISSING = {
+    (): ("--boxes", "--camera hfov=", "--tilt", "--camera-height-m"),
+    ("--camera", "hfov=60"): ("--boxes", "--tilt", "--camera-height-m"),
+    ("--camera", "hfov=60", "--boxes", "boxes.json"): ("--tilt", "--camera-height-m"),
+    ("--camera", "hfov=60", "--boxes", "boxes.json", "--camera-height-m", "1.5"): ("--tilt",),
+    ("--boxes", "boxes.json", "--tilt", "20", "--camera-height-m", "1.5"): ("--camera hfov=",),
+    ("--depth", "depth.npy"): ("--boxes", "--camera hfov="),
+}
+
+
+@pytest.mark.parametrize("words", MISSING, ids=" ".join)
+def test_one_message_has_everything_that_is_missing(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    assert run(["photo", "bare.jpg", *words, "--out", "out"]) == 2
+    message = " ".join(capsys.readouterr().err.split())
+    options = ("--boxes", "--camera hfov=", "--tilt", "--camera-height-m")
+    assert message.startswith("scene2demo: bare.jpg: ") and "Traceback" not in message
+    asked = message.split("command is: " if not words else "; add ")[-1].split(" (--depth")[0]
+    assert [one for one in options if one in asked] == list(MISSING[words])
+    assert not (folder / "out").exists()
