@@ -81,7 +81,8 @@ class Detection:
     def name_as(self, entry: ModelEntry, smaller_side_m: float = 0.0) -> str:
         """Return the category in a scene if it is fitted by a model: the label, if that is more specific.
 
-        A label is more specific if the lexicon has other names for it: a dresser is no cabinet for a query.
+        It is so unless the lexicon has it as another name of the category: a dresser is no cabinet for a query, and a
+        wine glass no water glass.
 
         Args:
             entry: The model; a generic shape has no name of its own.
@@ -93,7 +94,8 @@ class Detection:
         if entry.model in GENERIC:
             return label
         known, own = (built_in().category_of(one) for one in (label, entry.category))
-        if known is not own and kind_of(label, smaller_side_m) is kind_of(entry.category, smaller_side_m):
+        is_synonym = own is not None and known is own and label.replace("_", " ") in own.names
+        if not is_synonym and kind_of(label, smaller_side_m) is kind_of(entry.category, smaller_side_m):
             return label
         return written_category(label, entry)
 
