@@ -19,6 +19,7 @@ from executor.assets import families
 from executor.assets.asset_geometry import scaled
 from executor.assets.families import appliances, furniture, items
 from executor.assets.families.casework import HANDLE_PARAMETERS, HINGE
+from executor.assets.families.generic import GENERIC
 from executor.assets.importers.store import PREFIX, imported_asset
 from executor.assets.model import Asset
 from executor.assets.parameters import (
@@ -207,6 +208,8 @@ LIBRARY = _with_added(
     ((str(module.__file__), entry.model, entry) for module in _MODULES for entry in getattr(module, "MODELS", ())),
 )
 """Every model by its name."""
+BUILT: Mapping[str, ModelEntry] = MappingProxyType({**LIBRARY, **GENERIC})
+"""The library's models and the generic shapes, which objects of any category can have."""
 FAMILIES = _with_added(
     "category's word",
     _FAMILIES,
@@ -259,17 +262,18 @@ def asset_for(obj: SceneObject) -> Asset:
     """Return an object's geometry: links, joints, handles and regions at its final size.
 
     Args:
-        obj: A scene object. Its `model` names an entry of the library, or an imported asset (`imported/NAME`). For any
-            other model, the last known word of its category names the family (a `bottom_cabinet` is a cabinet). Its
-            extent and parameters shape it.
+        obj: A scene object. Its `model` names an entry of the library, a generic shape, or an imported asset
+            (`imported/NAME`). For any other model, the last known word of its category names the family (a
+            `bottom_cabinet` is a cabinet). Its extent and parameters shape it.
 
     Raises:
         AssetError: No family builds the category, or the family cannot build the object's size or a parameter.
     """
     if obj.model.startswith(PREFIX):
         return with_resistance(obj, imported_asset(obj))
-    asset = _at_size(obj, LIBRARY[obj.model].build if obj.model in LIBRARY else _family(obj))
-    asset = replace(asset, synset=LIBRARY[obj.model].synset) if obj.model in LIBRARY else asset
+    known = BUILT.get(obj.model)
+    asset = _at_size(obj, _family(obj) if known is None else known.build)
+    asset = asset if known is None else replace(asset, synset=known.synset)
     return with_resistance(obj, asset)
 
 

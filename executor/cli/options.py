@@ -216,8 +216,6 @@ class PhotoInputs:
     """How high above the floor the camera was; scales a picture without depth, and guessed depth."""
     depth_kind: Maybe[Literal["measured", "guessed"]] = None
     """Who made the --depth: a sensor (the default), or a network that guessed it from the picture."""
-    find_more: Flag = False
-    """Also detect objects without a box, from depth; needed where no boxes are given."""
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 
 from bddl.errors import Scene2DemoError
+
+
+class LostCause(Enum):
+    """Why something with a box is not in the scene; the value is half a sentence for people."""
+
+    NO_PLACE = "its box ends above the horizon of everything that it may stand on"
+    NO_ROOM = "the scene cannot be with it"
 
 
 class PhotoRefused(Scene2DemoError, ValueError):

@@ -296,7 +296,12 @@ def result_json(result: PhotoResult) -> dict[str, object]:
         "things": {thing.id: _thing_json(thing, result) for thing in result.found.things},
         "left_out": [
             *(
-                {"label": one.detection.label, "box_px": list(one.detection.box_px), "reason": one.reason}
+                {
+                    "label": one.detection.label,
+                    "box_px": list(one.detection.box_px),
+                    "cause": one.cause.name.lower(),
+                    "reason": one.reason,
+                }
                 for one in result.found.unfitted
             ),
             *({"label": one.label, "box_px": list(one.box_px), "reason": one.reason} for one in result.given.left_out),
@@ -345,8 +350,8 @@ def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
         "in_box": fit.in_box,
         "placed": fit.placed,
         "explained": fit.explained,
-        "residual_m": fit.residual_m if result.observation.has_depth else None,
-        "spread_m": fit.spread_m,
+        "residual_m": fit.residual_m if math.isfinite(fit.residual_m) else None,
+        "spread_m": {"place": fit.spread_m[0], "side": fit.spread_m[1]},
         "pixels": fit.pixels,
         "colour_srgb": fit.colour,
         "settled_m": result.made.settled_m.get(thing.id),

@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from executor.photo.errors import PhotoRefused
-from executor.photo.fitting.rim import level_by_rim
 from executor.photo.geometry.level import (
     find_board,
     flat_observation,
@@ -35,12 +34,11 @@ from executor.photo.geometry.observation import (
     Observation,
     floor_below,
     levelled,
-    tilt_deg,
     unnamed_top,
 )
 from executor.photo.geometry.planes import level_planes
 from executor.photo.geometry.walls import find_walls
-from executor.photo.inputs.annotations import Detection, Detections, Detector, LeftOut
+from executor.photo.inputs.annotations import Detection, Detector, LeftOut
 from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
 from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
@@ -50,8 +48,7 @@ from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_
 
 OnSentence = Callable[[str], None]
 
-_ABOUT_M = 0.1  # Between an object and its top without exact depth: one of them may have been fitted better since.
-_LEAST_BOX_SHARE = 0.01  # Share of the picture below which an object may be left out.
+_ABOUT_M = 0.1  # Between an object and its top without depth: one of them may have been fitted better since.
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,6 @@ class PhotoInput:
         depth: As it was read; None without depth.
         observation, floor: The picture in the level frame, and the floor that levels it.
         left_out: Detections for which the library has no model.
-        find_more: Whether objects without a box are searched for.
         doubts: Evidence that depth or boxes do not belong to this picture, as sentences.
     """
 
@@ -76,14 +72,13 @@ class PhotoInput:
     observation: Observation
     floor: FloorPlane
     left_out: tuple[LeftOut, ...] = ()
-    find_more: bool = False
     doubts: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of everything that determines a reconstruction."""
         level = self.floor.up.tolist(), self.floor.height_m, self.observation.depth_distortion
-        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], level, self.find_more)
+        settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], level)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -126,7 +121,7 @@ class AuxiliaryInputs:
     """Inputs beside the picture.
 
     Attributes:
-        detect: Detector: a file, a network or a model; optional with depth.
+        detect: Detector: a file, a network or a model.
         depth: Source of the depth; None for a recording, which has its own, and without depth.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration, the picture's EXIF, or what
             a network guesses with the depth.
@@ -134,7 +129,6 @@ class AuxiliaryInputs:
         length, board: Sources of the scale, see `executor.photo.geometry.level`.
         facts: What is known of the camera. The tilt overrides lines. The height gives the scale to a picture without
             depth and to guessed depth, and the place of a floor that measured depth does not show.
-        find_more: Whether objects without a box are searched for; needed with depth if no boxes are given.
         masks: Adds masks to detections.
     """
 
@@ -145,7 +139,6 @@ class AuxiliaryInputs:
     length: str | None = None
     board: str | None = None
     facts: CameraFacts = field(default_factory=CameraFacts)
-    find_more: bool = False
     masks: Masker | None = None
 
 
@@ -164,6 +157,7 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     """
     facts = read_facts(auxiliary.camera, auxiliary.facts)
     shown, measured, intrinsics = _sensed(picture, auxiliary, facts)
+    assert auxiliary.detect is not None, "refused before"
     # A network's depth belongs to the picture, and is distorted.
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
@@ -177,15 +171,15 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
     if measured is not None:
         floor_below(picture, planes, facts=facts)
-    found = Detections(()) if auxiliary.detect is None else auxiliary.detect(shown)
-    if auxiliary.detect is not None and not found.things:
+    found = auxiliary.detect(shown)
+    if not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
     if auxiliary.masks is not None:
         found = auxiliary.masks(shown, found)
     things = found.things
     if measured is None:
-        floor = _levelled(shown, intrinsics, things, auxiliary, facts)
+        floor = _levelled(shown, intrinsics, auxiliary, facts)
         observation = flat_observation(shown, intrinsics, floor)
     else:
         is_guess = measured.depth_distortion > 0.0
@@ -205,7 +199,6 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
         observation,
         floor,
         found.left_out,
-        auxiliary.find_more,
         (*doubts, *found.doubts),
     )
 
@@ -213,7 +206,6 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
 def _levelled(
     picture: Photograph,
     camera: Intrinsics,
-    things: tuple[Detection, ...],
     auxiliary: AuxiliaryInputs,
     facts: CameraFacts,
 ) -> FloorPlane:
@@ -225,13 +217,7 @@ def _levelled(
         return level_by_height(upright, facts.height_m)
     if upright is not None and auxiliary.length is not None:
         return level_by_length(upright, camera, read_length(auxiliary.length))
-    try:
-        floor = level_by_rim(picture, camera, things)
-    except PhotoRefused as problem:
-        raise _incomplete(picture.source, auxiliary, facts, upright=upright) from problem
-    up = floor.up if facts.up is None else facts.up
-    height_m = floor.height_m if facts.height_m is None else facts.height_m
-    return replace(floor, up=up, tilt_deg=tilt_deg(up), height_m=height_m)
+    raise _incomplete(picture.source, auxiliary, facts, upright=upright)
 
 
 def _upright(picture: Photograph, camera: Intrinsics, facts: CameraFacts) -> VerticalDirection | None:
@@ -261,8 +247,8 @@ def _incomplete(
         upright: The vertical by its lines.
     """
     lacks = {}
-    if auxiliary.detect is None and not (auxiliary.depth is not None and auxiliary.find_more):
-        lacks["--boxes BOXES.json"] = "boxes with names (or --detector or --model, or with depth --find-more)"
+    if auxiliary.detect is None:
+        lacks["--boxes BOXES.json"] = "boxes with names (or --detector or --model)"
     if no_lens:
         lacks["--camera hfov=DEGREES"] = f"its lens ({no_lens}; a phone's main camera has about 65)"
     if auxiliary.depth is None and auxiliary.board is None:
@@ -284,9 +270,8 @@ def _sensed(
     if is_capture(picture):
         if auxiliary.depth is not None:
             raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth and --depth-model")
-        if auxiliary.detect is None and not auxiliary.find_more:
-            hint = "give --boxes, --detector or --model, or have things searched for in its depths by --find-more"
-            raise PhotoRefused("boxes", picture, "has no boxes", hint)
+        if auxiliary.detect is None:
+            raise PhotoRefused("boxes", picture, "has no boxes", "give --boxes, --detector or --model")
         capture = read_capture(picture, auxiliary.frame)
         own = capture.camera if auxiliary.camera is None else None
         camera = own or read_camera(auxiliary.camera, capture.picture)
@@ -304,7 +289,7 @@ def _sensed(
         if auxiliary.camera is not None:
             raise
         raise _incomplete(picture, auxiliary, facts, no_lens=problem.problem) from problem
-    if auxiliary.detect is None and not (auxiliary.depth is not None and auxiliary.find_more):
+    if auxiliary.detect is None:
         upright = None if auxiliary.depth is not None else _upright(shown, intrinsics, facts)
         raise _incomplete(picture, auxiliary, facts, upright=upright)
     depth = None if auxiliary.depth is None else _of_kind(auxiliary.depth(shown, intrinsics), facts)
@@ -338,13 +323,11 @@ def reconstruct_scene(
     walls = () if given.depth is None else find_walls(observation, given.detections)
     walled = time.perf_counter()
     on_progress(f"camera {floor.height_m:.2f} m above the floor ({floor.source}), {len(walls)} walls")
-    found = reconstruct(
-        observation, given.detections, walls, on_progress, floor.spread_share, find_more=given.find_more
-    )
+    found = reconstruct(observation, given.detections, walls, on_progress, floor.spread_share)
     fitted = time.perf_counter()
     _require_things(given, found)
-    same_height_m = SAME_HEIGHT_M if observation.is_exact else _ABOUT_M
-    found, made = scene_of(found, given.name, _LEAST_BOX_SHARE * observation.z_m.size, same_height_m=same_height_m)
+    same_height_m = SAME_HEIGHT_M if observation.has_depth else _ABOUT_M
+    found, made = scene_of(found, given.name, same_height_m=same_height_m)
     _require_things(given, found)
     settled = time.perf_counter()
     varied = variations_of(found, given.name) if variations else ()

@@ -8,24 +8,27 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executor.assets.footprint import Footprint, region_frame, swept_parts
+from executor.assets.families.generic import GENERIC
+from executor.assets.footprint import Footprint, overlap_depth_m, region_frame, solid_parts, swept_parts
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
+from executor.photo.errors import LostCause
 from executor.photo.fitting.hypothesis import PoseHypothesis, is_round
 from executor.photo.fitting.likelihood import AT_WALLS
+from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.walls import Wall
-from executor.photo.room.estimate import EQUAL_M, is_on_one, tops_of
+from executor.photo.room.estimate import is_item, is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.scenes.file import complete_scene
 from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.scene import about_z
-from oag.model.symbols import Kind, kind_of
 
 SAME_HEIGHT_M = 0.02
 """Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
@@ -41,7 +44,13 @@ _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M, _EDGE_STEPS = 0.004, 24
 _HIGHER_M = 0.002
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
+_ON_ITEM, _ON_TOP = 0.7, 0.4
+"""Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
+
 _REPORTED_M = 0.005
+_CHANGES, _SHRUNK, _SHRINKAGE = 12, 3, 0.7
+"""Changes of things until physics accepts a scene; how often one is made plainer or narrower before it is left out, and
+how much narrower."""
 
 
 def resolve_overlaps(
@@ -55,8 +64,9 @@ def resolve_overlaps(
         same_height_m: Tolerance between an object and the top that it stands on.
     """
     room = dict(guesses)
-    large = [key for key, one in room.items() if not _is_item(one) and one.bottom_m == 0.0]
-    small = [key for key in room if key not in large]
+    large = [key for key, one in room.items() if not is_item(one) and one.bottom_m == 0.0]
+    # What carries others is placed before them.
+    small = sorted((key for key in room if key not in large), key=lambda key: room[key].bottom_m)
     for key in large:
         if room[key].entry.category in AT_WALLS or is_round(room[key].entry):
             room[key] = _aligned(room[key], walls)
@@ -68,14 +78,18 @@ def resolve_overlaps(
                 room[key], room[other] = _apart(room[key], room[other])
     for key, other in itertools.permutations(large, 2):
         room[other] = _clear_of_doors(room[key], room[other])
+    notes = []
     for key in small:
-        room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key}, same_height_m)
+        others = {other: room[other] for other in room if other != key}
+        room[key] = _on_its_top(room[key], others, same_height_m)
+        if is_item(room[key]) and not _stands(room[key], others):
+            room[key] = _put_down(room[key], list(others.values()))
+            notes.append(f"{key} stands on nothing that has a box; it was put down")
     for _ in range(_ROUNDS):
         for number, key in enumerate(small):
             for other in small[number + 1 :]:
                 if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
                     room[key], room[other] = _pushed(room[key], room[other])
-    notes = []
     for key, one in room.items():
         before = guesses[key]
         moved_m = math.dist((one.x_m, one.y_m, one.bottom_m), (before.x_m, before.y_m, before.bottom_m))
@@ -83,10 +97,6 @@ def resolve_overlaps(
         if moved_m > _REPORTED_M or grown_m > _REPORTED_M:
             notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
     return room, notes
-
-
-def _is_item(guess: PoseHypothesis) -> bool:
-    return kind_of(guess.entry.category, guess.size_m[1]) is Kind.ITEM
 
 
 def _footprint(guess: PoseHypothesis) -> Footprint:
@@ -123,7 +133,8 @@ def _out_of_walls(guess: PoseHypothesis, walls: Sequence[Wall]) -> PoseHypothesi
 def _apart(first: PoseHypothesis, second: PoseHypothesis) -> tuple[PoseHypothesis, PoseHypothesis]:
     """Separate two pieces of furniture: both are narrowed if they stand in a row, else the smaller one is moved."""
     deep_m = _footprint(first).depth_m(_footprint(second))
-    if deep_m <= 0.0:
+    # A chair may stand under a table: their parts decide.
+    if deep_m <= 0.0 or overlap_depth_m(solid_parts(first.as_object()), solid_parts(second.as_object())) <= 0.0:
         return first, second
     aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
     away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
@@ -207,10 +218,14 @@ def _inside(thing: PoseHypothesis, other: PoseHypothesis) -> bool:
 
 
 def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], same_height_m: float) -> PoseHypothesis:
-    """Move an object wholly onto the top or board that it stands on, at exactly its height."""
+    """Move an object onto the top or board that it stands on, at exactly its height, so far that it is stable.
+
+    On an item, such as a saucer, its middle is enough.
+    """
     best: tuple[float, PoseHypothesis] | None = None
     for other in others.values():
-        if _is_item(other):
+        on_item = is_item(other)
+        if on_item and other.bottom_m >= guess.bottom_m:
             continue
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
@@ -222,13 +237,33 @@ def _on_its_top(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis], sam
             own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
             c, s = abs(math.cos(own)), abs(math.sin(own))
             reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
-            free = np.maximum(half - reach - _EDGE_M, 0.0)
+            free = _ON_ITEM * half if on_item else np.maximum(half - _ON_TOP * reach - _EDGE_M, 0.0)
             inside = np.clip(local, -free, free)
-            by_m = float(np.linalg.norm(inside - local))
-            if by_m < _FARTHEST_M and (best is None or by_m < best[0]):
+            aside_m = float(np.linalg.norm(inside - local))
+            by_m = math.hypot(aside_m, float(T[2, 3]) - guess.bottom_m)
+            if aside_m < (min(other.size_m[:2]) / 2 if on_item else _FARTHEST_M) and (best is None or by_m < best[0]):
                 x, y = turn @ inside + T[:2, 3]
                 best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
     return guess if best is None else best[1]
+
+
+def _stands(guess: PoseHypothesis, others: Mapping[str, PoseHypothesis]) -> bool:
+    """Return whether an object is on the floor, or over a top at its height."""
+    return guess.bottom_m == 0.0 or is_on_one(guess, tops_of(others.values()), _HIGHER_M)
+
+
+def _put_down(guess: PoseHypothesis, others: Sequence[PoseHypothesis]) -> PoseHypothesis:
+    """Lower an object that stands on nothing to the nearest top below its middle, or to the floor."""
+    at = np.array([guess.x_m, guess.y_m])
+    below = [0.0]
+    for other in others:
+        carrier = other.as_object()
+        for region in asset_for(carrier).regions:
+            T, half = region_frame(carrier, region)
+            inside = (np.abs(T[:2, :2].T @ (at - T[:2, 3])) <= half).all()
+            if region.kind == "surface" and inside and T[2, 3] <= guess.bottom_m:
+                below.append(float(T[2, 3]))
+    return replace(guess, bottom_m=max(below))
 
 
 _WALL_M, _THINNEST_M = 0.08, 0.02  # Objects behind a low wall may stand against it.
@@ -247,42 +282,59 @@ class MadeScene:
         refused: Why the scene is unusable; empty if it is usable.
         notes: What was moved, as sentences.
         settled_m: id -> how far physics moved the object.
+        culprit: Of an unusable scene, the object to blame, if there is one.
     """
 
     scene: Scene | None
     refused: str
     notes: tuple[str, ...]
     settled_m: Mapping[str, float]
+    culprit: str | None = None
 
 
-def scene_of(
-    found: FittedRoom, name: str, hardly_px: float, *, same_height_m: float = SAME_HEIGHT_M
-) -> tuple[FittedRoom, MadeScene]:
+def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT_M) -> tuple[FittedRoom, MadeScene]:
     """Return the room that fits in a scene, and its scene: without overlaps, with facts, settled in physics.
 
-    Objects on nothing are left out. If no scene is possible, but one is without a hardly visible or unboxed object,
-    that object is left out too.
+    A thing that physics refuses becomes a box of its size, then a narrower one; if that does not help, it is left out.
 
     Args:
         found: The fits.
         name: Name of the scene.
-        hardly_px: Largest box area of a hardly visible object.
         same_height_m: Tolerance between an object and the top that it stands on.
     """
-    while hanging := _hanging(found, resolve_overlaps(found.guesses, found.walls, same_height_m)[0]):
-        for thing in [one for one in found.things if one.id in hanging]:
-            problem = f"nothing was found that it stands on, {100 * hanging[thing.id]:.0f} cm above the floor"
-            found = found.without(thing, problem)
     if not found.things:
         return found, MadeScene(None, "nothing is in it", (), {})
-    made = made_of(found, found.guesses, name, same_height_m=same_height_m)
-    unsure = [one for one in found.things if one.detection.area_px < hardly_px or not one.boxed]
-    for thing in sorted(unsure, key=lambda one: one.detection.area_px) if made.refused else ():
-        fewer = found.without(thing, f"with it the room cannot be: {made.refused}")
-        other = made_of(fewer, fewer.guesses, name, same_height_m=same_height_m)
-        if not other.refused:
-            return fewer, other
-    return found, made
+    made = first = made_of(found, found.guesses, name, same_height_m=same_height_m)
+    room, changed = found, Counter[str]()
+    for _ in range(_CHANGES):
+        thing = next((one for one in room.things if one.id == made.culprit), None)
+        if not made.refused or (thing is None and not room.walls):
+            break
+        if thing is None:
+            # Planes that were taken for walls meet in each other, or nothing else is to blame.
+            room = replace(room, walls=())
+            made = made_of(room, room.guesses, name, same_height_m=same_height_m)
+            continue
+        changed[thing.id] += 1
+        if changed[thing.id] > _SHRUNK:
+            room = room.without(thing, LostCause.NO_ROOM, made.refused)
+        else:
+            other = replace(thing, fit=replace(thing.fit, guess=_plainer(thing)))
+            room = replace(room, things=tuple(other if one is thing else one for one in room.things))
+        if not room.things:
+            break
+        made = made_of(room, room.guesses, name, same_height_m=same_height_m)
+    return (found, first) if made.refused else (room, made)
+
+
+def _plainer(thing: FittedThing) -> PoseHypothesis:
+    """Return a fit as a box of its size; a generic shape as a narrower one."""
+    guess = thing.fit.guess
+    if guess.entry.model in GENERIC:
+        length, width, height = guess.size_m
+        return replace(guess, size_m=(_SHRINKAGE * length, _SHRINKAGE * width, height))
+    box = replace(generic_models(thing.detection)[0], category=guess.entry.category)
+    return replace(guess, entry=box, parameters=())
 
 
 def made_of(
@@ -297,10 +349,10 @@ def made_of(
         same_height_m: Tolerance between an object and the top that it stands on.
     """
     guesses, notes = resolve_overlaps(guesses, found.walls, same_height_m)
-    if hanging := _hanging(found, guesses):
-        listed = ", ".join(f"{key} {100 * height_m:.0f} cm above the floor" for key, height_m in hanging.items())
-        return MadeScene(None, f"nothing is under {listed}", tuple(notes), {})
-    names = {thing.id: thing.detection.name_as(guesses[thing.id].entry) for thing in found.things}
+    names = {
+        thing.id: thing.detection.name_as(guesses[thing.id].entry, min(guesses[thing.id].size_m[:2]))
+        for thing in found.things
+    }
     data = scene_json(guesses, found.walls, name, names)
     try:
         made = complete_scene(data)
@@ -308,18 +360,27 @@ def made_of(
         return MadeScene(None, str(problem), tuple(notes), {})
     if made.scene is None:
         return MadeScene(None, "; ".join(made.problems), tuple(notes), {})
-    errors = [str(issue) for issue in issues(made.scene) if issue.error]
-    if errors:
-        return MadeScene(made.scene, "; ".join(errors), tuple(notes), {})
+    if errors := [issue for issue in issues(made.scene) if issue.error]:
+        blamed = next((one.object_id for one in errors if one.object_id in guesses), None)
+        return MadeScene(made.scene, "; ".join(map(str, errors)), tuple(notes), {}, _culprit(blamed, guesses))
     try:
         settled = settle(made.scene)
     except Unsettled as problem:
-        return MadeScene(made.scene, str(problem), tuple(notes), {})
+        return MadeScene(made.scene, str(problem), tuple(notes), {}, _culprit(problem.object_id, guesses))
     moved = {
         key: float(np.linalg.norm(np.subtract(settled.objects[key].position, made.scene.objects[key].position)))
         for key in guesses
     }
     return MadeScene(settled, "", tuple(notes), moved)
+
+
+def _culprit(blamed: str | None, guesses: Mapping[str, PoseHypothesis]) -> str | None:
+    """Return the smallest of an object and those that overlap it: the others stand without it."""
+    if blamed is None or blamed not in guesses:
+        return None
+    parts = {key: solid_parts(guess.as_object(key)) for key, guess in guesses.items()}
+    overlapping = (key for key in guesses if overlap_depth_m(parts[key], parts[blamed]) > _CLEARANCE_M)
+    return min((blamed, *overlapping), key=lambda key: math.prod(guesses[key].size_m))
 
 
 def scene_json(
@@ -359,28 +420,23 @@ def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[st
 
 
 def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
-    spread_m = thing.fit.spread_m
-    fitted = "fitted to depth and picture" if spread_m is None else f"fitted to box and picture, +- {spread_m:.2f} m"
-    fitted = thing.fit.assumed or fitted
-    label = "chosen by the fit"
-    if thing.detection.category is not None:
-        named = f"{thing.detection.source}: {thing.detection.label}"
-        label = named if thing.detection.category == thing.fit.guess.entry.category else f"{label}, against {named}"
+    place_m, side_m = thing.fit.spread_m
+    is_generic = thing.fit.guess.entry.model in GENERIC
+    fitted = thing.fit.assumed or (
+        "fitted to depth and picture" if math.isfinite(thing.fit.residual_m) else "fitted to the box"
+    )
+    named = f"{thing.detection.source}: {thing.detection.label}"
     moved_m = made.settled_m.get(thing.id)
+    settled = "" if moved_m is None else f"; settled in physics, {1000 * moved_m:.1f} mm"
+    kind = "a generic shape: no model of the library fits" if is_generic else "the library's model that fits best"
     return {
-        "category": label,
-        "model": f"{fitted}, confidence {thing.fit.confidence:.2f}",
-        "position": fitted + (f"; settled in physics, {1000 * moved_m:.1f} mm" if moved_m is not None else ""),
+        "category": named if thing.detection.category is not None else "no name was given",
+        "model": f"{kind}, confidence {thing.fit.confidence:.2f}",
+        "position": f"{fitted}, +- {place_m:.3f} m{settled}",
         "orientation": fitted,
-        "bbox_extent": f"{fitted}; what is hidden, by the model's usual sizes, walls and neighbours",
+        "bbox_extent": f"{fitted}, +- {side_m:.3f} m; what is hidden, by usual sizes, walls and neighbours",
         "parameters": {key: fitted for key in dict(thing.fit.guess.parameters)},
     }
-
-
-def _hanging(found: FittedRoom, guesses: Mapping[str, PoseHypothesis]) -> dict[str, float]:
-    """Return id -> height above the floor of objects that stand on nothing."""
-    tops = list(tops_of(replace(thing.fit, guess=guesses[thing.id]) for thing in found.things))
-    return {key: one.bottom_m for key, one in guesses.items() if not is_on_one(one, tops, EQUAL_M)}
 
 
 def _entry(obj: SceneObject) -> dict[str, object]:

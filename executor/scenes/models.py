@@ -9,8 +9,9 @@ from importlib import resources
 from types import MappingProxyType
 
 from bddl import near_names
+from executor.assets.families.generic import GENERIC
 from executor.assets.importers.store import PREFIX, stored_asset
-from executor.assets.library import FAMILIES, LIBRARY
+from executor.assets.library import BUILT, FAMILIES, LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from oag import SceneObject
 from oag.model.forms import ObjectForm
@@ -180,9 +181,10 @@ def default_size_m(entry: ModelEntry) -> Size:
 def implausible_object_size(obj: SceneObject) -> str | None:
     """Describe an object's size if it is far larger or smaller than anything of its kind; return None otherwise.
 
-    It catches slips of a decimal point or a unit. Imported assets and categories without a model may be of any size.
+    It catches slips of a decimal point or a unit. Imported assets, generic shapes and categories
+    without a model may be of any size.
     """
-    if obj.category == FLOOR or obj.model.startswith(PREFIX):
+    if obj.category == FLOOR or obj.model in GENERIC or obj.model.startswith(PREFIX):
         return None
     entries = (LIBRARY[obj.model],) if obj.model in LIBRARY else _entries_like(obj.category)
     if not entries:
@@ -208,7 +210,7 @@ def _middle(span: Range) -> float:
 def _is_built(form: ObjectForm) -> bool:
     """Whether the model, or the last known word of the category, names a builder."""
     words = form.category.lower().split(".", 1)[0].replace("-", "_").split("_")
-    return form.model in LIBRARY or (form.model or "").startswith(PREFIX) or any(word in FAMILIES for word in words)
+    return form.model in BUILT or (form.model or "").startswith(PREFIX) or any(word in FAMILIES for word in words)
 
 
 def _entry(form: ObjectForm) -> ModelEntry:
@@ -216,6 +218,8 @@ def _entry(form: ObjectForm) -> ModelEntry:
     category = form.category
     # A model equal to the category is no model: scenes that were written back have the category there.
     own_model = form.model if form.model != category else None
+    if own_model in GENERIC:
+        raise NoDefaultSize(f"a {own_model} comes in no usual size; give bbox_extent, its x y z in metres")
     named = own_model or (category if category in LIBRARY else MODELS.get(category))
     if named is not None:
         if named not in LIBRARY:

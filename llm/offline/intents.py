@@ -232,8 +232,17 @@ class Affordances:
         return self.door and (self.fronts == {"drawer"}) is (front == "drawer")
 
 
+_SHAPES = {
+    "generic_box": Affordances(surface=True),
+    "generic_cylinder": Affordances(surface=True),
+    "generic_slab_on_legs": Affordances(surface=True),
+    "generic_open_box": Affordances(interior=True),
+}
+"""Of things that are there as a shape alone, whatever they are called: a refrigerator that is a box has no door."""
+
+
 def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:
-    """Return an object's affordances: those of its category, and those that the scene's facts imply.
+    """Return an object's affordances: those of its category or shape, and those that the scene's facts imply.
 
     Args:
         thing: The object.
@@ -247,7 +256,7 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
             model, such as `cabinet_two_doors`.
     """
     is_fixture = thing.role == "A"
-    base = listed or Affordances(interior=is_fixture, door=is_fixture)
+    base = _SHAPES.get(thing.model) or listed or Affordances(interior=is_fixture, door=is_fixture)
     stated = ((atom, value) for atom, value in facts.items() if atom.args[-1] == thing.id)
     shown = {atom.predicate for atom, value in stated if value or atom.predicate == "open"}
     return Affordances(

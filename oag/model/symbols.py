@@ -54,21 +54,22 @@ _ARTICULATED = _words(
     "stove safe nightstand dresser chest door"
 )
 _SUPPORT = _words(
-    "table desk counter countertop shelf bench workbench island stand sofa couch bed chair stool rack sink floor wall"
+    "table desk counter countertop shelf bench workbench island stand sofa couch bed chair armchair stool ottoman "
+    "rack sink floor wall"
 )
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
     "pear peach tomato potato onion carrot egg book sponge carton lid kettle teapot pitcher jug block "
-    "cube ball basket toy phone remote pen"
+    "cube ball basket toy phone remote pen lamp"
 )
 
 _RIMMED = _words("bowl cup mug")
 """Items with a wall that two fingers can hold, however wide the item is."""
 
 _SOLID = _words(
-    "table desk counter countertop bench workbench island sofa couch bed chair stool floor wall door "
+    "table desk counter countertop bench workbench island sofa couch bed chair armchair stool ottoman floor wall door "
     "apple knife plate fork spoon banana orange lemon pear peach tomato potato onion carrot egg book sponge "
-    "lid block cube ball die toy phone remote pen"
+    "lid block cube ball die toy phone remote pen lamp"
 )
 """Categories without an inside; objects of unknown categories may have one."""
 

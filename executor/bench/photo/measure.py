@@ -83,7 +83,7 @@ def _room(
     room: DrawnRoom, detector: MockedDetector, track: TrackName, foreign: Sequence[Imported], detect: Detector | None
 ) -> dict[str, Any]:
     base: dict[str, Any] = {"schema": ROOM_SCHEMA, "room": room.name, "family": room.family, "track": track}
-    base["boxes"] = {"A": ORACLE, "C": "none", "F": "a detector's"}.get(track, MOCKED)
+    base["boxes"] = {"A": ORACLE, "F": "a detector's"}.get(track, MOCKED)
     try:
         scene = room.pair().scene
         if foreign:

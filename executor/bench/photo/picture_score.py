@@ -7,7 +7,6 @@ outlines are compared in the picture, sizes with the depth in a box, the vertica
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -250,8 +249,6 @@ def _smooth_piece(z_m: Array, box_px: Box) -> NDArray[np.bool_]:
     return np.asarray(pieces == int(counts.argmax()))
 
 
-_NUMBER = re.compile(r"\d+(\.\d+)?")
-
 PictureRecord = Mapping[str, Any]
 
 
@@ -276,7 +273,6 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
     kept = [thing for thing in things if thing["made"]]
     rows = [
         ("pictures", str(len(pictures))),
-        ("boxes read as they were given", _share(pictures, lambda one: not one["refused_as_given"])),
         ("a scene to work in", _share(pictures, lambda one: not one["refused"])),
         ("labels kept", _share(things, lambda thing: thing["named"])),
         ("outline IoU, lost count 0", _middle([thing["outline_iou"] for thing in things], 2)),
@@ -310,12 +306,11 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
 def causes(pictures: Sequence[PictureRecord]) -> dict[str, dict[str, int]]:
     """Return how often what failed for which cause: pictures, boxes, and possible sentences."""
     refused = Counter(one["refused_kind"] for one in pictures if one["refused"])
-    given = Counter(one["refused_as_given_kind"] for one in pictures if one["refused_as_given"])
-    lost = Counter(_NUMBER.sub("#", thing["lost"]) for one in pictures for thing in one["things"] if not thing["made"])
+    lost = Counter(thing["lost"] for one in pictures for thing in one["things"] if not thing["made"])
     stages = Counter(
         chain["stage"] for one in pictures for chain in one["sentences"] if chain["possible"] and not chain["as_asked"]
     )
-    every = {"boxes as given": given, "pictures": refused, "boxes": lost, "possible sentences": stages}
+    every = {"pictures": refused, "boxes": lost, "possible sentences": stages}
     return {name: dict(counts.most_common()) for name, counts in every.items()}
 
 

@@ -1,8 +1,7 @@
 """Measure reconstructions of real pictures, with what a person drew and wrote about each, and the sentences in them.
 
 Every picture goes the way of a user: its boxes are read, the scene is made, and each sentence is planned, proved, asked
-whether it is feasible, and executed in that scene. If the reader refuses a file of boxes for labels that it does not
-know, those boxes are left out, as a user would leave them out, and count as lost.
+whether it is feasible, and executed in that scene.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ from executor.bench.photo.rooms import each_once
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis
-from executor.photo.inputs.annotations import Detection, boxes_in, category_named
+from executor.photo.inputs.annotations import Detection, boxes_in, is_left_out
 from executor.photo.inputs.depth import depth_in
-from executor.photo.inputs.picture import CameraFacts, read_picture
+from executor.photo.inputs.picture import CameraFacts
 from executor.photo.output import prepared, visible_surfaces, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
@@ -51,11 +50,10 @@ from executor.rollouts.feasibility import feasible
 from executor.rollouts.goals import judge, judge_at_rest
 from executor.rollouts.rollout import failure_of, rollout
 from executor.scenes.file import scene_for
-from executor.scenes.models import FLAT, NoMatchingModel
 from executor.scenes.validation import require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
-from executor.system.files import read_json, write_json
+from executor.system.files import read_json
 from oag import Scene, SceneObject, compose
 from oag.model.robots import chosen_robot
 from oag.sizes import Sizing
@@ -207,18 +205,13 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
         "picture": picture.name,
         "half": picture.half,
         "has_depth": picture.depth is not None,
-        "refused_as_given": "",
-        "refused_as_given_kind": "",
         "limit_s": limit_s,
         "full_size": full_size,
     }
     prepared(folder, force=True)
     try:
         with cpu_limit(limit_s):
-            boxes, kept, refused = _readable_boxes(picture, folder)
-            if refused is not None:
-                record |= {"refused_as_given": str(refused), "refused_as_given_kind": refused.kind}
-            given = read_inputs(picture.color, _auxiliary(picture, boxes))
+            given = read_inputs(picture.color, _auxiliary(picture))
             result = reconstruct_scene(given)
             write_result(folder, result)
     except PhotoRefused as problem:
@@ -230,7 +223,7 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
     except Exception as problem:  # A mistake of the program in one picture is a result of that picture.
         record |= _refused(picture, f"{type(problem).__name__}: {problem}", "mistake")
     else:
-        record |= _compared(picture, kept, given, result)
+        record |= _compared(picture, given, result)
     record["cpu_s"] = time.process_time() - began
     made = {thing["thing"]: thing["made"] for thing in record["things"] if thing["made"]}
     scene = None if record["refused"] else folder / "scene.json"
@@ -241,36 +234,14 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
     return record
 
 
-def _auxiliary(picture: RealPicture, boxes: Path) -> AuxiliaryInputs:
+def _auxiliary(picture: RealPicture) -> AuxiliaryInputs:
     """Return what a user gives beside the picture: without depth, the camera's tilt and height as well."""
-    detect = boxes_in(boxes, picture.color.name)
+    detect = boxes_in(picture.boxes, picture.color.name)
     if picture.depth is not None:
         return AuxiliaryInputs(detect, depth_in(picture.depth, picture.depth_unit_m), str(picture.camera))
     level = picture.level
     facts = CameraFacts(level.get("tilt_deg"), level.get("roll_deg"), level.get("height_m"))
     return AuxiliaryInputs(detect, camera=str(picture.camera), facts=facts)
-
-
-def _readable_boxes(picture: RealPicture, folder: Path) -> tuple[Path, list[Mapping[str, Any]], PhotoRefused | None]:
-    """Return a file of boxes that can be read, its things, and why the annotation itself cannot."""
-    try:
-        boxes_in(picture.boxes, picture.color.name)(read_picture(picture.color))
-    except PhotoRefused as problem:
-        if problem.kind != "label":
-            raise
-        kept = [thing for thing in picture.things if _is_known(str(thing["label"]))]
-        path = folder / "boxes.json"
-        write_json(path, {**read_json(picture.boxes), "things": kept})
-        return path, kept, problem
-    return picture.boxes, list(picture.things), None
-
-
-def _is_known(label: str) -> bool:
-    try:
-        category_named(label)
-    except NoMatchingModel:
-        return label.lower() in FLAT
-    return True
 
 
 def _refused(picture: RealPicture, reason: str, kind: str) -> dict[str, Any]:
@@ -287,19 +258,17 @@ def _support(thing: Mapping[str, Any]) -> str:
     return next((f"{relation} {thing[relation]}" for relation in ("on", "inside") if relation in thing), "")
 
 
-def _compared(
-    picture: RealPicture, kept: Sequence[Mapping[str, Any]], given: PhotoInput, result: PhotoResult
-) -> dict[str, Any]:
+def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> dict[str, Any]:
     # Without depth, tilt and height are given.
     level = None if given.depth is None else level_scores(picture.level, given.floor.up, given.floor.height_m)
     scene = result.made.scene
     if scene is None or result.made.refused:
         return {**_refused(picture, result.made.refused, "scene"), "level": level, "took_s": dict(result.took_s)}
-    read = (thing["id"] for thing in kept if str(thing["label"]).lower() not in FLAT)
-    detections: dict[str, Detection] = dict(zip(read, given.detections, strict=True))
+    read = (thing["id"] for thing in picture.things if not is_left_out(str(thing["label"])))
+    detections: dict[str, Detection] = dict(zip(read, given.detections, strict=False))
     made_of = {id(one.detection): one.id for one in result.found.things}
     made = {key: made_of[id(one)] for key, one in detections.items() if id(one) in made_of}
-    reasons = {id(one.detection): one.reason for one in result.found.unfitted}
+    causes = {id(one.detection): one.cause.value for one in result.found.unfitted}
     guesses = _as_settled(scene, result)
     owner, made_z_m = visible_surfaces(result.observation, guesses)
     numbers = {key: number for number, key in enumerate(guesses)}
@@ -309,10 +278,7 @@ def _compared(
         start = PictureThing(thing["id"], thing["label"], support=_support(thing))
         key = made.get(thing["id"])
         if key is None:
-            detection = detections.get(thing["id"])
-            lost = (
-                "its label is not known" if detection is None else reasons.get(id(detection), "it is not in the scene")
-            )
+            lost = causes.get(id(detections.get(thing["id"])), "it is no thing, but a part of the room")
             things.append(replace(start, lost=lost))
             continue
         mask = owner == numbers[key]

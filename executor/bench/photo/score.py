@@ -166,7 +166,7 @@ def compare_thing(
         start,
         found=True,
         taken_for=made.model,
-        category_right=LIBRARY[made.model].category == category,
+        category_right=made.model in LIBRARY and LIBRARY[made.model].category == category,
         model_right=same_model,
         l2_m=_apart_m(true, made),
         turned_rad=None if is_round else turned_rad(true, made),

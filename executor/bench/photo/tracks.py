@@ -149,12 +149,11 @@ def mocked_boxes(
     return found
 
 
-TrackName = Literal["A", "B", "C", "D", "E", "F", "G", "S"]
+TrackName = Literal["A", "B", "D", "E", "F", "G", "S"]
 TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
         "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
         "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
-        "C": "track C: noisy depth, and neither boxes nor names nor masks; of the simulator, picture and camera alone",
         "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
         "E": "track E: the simulator's depth, bent, blurred and of wrong scale, which stands in for a network's; the "
         "camera's height known; a mocked detector: the simulator's own boxes, spoilt",
@@ -232,8 +231,7 @@ def input_of(
         depth, floor = None, level_by_height(find_upright(picture, camera), height_m)
         observation = flat_observation(picture, camera, floor)
     detections = tuple(boxes.values()) if detect is None else detect(picture).things
-    # Objects that the mocked detector misses are searched for: a track covers everything in the picture.
-    return TrackInput(PhotoInput(name, picture, depth, camera, detections, observation, floor, find_more=True), boxes)
+    return TrackInput(PhotoInput(name, picture, depth, camera, detections, observation, floor), boxes)
 
 
 def _boxes(
@@ -244,7 +242,7 @@ def _boxes(
     detector: MockedDetector,
     rng: np.random.Generator,
 ) -> dict[str, Detection]:
-    if track in ("C", "F"):
+    if track == "F":
         return {}
     if track == "G":
         return mocked_boxes(masks, dict.fromkeys(masks, ""), replace(detector, misnamed=0.0), rng)

@@ -41,8 +41,8 @@ class Options(CommonOptions):
     """How many kitchens of T1 to T4 beside them."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
-    track: Literal["A", "B", "C", "D", "E", "F", "G", "S"] = "B"
-    """A: clean depth, the simulator's masks (an upper bound). B: noisy depth and spoilt boxes. C: noisy depth alone.
+    track: Literal["A", "B", "D", "E", "F", "G", "S"] = "B"
+    """A: clean depth, the simulator's masks (an upper bound). B: noisy depth and spoilt boxes.
     D: boxes and the camera's height, no depth. E: the same with depth as bent as a network's. F: noisy depth and what
     --detector finds. G: B with foreign shapes. S: B with the depth noise of real sensors."""
     detector: Maybe[Path] = None

@@ -80,7 +80,6 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
             inputs.length,
             inputs.board,
             CameraFacts(inputs.tilt, inputs.roll, inputs.camera_height_m, inputs.depth_kind),
-            inputs.find_more,
             None if inputs.mask_model is None else box_masks(inputs.mask_model),
         ),
     )
@@ -229,14 +228,13 @@ def _print_result(result: PhotoResult) -> None:
     width = max(len(thing.id) for thing in result.found.things)
     for thing in result.found.things:
         size = " x ".join(f"{side:.2f}" for side in thing.fit.guess.size_m)
-        sure = f"{100 * thing.fit.confidence:.0f} % sure"
-        say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m, {sure}")
+        spread = f"+- {100 * thing.fit.spread_m[1]:.0f} cm"
+        sure = f"{100 * thing.fit.in_box:.0f} % of its box, {100 * thing.fit.confidence:.0f} % sure"
+        say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m {spread}, {sure}")
     for one in result.found.unfitted:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
     for other in result.given.left_out:
         say(f"{other.label}: left out, {other.reason}", style="yellow")
-    if result.found.unfitted and not result.given.find_more:
-        say("what has no box was not searched for; --find-more does")
     for note in result.made.notes:
         say(note)
     for variation in result.varied:

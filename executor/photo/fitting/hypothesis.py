@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from executor.assets.asset_geometry import shape_mesh
-from executor.assets.library import LIBRARY, asset_for
+from executor.assets.library import BUILT, asset_for
 from executor.assets.model import Shape
 from executor.assets.parameters import AssetError, ModelEntry
 from executor.geometry import Array, rotation_z, transform_from_quaternion
@@ -218,7 +218,7 @@ def _triangles(shape: Shape) -> Array:
 @lru_cache(maxsize=_KEPT)
 def _body(model: str, size_m: Size, parameters: Parameters) -> MeshRaycaster | None:
     try:
-        return MeshRaycaster(PoseHypothesis(LIBRARY[model], 0.0, 0.0, 0.0, 0.0, size_m, parameters).as_object())
+        return MeshRaycaster(PoseHypothesis(BUILT[model], 0.0, 0.0, 0.0, 0.0, size_m, parameters).as_object())
     except AssetError:
         return None
 
@@ -266,10 +266,7 @@ def as_built(guess: PoseHypothesis) -> PoseHypothesis:
 
 
 def picture_of(guess: PoseHypothesis, observation: Observation) -> tuple[Array, NDArray[np.int32]]:
-    """Return (H, W) depth of a hypothesis in a picture, infinite outside it, and (H, W) its groups of faces.
-
-    If the picture is monocular, all faces are one group: their edges are edges of the picture as the outline is.
-    """
+    """Return (H, W) depth of a hypothesis in a picture, infinite outside it, and (H, W) its groups of faces."""
     depth, group = np.full(observation.z_m.shape, np.inf), np.full(observation.z_m.shape, -1, dtype=np.int32)
     body = raycaster_of(guess)
     if body is None:
@@ -286,7 +283,7 @@ def picture_of(guess: PoseHypothesis, observation: Observation) -> tuple[Array, 
     if rays.size:
         rendered = body.render_depth(guess, observation.eye_m, rays.reshape(-1, 3))
         depth[window], group[window] = (one.reshape(rays.shape[:2]) for one in rendered)
-    return depth, np.minimum(group, 0) if observation.monocular else group
+    return depth, group
 
 
 @cache

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -110,7 +110,6 @@ def _fixed(entry: ModelEntry, axis: int) -> bool:
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _INSIDE = ("shelves", "racks")  # Visible through an open door.
 _DETAILS = ("handle_height_m", "handle_length_m")
-_THICKNESS = "top_thickness_m"
 _DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
 _DETAIL_STEPS = (0.12, 0.06)
 _OPEN = "open_fraction"
@@ -168,25 +167,10 @@ def _detailed_by(guess: PoseHypothesis, details: Sequence[NumericParameter], sha
     return guess.with_parameters(**values)
 
 
-def with_top_thickness(guess: PoseHypothesis, steps: Sequence[float] = ()) -> Iterator[PoseHypothesis]:
-    """Yield the hypothesis with other thicknesses of its top, if its model has one.
-
-    Args:
-        guess: The hypothesis.
-        steps: Differences from its own thickness, as shares of the model's range; by default the whole range.
-    """
-    for one in guess.entry.parameters:
-        if isinstance(one, NumericParameter) and one.name == _THICKNESS:
-            now = (float(str(dict(guess.parameters).get(_THICKNESS, one.default))) - one.low) / (one.high - one.low)
-            for share in [now + step for step in steps] or _DETAIL_SHARES:
-                yield _detailed_by(guess, [one], [min(max(share, 0.0), 1.0)])
-
-
 def fit_handles(likelihood: Likelihood, guess: PoseHypothesis) -> PoseHypothesis:
     """Place handles where depth has them, so that a search does not shrink the object because of wrong ones."""
-    colours = likelihood.evidence.observation.monocular
-    best = min((likelihood.rated(one, colours=colours) for one in shapes(guess)), key=lambda one: one.cost)
-    return _detailed(likelihood, best, colours=colours).guess
+    best = min((likelihood.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
+    return _detailed(likelihood, best, colours=False).guess
 
 
 def shapes(guess: PoseHypothesis) -> Iterator[PoseHypothesis]:
@@ -201,11 +185,6 @@ def shapes(guess: PoseHypothesis) -> Iterator[PoseHypothesis]:
             choices.append([(parameter.name, n) for n in range(round(parameter.low), round(parameter.high) + 1)])
     for combination in itertools.product(*choices):
         yield guess.with_parameters(**dict(combination))
-
-
-def shape_of(guess: PoseHypothesis) -> Mapping[str, object]:
-    """Return the discrete options of a hypothesis, without its opening and handles."""
-    return {name: value for name, value in guess.parameters if name in _SHAPING}
 
 
 def with_parts(entries: Sequence[ModelEntry], doors: int | None, drawers: int | None) -> list[ModelEntry]:
@@ -251,22 +230,15 @@ def _opened(guess: PoseHypothesis) -> float:
 
 _LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
 
-_SIDES_M = (-0.35, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.35)  # Corrections of misjudged sides.
-_LEAST_M = 0.2  # Of a side that is.
-
-_HEIGHTS, _DISTANCES = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12), (0.91, 0.94, 0.97, 1.03, 1.06, 1.09)
-"""Shares of furniture's height, and without exact depth of its distance, that are tried before polishing."""
-
-_ITEM_HEIGHTS = (0.7, 0.85, 1.2, 1.4)  # Shares of an item's height that are tried without exact depth.
+_HEIGHTS = (0.88, 0.92, 0.96, 1.04, 1.08, 1.12)  # Shares of furniture's height that are tried before polishing.
 _EAR_TURNS = 24  # Of the circle, in which an ear is looked for.
 _ALIKE = 6.0  # Extra cost that makes an orientation e times less likely.
-_FIRST, _SECOND = 8, 4  # Turns that are followed, and once more with the body that was found so.
+_FIRST, _SECOND = 4, 2  # Turns that are followed, and once more with the body that was found so.
 _RENDERINGS, _FINELY = 120, 0.5
-_ROUNDS, _GAINED = 3, 1.0
+_ROUNDS, _GAINED = 2, 1.0
 _SCALES = (0.94, 1.06)
 
 _SAME_M, _ASKEW_RAD = 0.02, math.radians(2.0)  # Effect of depth noise on sides and headings.
-_MOST_ASKEW_RAD = math.radians(20.0)  # Larger angles are intended.
 
 
 def all_turns(found: PoseHypothesis, entries: Sequence[ModelEntry]) -> Iterator[PoseHypothesis]:
@@ -291,75 +263,11 @@ def all_turns(found: PoseHypothesis, entries: Sequence[ModelEntry]) -> Iterator[
             yield _pushed(bare, -_inset_m(bare))
 
 
-def neighbouring_boxes(found: PoseHypothesis, headings_rad: Iterable[float]) -> Iterator[PoseHypothesis]:
-    """Yield a hypothesis, and boxes near it: aligned with its neighbours, with other sides, or both.
-
-    Args:
-        found: The hypothesis.
-        headings_rad: Headings of its neighbours, each up to quarter turns.
-    """
-    for turned in (found, *_straightened(found, headings_rad)):
-        yield turned
-        yield from _reshaped(turned)
-
-
 def with_other_heights(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
     """Yield furniture of slightly different heights."""
     length, width, height = found.size_m
     for share in _HEIGHTS:
         yield replace(found, size_m=(length, width, round(share * height, 4)))
-
-
-def at_other_distances(found: PoseHypothesis, eye_m: Array) -> Iterator[PoseHypothesis]:
-    """Yield a piece as much farther off as larger: if its foot is hidden, its top looks the same.
-
-    Args:
-        found: The hypothesis.
-        eye_m: (3,) the camera.
-    """
-    length, width, height = found.size_m
-    for share in _DISTANCES:
-        top_m = float(eye_m[2]) - share * (float(eye_m[2]) - found.bottom_m - height)
-        size = round(share * length, 4), round(share * width, 4), round(top_m - found.bottom_m, 4)
-        yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=size)
-
-
-def flatter_and_higher(found: PoseHypothesis, eye_m: Array) -> Iterator[PoseHypothesis]:
-    """Yield an item of other heights, at its place and where its top looks the same.
-
-    Args:
-        found: The hypothesis.
-        eye_m: (3,) the camera.
-    """
-    length, width, height = found.size_m
-    above_m = float(eye_m[2]) - found.bottom_m
-    for other in (round(share * height, 4) for share in _ITEM_HEIGHTS):
-        nearer = 1.0 - (other - height) / above_m if above_m > other else 1.0
-        for share in (1.0, nearer):
-            yield replace(found, x_m=share * found.x_m, y_m=share * found.y_m, size_m=(length, width, other))
-
-
-def _reshaped(found: PoseHypothesis) -> Iterator[PoseHypothesis]:
-    """Move one upright side out or in, with the opposite side held."""
-    c, s = math.cos(found.yaw_rad), math.sin(found.yaw_rad)
-    for axis, side, by_m in itertools.product(range(2), (-0.5, 0.5), _SIDES_M):
-        length, width, height = (own + by_m * (index == axis) for index, own in enumerate(found.size_m))
-        x, y = (side * by_m * (index == axis) for index in range(2))
-        if min(length, width) > _LEAST_M:
-            at = found.x_m + c * x - s * y, found.y_m + s * x + c * y
-            yield replace(found, x_m=at[0], y_m=at[1], size_m=(length, width, height))
-
-
-def _straightened(found: PoseHypothesis, headings_rad: Iterable[float]) -> Iterator[PoseHypothesis]:
-    """Align a slightly askew piece with its neighbours, its near corner held."""
-    turned: list[float] = []
-    size, held = found.size_m[:2], near_corner(found)
-    for heading in headings_rad:
-        by_rad = math.remainder(heading - found.yaw_rad, math.pi / 2)
-        if _ASKEW_RAD < abs(by_rad) < _MOST_ASKEW_RAD and all(abs(by_rad - one) > _ASKEW_RAD for one in turned):
-            turned.append(by_rad)
-            x, y = held(found.yaw_rad, *size) - held(found.yaw_rad + by_rad, *size) + [found.x_m, found.y_m]
-            yield replace(found, x_m=float(x), y_m=float(y), yaw_rad=found.yaw_rad + by_rad)
 
 
 def quarter_of(guess: PoseHypothesis) -> int:
@@ -375,12 +283,6 @@ def is_same_box(first: PoseHypothesis, second: PoseHypothesis) -> bool:
     apart_m = np.subtract((first.x_m, first.y_m, first.bottom_m), (second.x_m, second.y_m, second.bottom_m))
     askew = abs(math.remainder(turned, math.pi / 2)) > _ASKEW_RAD
     return not askew and bool(np.abs(sizes_m).max() < _SAME_M and np.abs(apart_m).max() < _SAME_M)
-
-
-def is_alike(first: PoseHypothesis, second: PoseHypothesis) -> bool:
-    """Return whether searches from two hypotheses most likely end at the same place."""
-    one, other = ((guess.entry.model, quarter_of(guess), shape_of(guess)) for guess in (first, second))
-    return one == other and is_same_box(first, second)
 
 
 def distinct(boxes: Sequence[RatedHypothesis]) -> list[RatedHypothesis]:

@@ -1,7 +1,8 @@
 """Start hypotheses of a search, and the few that are refined.
 
 With depth, starts are boxes around the object's points, oriented like their outline and like the walls. Without depth
-they are boxes of usual size whose foot is where the detection ends.
+they are boxes whose foot is where the detection ends: of usual size, or as large as the detection if its name tells no
+size.
 """
 
 from __future__ import annotations
@@ -9,18 +10,19 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from executor.assets.families.generic import GENERIC, THING
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
-from executor.photo.fitting.hypothesis import PoseHypothesis, Size, has_ear, is_round, largest_m, raycaster_of
+from executor.photo.fitting.hypothesis import PoseHypothesis, Size, has_ear, is_round, raycaster_of
 from executor.photo.fitting.likelihood import (
-    AT_WALLS,
     CARRIED,
     Likelihood,
     RatedHypothesis,
@@ -33,14 +35,13 @@ from executor.photo.fitting.likelihood import (
 from executor.photo.fitting.refinement import (
     cheapest_openings,
     cheapest_turns,
-    distinct,
     fit_handles,
     refine_nelder_mead,
     shapes,
 )
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Detection, plain_name
 from oag.model.symbols import Kind, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
@@ -52,32 +53,34 @@ LEAST_POINTS = 12
 
 _GAP_M = 0.05
 _HEADINGS, _ASKEW_HEADINGS = 8, 24
-_BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # The visible part may seem so much larger than the model can be,
-_CUT_SHARE = 0.3  # and its top so much lower, if it is hidden.
-# Depth may separate what is behind a pillow or a seat.
-_BACKED, _BACK_SHARE = ("bed", "sofa", "chair"), 0.6
 _UNDER_OTHERS = 80.0  # Percentile of an object's heights, including objects on it.
 _FARTHEST_M = 12.0
-_SEEMS_HIGHER, _SEEMS_LOWER = 2.5, 1.5  # Errors of the height of an object placed where its box ends.
-_NEARER = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1)  # Shares of how far off a box ends on the floor.
 _CUT, _ASIDE = 0.02, (0.25, 0.5)  # Of the picture, as near to its border; of a thing's sides, beyond that.
+_NEARER = (0.5, 0.7, 0.85, 1.0, 1.1)  # Shares of how far off a box ends on the floor: something may hide the foot.
 _BEFORE_MIDDLE = math.pi / 4  # Of its radius, is the mean of the side that a round thing shows.
 _IN_HAND_SHARE = 0.6  # Of the smallest width of an item: too wide ones are scaled.
 _SCALED = (1.0, 0.7)  # Shares of the usual size that are tried if only the box gives the size.
 _LOW = 0.6  # Share of the usual height of a low model.
-_FLAT_M = 0.05  # Largest height of a flat object: plates, lying books.
+_LOWEST, _FLATTEST_M = 0.15, 0.01  # Share of its width, and height, of a thing of which hardly a side is seen.
 _ODD_SHARE = 0.7  # Share of a model's smallest height that is allowed.
 
 
 def named_models(detection: Detection) -> list[ModelEntry]:
-    """Return the models of a detection's category, all of them without one."""
-    return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
+    """Return the models of a detection's category; the generic shapes if the library has none."""
+    named = [entry for entry in LIBRARY.values() if entry.category == detection.category]
+    return named or generic_models(detection)
+
+
+def generic_models(detection: Detection) -> list[ModelEntry]:
+    """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is."""
+    category = plain_name(detection.label) or THING
+    return [replace(entry, category=category) for entry in GENERIC.values()]
 
 
 def stands_on_floor(detection: Detection) -> bool:
     """Return whether a detection's category stands on the floor."""
     large = all(is_large(entry) for entry in named_models(detection))
-    return detection.category is not None and large and detection.category not in CARRIED
+    return large and detection.category not in CARRIED
 
 
 def points_of(
@@ -199,59 +202,6 @@ def _is_turned(entry: ModelEntry) -> bool:
     return kind_of(entry.category, entry.width.low) is Kind.ITEM and body is not None and body.symmetric
 
 
-def flat_among(entries: Iterable[ModelEntry]) -> list[ModelEntry]:
-    """Return the flat models, of which hardly a point stands out at a distance."""
-    return [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
-
-
-def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
-    """Return the models that can have the extent of some points (N, 3) on one of some heights."""
-    if len(points) < LEAST_POINTS:
-        return flat_among(LIBRARY.values())
-    flat = points[:, :2] - np.median(points[:, :2], axis=0)
-    _, _, axes = np.linalg.svd(flat, full_matrices=False)
-    low, high = np.percentile(flat @ axes.T, [2.0, 98.0], axis=0)
-    wide_m = float((high - low)[0])
-    # Things may stand on it, and be no part of it.
-    mostly_m, top_m = np.percentile(points[:, 2], [_UNDER_OTHERS, 98.0])
-    found = []
-    for entry in LIBRARY.values():
-        length, width, height = largest_m(entry)
-        least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
-        least *= 1.0 - (_BACK_SHARE if entry.category in _BACKED else _CUT_SHARE)
-        longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M
-        if wide_m < longest and any(
-            mostly_m - bottom < height + _BEYOND_M and top_m - bottom > least - _BEYOND_M for bottom in bottoms_m
-        ):
-            found.append(entry)
-    return found
-
-
-def high_enough(
-    observation: Observation, box_px: tuple[float, float, float, float], bottoms_m: Sequence[float]
-) -> list[ModelEntry]:
-    """Return the models that, without depth, can have the height of a box on one of some heights.
-
-    The foot may be hidden, the upper end may be farther off, and an object cut by a border may be higher.
-    """
-    x0, y0, x1, y1 = box_px
-    width, height = observation.size_px
-    is_cut = y0 <= 1.0 or y1 >= height - 1.0
-    up = observation.rays[min(height - 1, max(0, int(y0))), min(width - 1, int((x0 + x1) / 2))]
-    rise = float(up[2] / max(float(np.linalg.norm(up[:2])), 1e-6))
-    found = []
-    for entry in LIBRARY.values():
-        most_m = _SEEMS_HIGHER * largest_m(entry)[2]
-        least_m = entry.height.low * (entry.width.low if entry.height.of_width else 1.0) / _SEEMS_LOWER
-        for bottom_m in bottoms_m:
-            foot = foot_of(observation, box_px, bottom_m)
-            high_m = None if foot is None else observation.eye_m[2] + rise * float(np.linalg.norm(foot)) - bottom_m
-            if high_m is None or (high_m < most_m and (is_cut or high_m > least_m)):
-                found.append(entry)
-                break
-    return found
-
-
 def outline_starts(
     observation: Observation,
     box_px: tuple[float, float, float, float],
@@ -259,7 +209,7 @@ def outline_starts(
     bottom_m: float,
     headings_rad: Sequence[float] = (),
 ) -> Iterator[PoseHypothesis]:
-    """Yield hypotheses without depth: of usual size and smaller, with the foot at the box's lower end.
+    """Yield hypotheses with the foot at the box's lower end, or nearer if something may hide the foot.
 
     Args:
         observation: The picture.
@@ -271,60 +221,47 @@ def outline_starts(
     foot = foot_of(observation, box_px, bottom_m)
     if foot is None:
         return
+    away = math.atan2(foot[1], foot[0])
+    turns = [heading + math.pi / 2 * step for heading in headings_rad for step in range(4)]
+    turns = turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]
+    asides = [0.0]
+    asides += [share for share in _ASIDE if box_px[0] < _CUT * observation.size_px[0]]
+    asides += [-share for share in _ASIDE if box_px[2] > (1.0 - _CUT) * observation.size_px[0]]
     for entry in entries:
-        for size in _sizes_m(entry):
-            for x, y in _middles_m(
-                observation, box_px, float(np.linalg.norm(foot)), size, bottom_m, large=is_large(entry)
-            ):
-                # Tables stand as they like in a room, cabinets along its walls.
-                count = 4 if entry.category in AT_WALLS or not is_large(entry) else _ASKEW_HEADINGS
-                turns = [heading + 2 * math.pi * step / count for heading in headings_rad for step in range(count)]
-                away = math.atan2(y, x)
-                for turned in turns or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+        for share in _NEARER if is_large(entry) else (1.0,):
+            reach_m = share * float(np.linalg.norm(foot))
+            for size in _sizes_m(observation, box_px, entry, bottom_m, reach_m):
+                half_m = (size[0] + size[1]) / 4
+                along = reach_m + half_m
+                for aside, turned in itertools.product(asides, turns):
+                    x = along * math.cos(away) - 2 * half_m * aside * math.sin(away)
+                    y = along * math.sin(away) + 2 * half_m * aside * math.cos(away)
                     yield PoseHypothesis(entry, x, y, turned, bottom_m, size)
 
 
-def _sizes_m(entry: ModelEntry) -> Iterator[Size]:
-    """Yield start sizes of a model: its usual one, smaller ones, and the size of a low model.
-
-    Shelves are as high as a knee or as a man, and as wide either way.
-    """
+def _sizes_m(
+    observation: Observation,
+    box_px: tuple[float, float, float, float],
+    entry: ModelEntry,
+    bottom_m: float,
+    reach_m: float,
+) -> Iterator[Size]:
+    """Yield start sizes of a model whose foot is so far away: usual ones, or those of the box."""
+    if entry.model in GENERIC:
+        x0, y0, x1, _ = box_px
+        middle = observation.rays[int(y0), min(int((x0 + x1) / 2), observation.size_px[0] - 1)]
+        depth_m = reach_m / max(float(np.linalg.norm(middle[:2])), 1e-6)
+        wide_m = (x1 - x0) / observation.K.fx * depth_m
+        high_m = float(observation.eye_m[2] + depth_m * middle[2]) - bottom_m
+        yield wide_m, wide_m, max(high_m, _LOWEST * wide_m)
+        yield wide_m / 2, wide_m, max(high_m / 2, _FLATTEST_M)
+        return
     length, width, height = usual_size_m(entry)
     for share in _SCALED:
         yield share * length, share * width, share * height
     if is_large(entry) and entry.height.low < _LOW * height:
+        # Shelves are as high as a knee or as a man, and as wide either way.
         yield length, width, entry.height.low
-
-
-def _middles_m(
-    observation: Observation,
-    box_px: tuple[float, float, float, float],
-    foot_m: float,
-    size_m: Size,
-    bottom_m: float,
-    *,
-    large: bool,
-) -> Iterator[tuple[float, float]]:
-    """Yield possible middles of an object whose box ends at this distance: behind its box, or beyond a border."""
-    x0, y0, x1, y1 = box_px
-    width_px, height_px = observation.size_px
-    # Upright edges lean in a picture from above: above the middle of a box's end is something else.
-    ahead = observation.rays[int((y0 + y1) / 2), int((x0 + x1) / 2), :2]
-    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-6)
-    half_m = (size_m[0] + size_m[1]) / 4
-    reaches, asides = [foot_m], [0.0]
-    if large:
-        # A box is inexact by some share of its sides, and an object cut by the border ends farther down.
-        reaches = [share * foot_m for share in _NEARER]
-        asides += [share for share in _ASIDE if x0 < _CUT * width_px]
-        asides += [-share for share in _ASIDE if x1 > (1.0 - _CUT) * width_px]
-        far = foot_of(observation, (x0, y0, x1, y0), bottom_m + size_m[2])
-        if far is not None and y1 > (1.0 - _CUT) * height_px:
-            # Its far edge is better evidence.
-            reaches += [float(np.linalg.norm(far)) - share * half_m for share in (2.0, 2.4)]
-    for reach, aside in itertools.product(reaches, asides):
-        along, across = reach + half_m, 2.0 * half_m * aside
-        yield float(along * ahead[0] - across * ahead[1]), float(along * ahead[1] + across * ahead[0])
 
 
 def foot_of(observation: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:
@@ -367,7 +304,8 @@ def _placed(
     highest_m, least_m = entry.height.high * unit, _ODD_SHARE * entry.height.low * unit
     odd_m = min(max(top_m - bottom_m, least_m), highest_m / _ODD_SHARE)
     under_m = entry.height.clipped(lower_m - bottom_m, width)
-    heights = {round(one, 3) for one in (visible_m, (visible_m + highest_m) / 2, highest_m, odd_m, under_m)}
+    usual = () if entry.model in GENERIC else ((visible_m + highest_m) / 2, highest_m, odd_m)
+    heights = {round(one, 3) for one in (visible_m, under_m, *usual)}
     size: Size = (length, width, visible_m)
     to_eye = -local.mean(axis=0)
     along: list[list[float]] = []
@@ -400,11 +338,9 @@ def _outline_yaw(flat: Array) -> float:
 
 
 _FOLLOWED = 10  # Starts: the sides they find are shared by all models and orientations.
-_SKETCHED, _SKETCH, _SEARCH = 30, 120, 240  # Starts that are followed roughly, and renderings of a search.
-_FIRST_TURNS = 20  # Of these, the first are of as many models and turns.
+_SEARCH = 240  # Renderings of a search.
 _MOSTLY = 0.9  # Share of its pixels that a correct closed model explains, without handles and edges.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
-_RIVALS = 6  # Models of other names that are followed.
 
 
 def likely_boxes(
@@ -427,20 +363,15 @@ def likely_boxes(
         coarse, search: Likelihoods for choosing starts and for searching.
     """
     near = around.near
-
-    monocular = around.observation.monocular
-    draw_outlines = entries if monocular else flat_among(entries)
     begun: list[PoseHypothesis] = []
     for bottom in bottoms_m:
         begun += starts(points, entries, bottom, near.walls)
-        begun += outline_starts(around.observation, box_px, draw_outlines, bottom, near.headings_rad)
-    if monocular:
-        boxes = _sketched(coarse, search, begun)
-    else:
-        # With hardly any residual pixels, colours are better evidence than depth.
-        by_look = not len(points)
-        followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
-        boxes = by_cost(_searched(search, followed, colours=by_look))
+        if not len(points):
+            begun += outline_starts(around.observation, box_px, entries, bottom, near.headings_rad)
+    # With hardly any residual pixels, colours are better evidence than depth.
+    by_look = not len(points)
+    followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])
+    boxes = by_cost(_searched(search, followed, colours=by_look))
     named = {entry.category for entry in entries}
     if boxes and len(points) and len(named) == 1 and not _explains(search, boxes):
         # A door that stands wide open makes the points' rectangle another thing's.
@@ -449,37 +380,6 @@ def likely_boxes(
         openings = cheapest_openings(coarse.rated(guess, colours=False) for guess in ajar)
         boxes = by_cost([*boxes, *_searched(search, openings, colours=False)])
     return boxes
-
-
-def boxes_of_others(
-    coarse: Likelihood, points: Array, entries: Sequence[ModelEntry], bottom_m: float, most_cost: float
-) -> list[PoseHypothesis]:
-    """Return the end points of rough searches for other models from an object's points, one for each model.
-
-    The sides of round models are not worth trying for a book.
-
-    Args:
-        coarse: The likelihood.
-        points: (N, 3) the object's own.
-        entries: The models.
-        bottom_m: Height of its support.
-        most_cost: Largest depth cost of an end point.
-    """
-    if len(points) < LEAST_POINTS:
-        return []
-    begun = best_of_models(coarse.rated(guess, colours=False) for guess in starts(points, entries, bottom_m, ()))
-    near = [one for one in begun if one.cost < most_cost + _FAR_WORSE][:_RIVALS]
-    return [refine_nelder_mead(coarse, one.guess, _SKETCH, colours=False) for one in near]
-
-
-def _sketched(coarse: Likelihood, search: Likelihood, begun: Iterable[PoseHypothesis]) -> list[RatedHypothesis]:
-    """Refine starts by the picture alone, first with few pixels; return the end points, cheapest first."""
-    rated = [one for one in by_cost(map(coarse.rated, begun)) if math.isfinite(one.cost)]
-    # One model's many starts would take the places of all others.
-    first = cheapest_turns(rated)[:_FIRST_TURNS]
-    likely = [*first, *(one for one in rated if all(one is not other for other in first))][:_SKETCHED]
-    rough = by_cost(coarse.rated(refine_nelder_mead(coarse, one.guess, _SKETCH, colours=True)) for one in likely)
-    return by_cost(_searched(search, distinct(rough)[:_FOLLOWED], colours=True))
 
 
 def _searched(search: Likelihood, begun: Iterable[RatedHypothesis], *, colours: bool) -> Iterable[RatedHypothesis]:

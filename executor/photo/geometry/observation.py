@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
@@ -47,6 +46,7 @@ TYPICAL = Noise(0.002, 0.0018)
 """Of structured-light and stereo cameras for rooms; assumed until the floor has been measured."""
 
 _NEARER_M = 0.08
+_NEAREST_M = 0.05  # Before the camera.
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,6 @@ class Observation:
         depth_distortion: Relative depth error that varies slowly over the picture, see `Depth`.
         heading_rad: Without depth, or if it is distorted, one of the main directions of the room's lines, up to quarter
             turns.
-        prefer_rgb: Whether colours and edges determine places though there is depth.
     """
 
     rgb: NDArray[np.uint8]
@@ -76,7 +75,6 @@ class Observation:
     K: Intrinsics
     heading_rad: float | None = None
     depth_distortion: float = 0.0
-    prefer_rgb: bool = False
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -104,21 +102,6 @@ class Observation:
         return self.noise.sigma_m(self.z_m)
 
     @property
-    def is_exact(self) -> bool:
-        """Whether depth determines places better than colours and edges: it exists and is not distorted."""
-        return self.has_depth and not self.depth_distortion
-
-    @property
-    def monocular(self) -> bool:
-        """Whether colours and edges determine places."""
-        return self.prefer_rgb or not self.has_depth
-
-    @cached_property
-    def edge_strength(self) -> tuple[Array, Array]:
-        """(H, W) how much the picture differs to the right, and below, see `edge_strength`."""
-        return edge_strength(self.rgb)
-
-    @property
     def depth_distortion_m(self) -> Array:
         """(H, W) standard deviation of each depth including its distortion."""
         return np.hypot(self.sigma_m, self.depth_distortion * self.z_m)
@@ -140,31 +123,35 @@ class Observation:
     def bounds_px(self, points_m: Array) -> tuple[Array, Array]:
         """Return the least and the largest u and v of the visible part of the hull of points (N, 3).
 
-        They are those of the points themselves if none of it is in the picture, nan if one is behind it.
+        They are those of the points themselves if none of it is in the picture, nan if all of it is behind the camera.
         """
         pixels = self.pixels(points_m)
+        if np.isnan(pixels).any():
+            pixels = self.pixels(self._before(points_m))
+        if not len(pixels):
+            return np.full(2, np.nan), np.full(2, np.nan)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
-        if np.isnan(low).any() or ((low >= 0.0).all() and (high <= self.size_px).all()):
+        if (low >= 0.0).all() and (high <= self.size_px).all():
             return low, high
         geometry = require("shapely.geometry", "photo")
         shown = geometry.MultiPoint(pixels).convex_hull.intersection(geometry.box(0.0, 0.0, *self.size_px))
         return (low, high) if shown.is_empty else (np.array(shown.bounds[:2]), np.array(shown.bounds[2:]))
 
+    def _before(self, points_m: Array) -> Array:
+        """Return points (N, 3) whose hull is the part before the camera of the hull of some points (M, 3)."""
+        depth = (points_m - self.eye_m) @ self.R_camera_level.T[:, 2] - _NEAREST_M
+        before, behind = points_m[depth > 0.0], points_m[depth <= 0.0]
+        near, far = depth[depth > 0.0][:, None], depth[depth <= 0.0][None, :]
+        share = (near / np.maximum(near - far, 1e-9))[..., None]
+        crossing = before[:, None] + share * (behind[None, :] - before[:, None])
+        return np.concatenate([before, crossing.reshape(-1, 3)])
+
     @cached_property
     def edges(self) -> NDArray[np.bool_]:
         """(H, W) where depth jumps to a neighbour by more than noise does, or was not measured."""
-        return self._jumps(self.z_m)
-
-    @cached_property
-    def measured_edges(self) -> NDArray[np.bool_]:
-        """(H, W) where depth jumps to a neighbour; holes take the nearest depth: they are no edges."""
-        nearest = distance_transform_edt(~self.measured, return_distances=False, return_indices=True)
-        return self._jumps(self.z_m[tuple(nearest)])
-
-    def _jumps(self, z_m: Array) -> NDArray[np.bool_]:
-        jump = 0.04 + 4.0 * self.noise.sigma_m(z_m)
-        across = np.abs(np.diff(z_m, axis=1, append=z_m[:, -1:])) > jump
-        down = np.abs(np.diff(z_m, axis=0, append=z_m[-1:])) > jump
+        jump = 0.04 + 4.0 * self.noise.sigma_m(self.z_m)
+        across = np.abs(np.diff(self.z_m, axis=1, append=self.z_m[:, -1:])) > jump
+        down = np.abs(np.diff(self.z_m, axis=0, append=self.z_m[-1:])) > jump
         return np.asarray(across | down)
 
 
@@ -173,16 +160,6 @@ def is_hidden(observation: Observation, depth_m: Array) -> NDArray[np.bool_]:
     return np.asarray(
         observation.measured & (observation.z_m < depth_m - _NEARER_M - 4.0 * observation.depth_distortion_m)
     )
-
-
-def edge_strength(rgb: NDArray[np.uint8]) -> tuple[Array, Array]:
-    """Return (H, W) how much each pixel of a picture differs from its right, and from its lower neighbours, 0 to 1."""
-    light = rgb.astype(np.float32) / 255.0
-    across, down = np.zeros(rgb.shape[:2]), np.zeros(rgb.shape[:2])
-    # Over two pixels each way, as edges are mostly that wide.
-    across[:, 1:-2] = np.abs(light[:, 3:] + light[:, 2:-1] - light[:, 1:-2] - light[:, :-3]).max(axis=2) / 2
-    down[1:-2] = np.abs(light[3:] + light[2:-1] - light[1:-2] - light[:-3]).max(axis=2) / 2
-    return across, down
 
 
 USUAL_TOP_M = 0.74

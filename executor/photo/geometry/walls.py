@@ -17,6 +17,7 @@ _MOST = 4
 _SHARE, _LEAST_SHARE = 0.06, 0.03  # Of all points outside floor and boxes; the least for a wall at the room's end.
 _LEAST_POINTS = 800
 _LEAST_LENGTH_M, _LEAST_VISIBLE_M, _LEAST_TOP_M = 0.8, 0.5, 0.6  # The second for a wall that may continue at both ends.
+_FLAT_M, _FLAT_SIGMAS = 0.01, 0.7  # Median distance of a wall's points from its plane.
 _LONG_M, _HIGH_M = 1.5, 1.2  # Rows are lower, wardrobes and refrigerators narrower.
 _STRIP_M, _LEAST_BELOW = 0.06, 0.2  # Below its top, and the least share of its points that are lower.
 _FRONT_M = 0.1  # Distance of a front from the plane of the wall that it was taken for.
@@ -150,9 +151,12 @@ def find_walls(
         # A piece of furniture may have no box: its front is no wall.
         is_large = furnished and int(near.sum()) >= enough and _is_beyond_furniture(wall, observation, unboxed)
         ends_room = is_large or _ends_room(wall, points[observation.measured & (observation.z_m < _FARTHEST_M)])
+        # What is off the plane by more than noise is a row of things, and no wall.
+        is_flat = wall.residual_m < _FLAT_M + _FLAT_SIGMAS * float(np.median(sigma_left[near]))
         if (
             ends_room
             and is_upright
+            and is_flat
             and -wall.offset_m > (_NEAREST_LARGE_M if is_large else _NEAREST_M)
             and _is_solid(wall, observation)
             and not (fitted is not None and _is_front(wall, observation, fitted))

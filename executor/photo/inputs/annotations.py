@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
+from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.photo.errors import PhotoRefused
@@ -36,9 +37,9 @@ LEAST_PX = 3.0
 
 _OVER_PX = 2.0  # Tolerance of boxes over the picture's border, in percent of its side: rounding and jitter.
 _PLAIN = re.compile("[a-z][a-z0-9_]*")  # Labels that can be categories, and begin names of things.
-Provenance: TypeAlias = Literal["person", "detector", "search"]
-"""Origin of a box and its label. A person's label is kept. A detector's (a network or a model) is evidence, which a
-clearly better fit overrides. The search for unboxed objects gives no label."""
+_NO_NAME = re.compile("[^a-z0-9]+")
+Provenance: TypeAlias = Literal["person", "detector"]
+"""Origin of a box and its label: a person, or a network or a model."""
 
 _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
 
@@ -49,14 +50,15 @@ class Detection:
 
     Attributes:
         label: As it was written.
-        category: The library's category, or None if the label has no meaning (`thing`, `unknown`).
+        category: The library's category, the label itself if the library has none, or None if the label has no meaning
+            (`thing`, `unknown`).
         box_px: x0, y0, x1, y1 from the upper left corner, inside the picture.
         score: 0 to 1, the detector's confidence.
         source: Detector or annotator, for people.
         mask: (H, W) its own pixels, if they are known; the box is then around them.
         doors, drawers: Given numbers; None if unknown.
         on: Index of the given support among the detections; FLOOR, or None if unknown.
-        provenance: Origin of box and label, which decides whether the fit may change the category.
+        provenance: Origin of box and label.
     """
 
     label: str
@@ -76,20 +78,24 @@ class Detection:
         x0, y0, x1, y1 = self.box_px
         return (x1 - x0) * (y1 - y0)
 
-    def may_be(self, entry: ModelEntry) -> bool:
-        """Return whether a model is allowed: a person's label only allows models of its category."""
-        return self.provenance != "person" or self.category in (None, entry.category)
-
-    def name_as(self, entry: ModelEntry) -> str:
+    def name_as(self, entry: ModelEntry, smaller_side_m: float = 0.0) -> str:
         """Return the category in a scene if it is fitted by a model: the label, if that is more specific.
 
-        A label is more specific if the lexicon has other names for it: a dresser is no cabinet for a query.
+        It is so unless the lexicon has it as another name of the category: a dresser is no cabinet for a query, and a
+        wine glass no water glass.
+
+        Args:
+            entry: The model; a generic shape has no name of its own.
+            smaller_side_m: Of the fit, which decides the kind of a category that is not known.
         """
-        label = _written(self.label)
-        if self.category != entry.category or not _PLAIN.fullmatch(label):
+        label = plain_name(self.label)
+        if label is None:
             return entry.category
+        if entry.model in GENERIC:
+            return label
         known, own = (built_in().category_of(one) for one in (label, entry.category))
-        if known not in (None, own) and kind_of(label, 0.0) is kind_of(entry.category, 0.0):
+        is_synonym = own is not None and known is own and label.replace("_", " ") in own.names
+        if not is_synonym and kind_of(label, smaller_side_m) is kind_of(entry.category, smaller_side_m):
             return label
         return written_category(label, entry)
 
@@ -158,6 +164,7 @@ Detector: TypeAlias = Callable[[Photograph], Detections]
 _Found = tuple[str, tuple[float, float, float, float], float]
 _Size = tuple[float, float]
 _SAME_SHAPE = 0.02
+_ROOM = ("floor", "wall", "ceiling")  # Not things: the room itself.
 _UNNAMED = ("", "thing", "object", "unknown", "?")
 
 
@@ -203,6 +210,17 @@ def category_named(label: str) -> str | None:
     return category_of(written)
 
 
+def is_left_out(label: str) -> bool:
+    """Return whether a label is of the room itself, or of what hangs flat on it, and so of no thing."""
+    return label.lower() in FLAT or label.lower() in _ROOM
+
+
+def plain_name(label: str) -> str | None:
+    """Return a label as a scene's category, `water_bottle` for "Water bottle"; None without a letter or a meaning."""
+    written = _NO_NAME.sub("_", label.strip().lower()).strip("_")
+    return written if _PLAIN.fullmatch(written) and written not in _UNNAMED else None
+
+
 def _category_or_none(name: str) -> str | None:
     try:
         return category_of(name)
@@ -224,8 +242,7 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
         picture_name: Name of the picture's file, by which a COCO file of many pictures finds its boxes.
 
     Raises:
-        PhotoRefused: The file cannot be read, boxes are outside the picture, or labels are unknown; all of them are
-            listed, with the nearest labels.
+        PhotoRefused: The file cannot be read, or boxes are outside the picture.
         OSError: The file cannot be read.
     """
     return _read(path, size_px, picture_name)[0]
@@ -254,29 +271,24 @@ def _read(path: Path, size_px: tuple[int, int], picture_name: str) -> tuple[tupl
 def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Detection, ...]:
     width, height = size_px
     over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
-    outside, unknown, kept = [], [], []
+    outside, kept = [], []
     for number, (label, (x0, y0, x1, y1), score) in enumerate(found):
         shown = f"{label or 'thing'} {number} at {x0:g} {y0:g} {x1:g} {y1:g}"
         inside = -over_x <= x0 and -over_y <= y0 and x1 <= width + over_x and y1 <= height + over_y
         if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
             outside.append(shown)
             continue
-        if label.lower() in FLAT:
+        if is_left_out(label):
             continue
         try:
             category = category_named(label)
-        except NoMatchingModel as error:
-            unknown.append(f"{label!r}: {error}")
-            continue
+        except NoMatchingModel:
+            category = plain_name(label)
         box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
         kept.append(Detection(label, category, box, score, source))
     if outside:
         problem = f"{len(outside)} of {len(found)} boxes are not in the picture of {width} x {height} pixels"
         raise PhotoRefused("boxes", path, problem, f"the first: {outside[0]}; are they in another unit?")
-    if unknown:
-        problem = f"{len(unknown)} of {len(found)} labels are not known"
-        listed = "".join(f"\n  - {each}" for each in sorted(set(unknown)))
-        raise PhotoRefused("label", path, problem, f"an empty label leaves it to the fit{listed}")
     return tuple(kept)
 
 

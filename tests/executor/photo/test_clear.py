@@ -9,10 +9,8 @@ import pytest
 
 from executor.assets.library import LIBRARY
 from executor.photo.fitting.evidence import PixelEvidence
-from executor.photo.fitting.fit import with_label
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of, raycaster_of
-from executor.photo.fitting.likelihood import Fit, Likelihood, Neighbourhood, RatedHypothesis, SearchContext, prior_cost
-from executor.photo.geometry.residuals import VisibilityCheck
+from executor.photo.fitting.likelihood import Likelihood, Neighbourhood, SearchContext, prior_cost
 from tests.executor.photo.test_fit import seen_from_above
 
 GLASS = PoseHypothesis(LIBRARY["tumbler"], 1.2, 0.0, 0.0, 0.9, (0.06, 0.06, 0.10))
@@ -67,25 +65,7 @@ def test_a_glass_is_of_the_colours_behind_it() -> None:
     assert costs[1] < costs[0] - 20.0
 
 
-def test_what_was_found_of_the_name_on_the_box_is_kept_though_another_looks_likelier() -> None:
-    observation, (box,) = seen_from_above(CUP)
-    down = np.maximum(-observation.rays[..., 2], 1e-6)
-    floor_m = np.where(observation.rays[..., 2] < -1e-6, observation.eye_m[2] / down, np.inf)
-    nothing = np.zeros(floor_m.shape, dtype=np.int32)
-    around = SearchContext(observation, floor_m, nothing, nothing.astype(bool), Neighbourhood(()))
-    # From the sides of a mug, handle and all, no search ends at the cup.
-    mug = replace(CUP, entry=LIBRARY["mug"], x_m=1.6, size_m=(0.11, 0.08, 0.09))
-    found = Fit(mug, 0.0, (RatedHypothesis(CUP, 1.0),), 1.0, 0.0, 100, None)
-    assert with_label(around, box.box_px, found, [CUP.entry]).guess.entry is CUP.entry
-
-
 @pytest.mark.parametrize(("height_m", "is_possible"), [(0.10, True), (0.022, True), (0.019, False), (0.5, False)])
 def test_no_size_is_looked_at_that_a_scene_would_not_take(height_m: float, is_possible: bool) -> None:
     carton = PoseHypothesis(LIBRARY["carton"], 1.0, 0.0, 0.0, 0.0, (0.08, 0.05, height_m))
     assert np.isfinite(prior_cost(carton, Neighbourhood(()))) == is_possible
-
-
-def test_something_unknown_may_hide_more_of_what_has_a_box() -> None:
-    hidden = VisibilityCheck(1000, 0, 900, (0.0, 0.0, 10.0, 10.0), 0.5, 0.0)
-    assert hidden.is_borne_out(40, boxed=True) and not hidden.is_borne_out(40)
-    assert not replace(hidden, before_px=1100).is_borne_out(40, boxed=True)

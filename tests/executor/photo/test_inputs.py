@@ -87,16 +87,15 @@ def test_a_label_is_understood_as_a_query_is(label: str, category: str | None) -
         ("breakfast table", "table_round", "breakfast_table"),
         ("fridge", "fridge_one_door", "refrigerator"),
         ("night table", "nightstand", "nightstand"),
-        ("notebook", "book_lying", "book"),
-        ("armchair", "chair_wooden", "chair"),
-        ("dresser", "wardrobe_two_doors", "wardrobe"),
-        ("kitchen/table", "table_round", "table"),
+        ("wine glass", "tumbler", "wine_glass"),
+        # What the lexicon has no other word for keeps a person's own word: only that will be said of it.
+        ("notebook", "book_lying", "notebook"),
+        ("kitchen/table", "table_round", "kitchen_table"),
         ("", "cup", "cup"),
     ],
 )
 def test_a_thing_keeps_the_name_that_it_was_given_where_that_says_more(label: str, model: str, name: str) -> None:
-    category = LIBRARY[model].category if "/" in label else category_named(label)
-    assert Detection(label, category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
+    assert Detection(label, LIBRARY[model].category, (0, 0, 9, 9), 1.0, "me").name_as(LIBRARY[model]) == name
 
 
 @pytest.mark.parametrize("name", ["depth.png", "depth.npz", "depth.npy"])
@@ -238,7 +237,6 @@ REFUSED: dict[str, tuple[Refused, str, tuple[str, ...]]] = {
     "objects": (_pickled, "depth", ("cannot be read as an array",)),
     "box outside": (lambda f: _boxes(f, "cup", [300, 10, 400, 90]), "boxes", ("1 of 1 boxes", "160 x 120", "unit")),
     "box of nothing": (lambda f: _boxes(f, "cup", [10, 10, 10, 90]), "boxes", ("cup 0 at 10 10 10 90",)),
-    "unknown label": (lambda f: _boxes(f, "mugg", [10, 10, 60, 90]), "label", ("'mugg'", "near it: mug")),
     "no boxes": (lambda f: read_boxes(f / "depth.png", SIZE), "boxes", ("no text",)),
     "classes": (lambda f: read_boxes(_alone(f), SIZE), "boxes", ("no classes.txt beside it",)),
     "no camera": (lambda f: _camera(f, None), "camera", ("does not say", "--camera", "hfov=DEGREES")),
@@ -292,15 +290,13 @@ def test_the_command_line_says_in_one_message_what_cannot_be_used(
     depth_m = np.where(below > 30.0, 1.4 * 138.6 / below, 0.0)
     np.save("floor.npy", np.tile(depth_m[:, None], (1, 160)))
     photographed(folder, 28, (4000, 2000))
-    for name, label, box in (("outside", "cup", [300, 10, 400, 90]), ("unknown", "mugg", [10, 10, 60, 90])):
-        Path(f"{name}.json").write_text(json.dumps({"things": [{"label": label, "box": box}]}))
+    Path("outside.json").write_text(json.dumps({"things": [{"label": "cup", "box": [300, 10, 400, 90]}]}))
     camera = ("--camera", "hfov=60")
     ends = {
         ("noise.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "no floor is seen in it",
         ("noise.png", "--depth", "small.npy", "--boxes", "own.json", *camera): "10 x 10 pixels, the picture 160 x 120",
         ("noise.png", "--depth", "centimetres.npy", "--boxes", "own.json", *camera): "--depth-unit-m",
         ("noise.png", "--depth", "floor.npy", "--boxes", "outside.json", *camera): "not in the picture of 160 x 120",
-        ("noise.png", "--depth", "floor.npy", "--boxes", "unknown.json", *camera): "near it: mug",
         ("phone.jpg", "--depth", "depth.npy", "--boxes", "own.json"): "it was cut",
         ("huge.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "at most 4096",
         ("half.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "truncated",

@@ -116,28 +116,6 @@ def test_a_run_makes_its_scene_of_a_photograph_once(folder: Path, monkeypatch: p
     assert (folder / "run" / "photo" / "scene.json").read_bytes() == made
 
 
-@pytest.mark.slow
-@pytest.mark.render
-def test_a_box_around_no_such_thing_is_left_out_and_what_is_there_is_found_alone(shot: Shot, folder: Path) -> None:
-    wrong = {"things": [{"label": "cup", "box": [2, 200, 40, 238]}]}  # A corner of the table.
-    (folder / "wrong.json").write_text(json.dumps(wrong))
-    arguments = ["--depth", folder / "depth.png", "--boxes", folder / "wrong.json", "--camera", folder / "camera.json"]
-    assert (
-        run(["photo", str(folder / "room.png"), *map(str, arguments), "--find-more", "--out", str(folder / "alone")])
-        == 0
-    )
-    told = json.loads((folder / "alone" / "photo.json").read_text())
-    assert "cup" in [one["label"] for one in told["left_out"]]
-    found = {"table_0": "table_0", "bottom_cabinet_0": "cabinet_0"}
-    assert found.keys() <= told["things"].keys()
-    # The bowl, which nobody has named, may be taken for something else of its size, but is where it is.
-    found |= {made: "bowl_0" for made in told["things"].keys() - found.keys()}
-    assert len(found) <= 3
-    for made, true in found.items():
-        x, y, z = (shot.T_level_world @ [*shot.scene.objects[true].position, 1.0])[:3]
-        assert np.linalg.norm(np.subtract(told["things"][made]["position_m"], (x, y, z))) < 0.05, made
-
-
 @pytest.mark.render
 def test_a_picture_for_a_task_shows_what_it_names_whole(shot: Shot) -> None:
     with photographer():
@@ -155,22 +133,3 @@ def test_whoever_names_a_thing_calls_it_what_it_is_called_in_its_room(shot: Shot
     boxes = input_of("A", "corner", room, categories, MockedDetector(), np.random.default_rng(0)).boxes
     assert (boxes["cabinet_0"].label, boxes["cabinet_0"].category) == ("dresser", "bottom_cabinet")
     assert boxes["table_0"].label == boxes["table_0"].category == "table"
-
-
-@pytest.mark.slow
-@pytest.mark.render
-def test_where_nothing_is_nothing_is_made(shot: Shot, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An empty floor, in the same camera: nothing stands out, whatever boxes say."""
-    columns, rows = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
-    rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(shot.K).T
-    down = rays @ shot.T_world_camera[2, :3]
-    floor_m = np.where(down < -0.1, -shot.T_world_camera[2, 3] / np.minimum(down, -0.1), 0.0)
-    depth = np.round(1000 * noisy(floor_m, np.random.default_rng(0))).astype(np.uint16)
-    Image.fromarray(depth).save(folder / "floor.png")
-    empty = {"things": [{"label": "cup", "box": [2, 200, 40, 238]}]}
-    (folder / "empty.json").write_text(json.dumps(empty))
-    arguments = ["--depth", folder / "floor.png", "--boxes", folder / "empty.json", "--camera", folder / "camera.json"]
-    code = run(["photo", str(folder / "room.png"), *map(str, arguments), "--out", str(folder / "none")])
-    said = " ".join(capsys.readouterr().err.split())
-    assert code == 2 and "nothing in it was recognised" in said and "cup" in said
-    assert not (folder / "none").exists()

@@ -194,7 +194,7 @@ def test_a_depth_file_can_be_a_guess(folder: Path) -> None:
     measured = AuxiliaryInputs(detect, depth_in(folder / "depth.npy", None), "hfov=58")
     guessed = replace(measured, facts=CameraFacts(depth_kind="guessed"))
     first, second = read_inputs(folder / "bare.jpg", measured), read_inputs(folder / "bare.jpg", guessed)
-    assert first.observation.is_exact and not second.observation.is_exact
+    assert first.observation.depth_distortion == 0.0 < second.observation.depth_distortion
     assert second.depth is not None and "guessed" in second.depth.source
     assert first.sha256 != second.sha256
 

@@ -14,7 +14,7 @@ from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.geometry.observation import observe
-from executor.photo.geometry.residuals import BoxView, VisibilityCheck
+from executor.photo.geometry.residuals import BoxView
 from executor.photo.geometry.walls import depth_of_empty, find_walls, find_walls_again
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.depth import Depth
@@ -201,31 +201,3 @@ def test_depth_in_another_unit_gives_no_floor() -> None:
     assert caught.value.kind == "floor" and "--depth-unit-m" in str(caught.value)
     _, floor = observe(PICTURE, replace(depth, z_m=depth.z_m * 0.2), CAMERA)
     assert floor.above_top_m == pytest.approx(0.28, abs=0.01) and floor.source.startswith("assumed")
-
-
-def test_a_claim_is_borne_out_where_it_is_seen_and_not_where_one_sees_through_it() -> None:
-    seen, _ = observe(PICTURE, drawn(), CAMERA)
-    nothing, there = np.full(seen.z_m.shape, np.inf), np.zeros(seen.z_m.shape, dtype=bool)
-    there[40:80, 50:100] = True
-    corners = seen.points_m[[40, 40, 79, 79], [50, 99, 50, 99]]
-    right = VisibilityCheck.of(seen, np.where(there, seen.z_m, np.inf), nothing, corners)
-    assert right.is_borne_out(60) and right.right_px == int((there & seen.measured).sum()) and right.through_px == 0
-    assert right.fills((52.0, 40.0, 100.0, 78.0)) and not right.fills((50.0, 40.0, 65.0, 52.0))
-    before_it = VisibilityCheck.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing, corners)
-    assert before_it.right_px == 0 and not before_it.is_borne_out(0) and not before_it.fills((50.0, 40.0, 100.0, 80.0))
-    partly = np.where(there, seen.z_m, np.inf)
-    partly[40:50] -= 0.5
-    assert not VisibilityCheck.of(seen, partly, nothing, corners).is_borne_out(60), "a quarter of it is seen through"
-    assert VisibilityCheck.of(seen, partly, partly - 0.1, corners).right_px == 0, (
-        "what is hidden by what is known says nothing"
-    )
-    hidden = np.where(there, seen.z_m, np.inf)
-    hidden[40:60] += 0.5
-    assert not VisibilityCheck.of(seen, hidden, nothing, corners).is_borne_out(60), (
-        "half of it is hidden by nothing that is known"
-    )
-    beside = corners + [0.0, 0.8, 0.0] * np.abs(corners)
-    assert (
-        VisibilityCheck.of(seen, np.where(there, seen.z_m, np.inf), nothing, beside + [0.0, 3.0, 0.0]).visible_share
-        < 0.25
-    )

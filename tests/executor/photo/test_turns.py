@@ -13,6 +13,7 @@ from executor.photo.fitting.fit import fit_thing
 from executor.photo.fitting.hypothesis import PoseHypothesis, Size, is_round
 from executor.photo.fitting.likelihood import Likelihood, Neighbourhood
 from executor.photo.fitting.refinement import orient_by_ear
+from executor.photo.fitting.starts import points_of
 from tests.executor.photo.test_fit import painted_around, seen_from_above
 
 SIZE_M = (0.115, 0.08, 0.09)
@@ -55,6 +56,7 @@ def test_a_die_has_sides_though_it_is_as_long_as_it_is_wide() -> None:
     assert [is_round(LIBRARY[model]) for model in ("plate", "can", "die", "mug")] == [True, True, False, False]
     true = PoseHypothesis(LIBRARY["die"], 1.2, 0.0, 0.35, 0.9, (0.06, 0.06, 0.06))
     around, box = painted_around(true)
-    found = fit_thing(around, box.box_px, [true.entry], [0.9])
+    points = points_of(around.observation, box.box_px, around.other_m, around.smaller)
+    found = fit_thing(around, box.box_px, [true.entry], [0.9], points)
     assert found is not None and found.guess.size_m[0] == pytest.approx(0.06, abs=0.002)
     assert abs(math.remainder(found.guess.yaw_rad - true.yaw_rad, math.pi / 2)) < 0.05

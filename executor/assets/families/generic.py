@@ -1,0 +1,118 @@
+"""Generic shapes for things that the library has no model of: a box, a cylinder, an open box, a slab on legs.
+
+Each takes any size. A thing so keeps its own category, which decides whether it is an item or furniture; fingers close
+around the item if it is narrow enough, and things stand on its top or in its hollow.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+
+from executor.assets.families.shapes import UP, Color, box, box_item, cylinder, fixture, round_item, surface
+from executor.assets.model import Asset, Region, Shape, Vector
+from executor.assets.parameters import SAME_AS_WIDTH, ChoiceParameter, ModelEntry, Range, require_size
+from oag import SceneObject
+from oag.model.symbols import Kind
+
+THING = "thing"
+"""Category of what has no name."""
+
+_COLORS: Mapping[str, Color] = {
+    "grey": (0.30, 0.30, 0.30),
+    "white": (0.80, 0.80, 0.78),
+    "black": (0.03, 0.03, 0.03),
+    "brown": (0.25, 0.13, 0.06),
+    "red": (0.45, 0.05, 0.05),
+    "yellow": (0.70, 0.50, 0.08),
+    "green": (0.07, 0.30, 0.10),
+    "blue": (0.06, 0.14, 0.40),
+}
+COLOR = ChoiceParameter("color", tuple(_COLORS))
+_SYNSET, _LINK = "object.n.01", "body"
+_LEAST_M: Vector = (0.002, 0.002, 0.002)
+_FRICTION, _ITEM_KG_M3 = 0.8, 400.0
+_WALL_SHARE, _WALL_M = 0.08, (0.001, 0.015)  # Of the shortest side; limits of an open box's wall.
+_TOP_SHARE, _TOP_M = 0.12, 0.04  # Of a slab's height; its largest thickness.
+_LEG_SHARE, _LEG_M = 0.15, 0.05  # Of the shorter side; the widest leg.
+
+
+def solid_box(obj: SceneObject) -> Asset:
+    """Return a solid box that fills the object's extent."""
+    x, y, z = _halves(obj)
+    return _made(obj, [_board(obj)((-x, -y, -z), (x, y, z))], surface(_LINK, x, y, z))
+
+
+def solid_cylinder(obj: SceneObject) -> Asset:
+    """Return an upright cylinder; its diameter is the smaller horizontal extent."""
+    x, y, z = _halves(obj)
+    radius = min(x, y)
+    shape = cylinder(radius, -z, z, color=_COLORS[COLOR.read(obj)], friction=_FRICTION, density_kg_m3=_ITEM_KG_M3)
+    side = radius / math.sqrt(2.0)
+    top = surface(_LINK, side, side, z)
+    if obj.kind is Kind.ITEM:
+        return round_item(obj, _LINK, [shape], radius, 2 * z, _SYNSET, regions=(top,))
+    return fixture(obj, _LINK, [shape], (2 * radius, 2 * radius, 2 * z), _SYNSET, top)
+
+
+def open_box(obj: SceneObject) -> Asset:
+    """Return a box without a lid."""
+    x, y, z = _halves(obj)
+    t = min(max(2 * _WALL_SHARE * min(x, y, z), _WALL_M[0]), _WALL_M[1], min(x, y, z) / 2)
+    board = _board(obj)
+    shapes = [
+        board((-x, -y, -z), (x, y, -z + t)),
+        board((-x, -y, -z + t), (-x + t, y, z)),
+        board((x - t, -y, -z + t), (x, y, z)),
+        board((-x + t, -y, -z + t), (x - t, -y + t, z)),
+        board((-x + t, y - t, -z + t), (x - t, y, z)),
+    ]
+    hollow = Region("hollow", "interior", _LINK, (0.0, 0.0, t / 2), (x - t, y - t, z - t / 2), UP)
+    return _made(obj, shapes, hollow)
+
+
+def slab_on_legs(obj: SceneObject) -> Asset:
+    """Return a slab with a leg below each of its corners."""
+    x, y, z = _halves(obj)
+    thick = min(2 * _TOP_SHARE * z, _TOP_M)
+    leg = min(2 * _LEG_SHARE * min(x, y), _LEG_M)
+    board = _board(obj)
+    shapes = [board((-x, -y, z - thick), (x, y, z))]
+    for left, near in itertools.product((-x, x - leg), (-y, y - leg)):
+        shapes.append(board((left, near, -z), (left + leg, near + leg, z - thick)))
+    return _made(obj, shapes, surface(_LINK, x, y, z))
+
+
+def _halves(obj: SceneObject) -> Vector:
+    x, y, z = require_size(obj, _LEAST_M)
+    return x / 2, y / 2, z / 2
+
+
+def _board(obj: SceneObject) -> partial[Shape]:
+    return partial(box, color=_COLORS[COLOR.read(obj)], friction=_FRICTION, density_kg_m3=_ITEM_KG_M3)
+
+
+def _made(obj: SceneObject, shapes: Sequence[Shape], region: Region) -> Asset:
+    """Return an item, or furniture, by the object's kind."""
+    x, y, z = _halves(obj)
+    extent_m = 2 * x, 2 * y, 2 * z
+    make = box_item if obj.kind is Kind.ITEM else fixture
+    return make(obj, _LINK, shapes, extent_m, _SYNSET, region)
+
+
+_SIDE, _HEIGHT = Range(0.01, 3.0), Range(0.01, 2.5)
+GENERIC: Mapping[str, ModelEntry] = MappingProxyType(
+    {
+        entry.model: entry
+        for entry in (
+            ModelEntry("generic_box", THING, _SYNSET, solid_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry("generic_cylinder", THING, _SYNSET, solid_cylinder, SAME_AS_WIDTH, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry("generic_open_box", THING, _SYNSET, open_box, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+            ModelEntry("generic_slab_on_legs", THING, _SYNSET, slab_on_legs, _SIDE, _SIDE, _HEIGHT, (COLOR,)),
+        )
+    }
+)
+"""The generic shapes by the names of their models. They are no part of the library that scenes are drawn from."""

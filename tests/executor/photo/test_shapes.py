@@ -1,0 +1,182 @@
+"""What a person boxes and names is in the scene, under that name and within its box, whatever the library has."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import llm
+from executor.assets.asset_geometry import bounds
+from executor.assets.families.generic import GENERIC
+from executor.assets.library import LIBRARY, asset_for
+from executor.geometry import Array
+from executor.photo.errors import LostCause
+from executor.photo.fitting.hypothesis import PoseHypothesis
+from executor.photo.fitting.likelihood import Fit
+from executor.photo.geometry.observation import Observation
+from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
+from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
+from executor.photo.room.fitter import LEAST_IN_BOX
+from executor.photo.room.reconstruct import FittedRoom, FittedThing, reconstruct
+from executor.photo.scene import scene_of
+from oag import SceneObject, compose
+from oag.model.symbols import Kind
+from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
+
+SHAPES = sorted(GENERIC)
+SIDES = st.floats(0.02, 1.5)
+
+
+def shape(model: str, size_m: tuple[float, float, float], **at: float) -> PoseHypothesis:
+    """Return a generic shape on the table."""
+    place = {"x_m": 2.05, "y_m": -0.05, "yaw_rad": 0.4, "bottom_m": 0.7, **at}
+    return PoseHypothesis(GENERIC[model], **place, size_m=size_m)
+
+
+def known(seen: Observation, *things: tuple[Detection, PoseHypothesis]) -> FittedRoom:
+    """Return a room of fits that were not searched for."""
+    fits = [
+        FittedThing(f"{box.label}_{number}", box, Fit(guess, 0.0, (), 1.0, 0.005, 100, None, (0.01, 0.01)))
+        for number, (box, guess) in enumerate(things)
+    ]
+    return FittedRoom(tuple(fits), (), ())
+
+
+@given(st.sampled_from(SHAPES), st.tuples(SIDES, SIDES, SIDES), st.sampled_from(["drill", "dining_table", "wardrobe"]))
+def test_a_generic_shape_fills_its_box_and_is_what_its_category_says(
+    model: str, size_m: tuple[float, float, float], category: str
+) -> None:
+    if model == "generic_cylinder":
+        size_m = (size_m[0], size_m[0], size_m[2])
+    thing = SceneObject("thing_0", category, model, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), size_m)
+    asset = asset_for(thing)
+    low, high = bounds(asset, np.eye(3))
+    assert np.asarray(high) - np.asarray(low) == pytest.approx(size_m, abs=1e-6)
+    assert (asset.motion == "dynamic") is (thing.kind is Kind.ITEM)
+    assert len(asset.regions) == 1
+    width_m = asset.graspable_width_m
+    assert width_m == pytest.approx(min(size_m[:2])) if thing.kind is Kind.ITEM else width_m is None
+
+
+@pytest.mark.parametrize(
+    ("label", "name"),
+    [("Water bottle", "water_bottle"), ("toy-robot", "toy_robot"), ("42", None), ("кружка", None), ("thing", None)],
+)
+def test_a_label_becomes_a_name_that_a_scene_can_have(label: str, name: str | None) -> None:
+    assert plain_name(label) == name
+
+
+def test_labels_that_the_library_does_not_have_are_read(tmp_path: Path) -> None:
+    things = [{"label": label, "box": [10, 10, 60, 60]} for label in ("drill", "mug", "floor", "")]
+    (tmp_path / "boxes.json").write_text(json.dumps({"things": things}))
+    read = read_boxes(tmp_path / "boxes.json", (320, 240))
+    assert [(one.label, one.category) for one in read] == [("drill", "drill"), ("mug", "mug"), ("", None)]
+
+
+@pytest.mark.parametrize(
+    ("model", "size_m"),
+    [("generic_box", (0.14, 0.08, 0.10)), pytest.param("generic_cylinder", (0.08, 0.08, 0.15), marks=pytest.mark.slow)],
+)
+def test_what_no_model_has_is_a_shape_of_its_size_under_its_name(
+    model: str, size_m: tuple[float, float, float]
+) -> None:
+    drill = shape(model, size_m)
+    seen, (table, box) = seen_from_above(TABLE, drill)
+    found = reconstruct(seen, [table, replace(box, label="drill", category="drill")], ())
+    one = found.things[1]
+    assert one.id == "drill_0" and one.fit.guess.entry.model in GENERIC and one.fit.in_box > 0.8
+    assert math.dist((one.fit.guess.x_m, one.fit.guess.y_m), (2.05, -0.05)) < 0.02
+    assert sorted(one.fit.guess.size_m) == pytest.approx(sorted(size_m), abs=0.02)
+    _, made = scene_of(found, "drawn")
+    assert made.scene is not None and made.refused == ""
+    assert made.scene.objects["drill_0"].category == "drill"
+    task = llm.propose("pick up the drill", made.scene).task
+    assert compose(task, scene=made.scene).verify() and task.subtasks[-1].target == "drill_0"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["cup"])
+def test_a_person_s_name_is_kept_where_no_model_of_it_fits(label: str) -> None:
+    seen, (table, bowl) = seen_from_above(TABLE, BOWL)
+    room = reconstruct(seen, [table, replace(bowl, label=label, category=label)], ())
+    made = room.things[1]
+    assert made.id == f"{label}_0" and made.fit.in_box >= LEAST_IN_BOX
+    assert len(room.things) == 2, "nothing is made that has no box"
+
+
+@pytest.mark.slow
+def test_without_depth_a_thing_without_a_model_fills_its_box() -> None:
+    seen, (table, box) = seen_from_above(TABLE, shape("generic_box", (0.14, 0.10, 0.12)))
+    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    room = reconstruct(flat, [table, replace(box, label="drill", category="drill")], ())
+    drill = room.things[1].fit
+    assert drill.in_box > 0.8 and drill.guess.entry.model == "generic_box"
+    assert drill.guess.bottom_m == pytest.approx(room.things[0].fit.guess.size_m[2], abs=0.01)
+
+
+def test_what_the_sensor_does_not_see_is_fitted_to_its_box() -> None:
+    seen, (table, box) = seen_from_above(TABLE, shape("generic_box", (0.14, 0.10, 0.12)))
+    holes = replace(seen, z_m=np.where(box.pixels(seen.size_px), 0.0, seen.z_m))
+    room = reconstruct(holes, [table, replace(box, label="vase", category="vase")], ())
+    assert room.things[1].id == "vase_0" and room.things[1].fit.in_box > 0.7
+
+
+def test_a_box_above_every_horizon_is_lost_for_a_cause_that_programs_know() -> None:
+    seen, _ = seen_from_above(TABLE)
+    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    above = Detection("can", "can", (20.0, 2.0, 30.0, 9.0), 1.0, "drawn")
+    room = reconstruct(flat, [above], ())
+    assert room.things == () and [one.cause for one in room.unfitted] == [LostCause.NO_PLACE]
+
+
+@given(st.floats(-0.04, 0.04), st.floats(-0.04, 0.04))
+def test_what_is_over_an_item_is_in_it_and_not_below(x_m: float, y_m: float) -> None:
+    def around(low_m: float) -> Array:
+        return np.array([BOWL.x_m + x_m, BOWL.y_m + y_m, low_m]) + np.zeros((20, 3))
+
+    tops = list(tops_of([TABLE, BOWL]))
+    hollow_m = max(top.height_m for top in tops if top.of is BOWL)
+    assert heights_under(around(0.73), tops)[0] == pytest.approx(hollow_m, abs=1e-4)
+    beside = around(0.73) + [0.3, 0.0, 0.0]
+    assert heights_under(beside, tops) == [0.7]
+    assert heights_under(around(1.3), tops) == [1.3], "nothing known is below it"
+
+
+def test_what_stands_on_nothing_that_has_a_box_is_put_down() -> None:
+    seen, (table, box) = seen_from_above(TABLE, BOWL)
+    found = known(seen, (table, TABLE), (replace(box, label="bowl"), replace(BOWL, bottom_m=1.1)))
+    _, made = scene_of(found, "drawn")
+    assert made.refused == "" and made.scene is not None and "(ontop bowl_1 table_0)" in made.scene.to_json()["facts"]
+    assert any("was put down" in note for note in made.notes)
+
+
+def test_a_chair_stays_under_a_table() -> None:
+    chair = PoseHypothesis(LIBRARY["chair_wooden"], 1.75, 0.0, 0.0, 0.0, (0.42, 0.42, 0.85))
+    seen, (table, box) = seen_from_above(TABLE, chair)
+    below = replace(chair, x_m=TABLE.x_m - 0.55, yaw_rad=TABLE.yaw_rad)
+    room, made = scene_of(known(seen, (table, TABLE), (box, below)), "drawn")
+    assert made.refused == "" and room.unfitted == ()
+
+
+def test_a_box_of_a_smaller_thing_hides_nothing_of_itself() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    room = RoomEstimate(seen, (), boxes, 0.0)
+    assert not room.around(1, hidden_by=(0, 1)).smaller.any() and room.around(0, hidden_by=(0, 1)).smaller.any()
+
+
+def test_a_shape_is_a_support_where_it_has_a_top_and_opens_nowhere() -> None:
+    drill, mug = shape("generic_box", (0.14, 0.10, 0.12)), replace(BOWL, entry=LIBRARY["mug"], y_m=0.25)
+    seen, (table, box, other) = seen_from_above(TABLE, drill, replace(mug, size_m=(0.11, 0.08, 0.09)))
+    things = [(table, TABLE), (replace(box, label="drill"), drill), (other, replace(mug, size_m=(0.11, 0.08, 0.09)))]
+    _, made = scene_of(known(seen, *things), "drawn")
+    assert made.scene is not None and made.refused == ""
+    assert compose(llm.propose("put the mug on the drill", made.scene).task, scene=made.scene).verify()
+    with pytest.raises(llm.QueryError):
+        llm.propose("open the drill", made.scene)
