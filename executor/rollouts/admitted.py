@@ -14,7 +14,8 @@ from bddl.errors import Scene2DemoError
 from executor.records import Event
 from executor.rollouts.feasibility import feasible
 from executor.system.files import content_key, json_text
-from oag import AdmittedTask, Scene, compose
+from oag import Scene, compose
+from oag.wish_list import AdmittedTask
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,8 @@ from executor.cli.options import READ_SCENE, CommonOptions, Flag, FullSize, Keep
 from executor.cli.output import OUT, counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
-    from oag import AdmittedTask, Wish
     from oag.planning import NoPlan
+    from oag.wish_list import AdmittedTask, Wish
 
 Kind = Literal["open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty"]
 
