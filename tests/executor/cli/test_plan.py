@@ -93,6 +93,7 @@ def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
     assert "✗ pick_up_can (NAVIGATE_TO_TARGET): " in out and "the hand stays " in out
 
 
+@pytest.mark.slow
 def test_a_run_of_it_is_refused_before_anything_moves(
     capsys: pytest.CaptureFixture[str], high_shelf: Path, tmp_path: Path
 ) -> None:

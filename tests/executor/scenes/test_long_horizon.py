@@ -53,6 +53,7 @@ def test_the_plan_is_proved_and_what_it_takes_hold_of_fits_the_gripper(family: s
             assert target.role == "A" or min(target.extent_m[:2]) <= PAPER_GRIPPER.widest_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_ids_name_files(family: str) -> None:
     assert [pair.id for pair in drawn(family)] == [f"{family}-{seed:06d}" for seed in SEEDS]
