@@ -131,3 +131,9 @@ def test_a_task_is_plain_data_that_is_read_again(name: str) -> None:
         data: dict[str, Any] = found.to_json()
         assert oag.Task.from_json(data["task"], scene=scene).subtasks == found.task.subtasks
         assert bddl.equivalent(data["goal"], found.wish.goal, scene.categories)
+
+
+def test_things_that_contain_each_other_end_no_list() -> None:
+    facts = ["(inside bowl_0 box_0)", "(ontop box_0 bowl_0)"]
+    scene = oag.scene({"bowl_0": "bowl", "box_0": "box", "table_0": "table"}, facts, "all")
+    assert isinstance(list(oag.tasks(scene)), list)

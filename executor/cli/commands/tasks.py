@@ -34,7 +34,7 @@ class Options(CommonOptions):
 
     scene: tyro.conf.Positional[Annotated[str, READ_SCENE]]
     """Name of a scene, or a scene's JSON file."""
-    kind: Annotated[tuple[Kind, ...], tyro.conf.arg(metavar="KIND...", help_behavior_hint="(default: all)")] = ()
+    kind: Annotated[tuple[Kind, ...], tyro.conf.arg(metavar="KIND...", help_behavior_hint="(default: every kind)")] = ()
     """Which kinds of wishes: open, close, pick, take-out, put-into, put-onto, fill (put into an item), stack (onto an
     item), all (of a kind), empty (all that is at a place)."""
     feasible: Flag = False
@@ -58,6 +58,7 @@ def execute(options: Options) -> int:
     check(options.out is None or options.feasible, "--out", options.out, "--feasible as well")
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
+        from executor.campaign.versions import outcome_version
         from executor.cli.execution import check_seed, check_unit_limit
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
@@ -82,7 +83,7 @@ def execute(options: Options) -> int:
     if options.feasible:
         from executor.rollouts.admitted import Answers
 
-        answers = Answers(options.out, scene, options.seed)
+        answers = Answers(options.out, scene, options.seed, outcome_version())
         for answer in answers.of(islice(found, options.most), options.limit_s):
             listing.add(answer.found, answer.feasible, answer.reason, asked=True)
     else:
