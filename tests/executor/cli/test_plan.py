@@ -64,6 +64,7 @@ def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixtur
     assert out == GOLDEN.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_robot_does_not_move_and_nothing_is_written(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -84,6 +85,7 @@ def test_the_robot_does_not_move_and_nothing_is_written(
     assert parts[2]["region"].startswith("shelf") and told["feasibility"]["failure"] is None
 
 
+@pytest.mark.slow
 def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
     capsys: pytest.CaptureFixture[str], high_shelf: Path
 ) -> None:
@@ -120,6 +122,7 @@ def test_of_a_plan_that_is_not_proved_feasibility_is_not_asked(
     assert code == 1 and told["feasibility"] is None and told["diagnostics"]
 
 
+@pytest.mark.slow
 def test_a_goal_is_planned_for_as_a_sentence_is(capsys: pytest.CaptureFixture[str]) -> None:
     goal = "(exists (?r - refrigerator) (and (inside glass_0 ?r) (not (open ?r))))"
     code, told = as_json(capsys, "--goal", goal, "--scene", "kitchen_t1")

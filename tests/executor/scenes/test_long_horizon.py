@@ -97,6 +97,7 @@ def test_corners_aisles_and_doors_that_open_half_way_are_drawn() -> None:
     assert any(not _in_a_corner(pair) for pair in drawn("T1") + drawn("T2"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_tables_clutter_and_robots_vary(family: str) -> None:
     pairs = drawn(family)
