@@ -155,10 +155,12 @@ def _print_main_table(cells: Sequence[Cell]) -> None:
 def _checked(options: Options) -> Shard:
     """Return the shard, after refusing options that make no sense."""
     from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
+    from executor.cli.inputs import robot_asked_for
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
     if not options.families:
         raise BadOption("T1..T7", "is missing", f"at least one of {', '.join((*FAMILIES, 'T7'))}")
+    robot_asked_for(options.robot, full_size=options.full_size)
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)

@@ -233,15 +233,15 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
 def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
     """Yield a source for every feasible wish of a scene; the answers are kept next to the folder for the next run."""
     from executor.campaign.versions import outcome_version
+    from executor.cli.inputs import robot_asked_for
     from executor.rollouts.admitted import Answers, in_turn
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
     from llm import tasks
-    from oag.model.robots import chosen_robot
     from oag.sizes import Sizing
 
     check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene with it")
-    scene = scene_for("", name, robot=chosen_robot(options.robot or "", full_size=options.full_size))
+    scene = scene_for("", name, robot=robot_asked_for(options.robot, full_size=options.full_size))
     require_valid(scene)
     answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed, outcome_version())
     counts: Counter[str] = Counter()

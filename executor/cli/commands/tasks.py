@@ -60,16 +60,16 @@ def execute(options: Options) -> int:
     with counting("loading the planner", quiet=quiet):
         from executor.campaign.versions import outcome_version
         from executor.cli.execution import check_seed, check_unit_limit
+        from executor.cli.inputs import robot_asked_for
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
         from llm import tasks
-        from oag.model.robots import chosen_robot
         from oag.sizes import Sizing
         from oag.wish_list import KINDS
     check_seed(options.seed)
     check_unit_limit(options.limit_s)
     scene = scene_for(
-        "", options.scene, robot=chosen_robot(options.robot or "", full_size=options.full_size), listen=tell_notes
+        "", options.scene, robot=robot_asked_for(options.robot, full_size=options.full_size), listen=tell_notes
     )
     tell_warnings(require_valid(scene))
     refused: list[tuple[Wish, NoPlan]] = []

@@ -104,6 +104,7 @@ def test_a_run_of_it_is_refused_before_anything_moves(
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "not-run" and told["rollout"] is None
     assert told["feasibility"]["failure"]["kind"] == "unreachable"
+    assert "Why it was not run" in (tmp_path / "refused" / "report.html").read_text()
     assert app.run([*words, str(tmp_path / "tried"), "--anyway"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "failed" and told["feasibility"] is None

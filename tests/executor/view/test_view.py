@@ -125,6 +125,14 @@ def test_a_failed_run_shows_where_it_failed(finished_run: Path) -> None:
     assert detail.plots is not None
 
 
+def test_a_damaged_run_hides_no_other(finished_run: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    shutil.copytree(finished_run, folder / "seed_00000")
+    (folder / "seed_00001").mkdir()
+    (folder / "seed_00001" / "rollout.json").write_text('{"task": "a')
+    assert [row.ended for row in listing_of(folder).rows()] == ["failed", "unreadable"]
+
+
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NothingToView, match=r"dataset\.json \(a store\)"):
         listing_of(tmp_path)
