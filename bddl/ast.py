@@ -153,7 +153,6 @@ class Atom(FormulaNode):
 
     @property
     def label(self) -> tuple[str, ...]:
-        """The predicate and its arguments."""
         return (self.predicate, *self.args)
 
     def __eq__(self, other: object) -> bool:
@@ -177,7 +176,6 @@ class Not(FormulaNode):
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The negated formula."""
         return (self.body,)
 
 
@@ -193,7 +191,6 @@ class Junction(FormulaNode):
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The parts."""
         return self.parts
 
 
@@ -220,7 +217,6 @@ class Imply(FormulaNode):
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The antecedent and the consequent."""
         return (self.left, self.right)
 
 
@@ -278,12 +274,10 @@ class _Single(Quantified):
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The body."""
         return (self.body,)
 
     @property
     def binders(self) -> tuple[Binder, ...]:
-        """Its one variable."""
         return (Binder(self.variable, self.category),)
 
 
@@ -308,7 +302,6 @@ class ForN(_Single):
 
     @property
     def number(self) -> int | None:
-        """How many objects it asks for."""
         return self.count
 
 
@@ -332,12 +325,10 @@ class ForPairs(Quantified):
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The body."""
         return (self.body,)
 
     @property
     def binders(self) -> tuple[Binder, ...]:
-        """Its two variables."""
         return (Binder(self.variable, self.category), Binder(self.other_variable, self.other_category))
 
 
@@ -349,7 +340,6 @@ class ForNPairs(ForPairs):
 
     @property
     def number(self) -> int | None:
-        """How many pairs it asks for."""
         return self.count
 
 
@@ -417,7 +407,6 @@ def formula_text(formula: FormulaNode, marked: bool | None = False) -> str:
     """Return the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`.
 
     Args:
-        formula: Any formula, of any depth.
         marked: Whether other names are marked too: False for never, None where the text that was parsed marks them,
             True also where there was no text.
     """
@@ -463,7 +452,6 @@ class Literal(NamedTuple):
     """An atom with the value it must have.
 
     Attributes:
-        atom: The atom.
         value: True for the atom itself, False for its negation.
     """
 

@@ -134,7 +134,6 @@ class Diagnostic:
 
     Attributes:
         code: Stable name of the kind of mistake (`MEANINGS` explains each).
-        message: What is wrong, in one sentence.
         line: Line of the place, from 1.
         column: Column of the place, from 1.
         length: Characters that the place covers; 0 for a place between characters.
@@ -243,11 +242,7 @@ class Reporter:
         """Record a mistake at a place.
 
         Args:
-            code: The kind of mistake.
-            span: Its place.
-            message: What is wrong, in one sentence.
             expected: What would have been legal there.
-            hint: What to write instead.
             related: Another place that belongs to it; it is marked with `-` in the excerpt.
             severity: What it is where it is not tolerated.
             case: A narrower name of the mistake, when some mistakes of this kind are tolerated and others are not.

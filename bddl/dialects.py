@@ -28,7 +28,6 @@ class PredicateSpec:
     """One predicate.
 
     Attributes:
-        name: The name in BDDL text.
         parameters: What each argument stands for, in order; `room` marks the name of a room.
         meaning: When it holds, in words.
         synonyms: Other words for it; they are illegal in BDDL and serve the hints.
@@ -45,7 +44,6 @@ class PredicateSpec:
 
     @property
     def arity(self) -> int:
-        """How many arguments it takes."""
         return len(self.parameters)
 
     @property
@@ -275,13 +273,10 @@ class Profile:
 
     Attributes:
         name: The name callers use.
-        forms: The connectives and quantifiers it has.
-        predicates: The predicates it has, by name.
         builtin_objects: Objects that exist without being declared, with their categories.
         object_name: What the name of an object looks like.
         object_name_rule: The same in words, for messages.
         sections: The sections of a problem, in the order in which they are printed.
-        required_sections: Those that must be there.
         ignored_sections: Those that may be there and are not read.
         problem_type: What a problem is read into; a dialect with sections of its own has a class of its own.
         domains: The predicates by domain, where the problem's domain decides; `predicates` are those of a formula

@@ -14,30 +14,17 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Literal
 
-from bddl.ast import (
-    FORMS,
-    QUANTIFIER_WORDS,
-    Atom,
-    Binder,
-    Formula,
-    Not,
-    Place,
-    Span,
-    is_name,
-    make_atom,
-    make_placed,
-)
+from bddl.ast import FORMS, QUANTIFIER_WORDS, Atom, Binder, Formula, Not, Place, Span, is_name, make_atom, make_placed
 from bddl.definitions import apply_rules
 from bddl.diagnostics import Diagnostic, Reporter, Source
 from bddl.dialects import FORM_SHAPES, ROOM, Profile, operand_count
+from bddl.formulas import MOST_DIGITS
 from bddl.problem import ROOT_CATEGORY, WILDCARD, Problem, TypedObject, make_object
+from bddl.terms import INSTANCE
 
 _COMMENT = re.compile(r";[^\n]*")
 # Deeper forms are left to the reader without recursion.
 _MOST_LEVELS = 60
-# As in `bddl.formulas`.
-_MOST_DIGITS = 9
-_INSTANCE = re.compile(r".*_(\d+|\*)")
 
 
 class _Unusual(Exception):
@@ -298,7 +285,7 @@ class _Reader:
         fields: dict[str, object] = {}
         if "(N)" in shape:
             digits = parts.pop(0).words if parts and not parts[0].parts else []
-            if len(digits) != 1 or not digits[0].isdecimal() or len(digits[0]) > _MOST_DIGITS:
+            if len(digits) != 1 or not digits[0].isdecimal() or len(digits[0]) > MOST_DIGITS:
                 raise _Unusual
             fields["count"] = int(digits[0])
         count = shape.count("CATEGORY")
@@ -359,7 +346,7 @@ class _Reader:
         is_known = known is not None and name in known
         if not is_known and not _matches(profile.object_name, name):
             raise _Unusual
-        if marked and (section == ":init" or not profile.free_marks or not (is_known or _INSTANCE.fullmatch(name))):
+        if marked and (section == ":init" or not profile.free_marks or not (is_known or INSTANCE.fullmatch(name))):
             raise _Unusual
         legal = (not profile.rooms or name in profile.rooms) if is_room else (is_known or known is None)
         if not legal:

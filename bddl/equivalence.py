@@ -60,11 +60,8 @@ def equivalent(
     """Decide whether two goals hold in exactly the same states of a scene.
 
     Args:
-        goal_a: A formula, or its text.
-        goal_b: The other one.
         scene: Category of each object, or the declared objects of a problem.
         pairs: How `forpairs` is read, as in `evaluate`.
-        profile: The dialect of texts, or its name.
         timeout_ms: The most time that the solver may take [ms].
 
     Raises:

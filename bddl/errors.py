@@ -15,7 +15,6 @@ class IllegalName(ValueError):
 
     Attributes:
         role: What the name was meant for, such as "predicate".
-        name: The name as it was given.
         rule: What a name in this role may look like.
     """
 
@@ -30,13 +29,7 @@ class IllegalName(ValueError):
 
 @dataclass(eq=False, repr=False)
 class UnknownProfile(ValueError):
-    """Raised when a profile is asked for that does not exist.
-
-    Attributes:
-        name: The profile asked for.
-        legal: The names of the profiles there are.
-        near: The legal names that resemble it.
-    """
+    """Raised when a profile is asked for that does not exist."""
 
     name: str
     legal: tuple[str, ...]

@@ -21,9 +21,7 @@ class Word:
 
     Attributes:
         kind: Name of its terminal in the grammar.
-        text: The word as written.
         offset: Where it begins in the text.
-        source: The text that it stands in.
         invented: True for a parenthesis that the text lacks and that was put in to read on.
     """
 
@@ -45,7 +43,6 @@ class Word:
 
     @property
     def span(self) -> Span:
-        """Its place."""
         return self.source.span(self.offset, 0 if self.invented else len(self.text))
 
     @property
@@ -69,7 +66,6 @@ class Group:
 
     @property
     def is_flat(self) -> bool:
-        """True when it holds nothing but words."""
         return all(isinstance(item, Word) for item in self.items)
 
     @property
@@ -84,7 +80,6 @@ class Group:
 
     @property
     def span(self) -> Span:
-        """Its place."""
         opened = self.opened
         return opened.source.span(opened.offset, self.closed.end - opened.offset)
 

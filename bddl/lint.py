@@ -64,7 +64,6 @@ def analyse(
     Args:
         subject: A text, a problem or a formula. The places in the diagnostics of a tree refer to what `format`
             prints for it.
-        profile: The dialect, or its name.
         objects: Category of each object of the scene that a problem need not declare. Without it, a formula alone is
             not examined for what depends on objects.
         prove: Whether to ask z3 if some state satisfies the goal.

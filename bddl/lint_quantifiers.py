@@ -26,7 +26,6 @@ class Bound(NamedTuple):
 
     @property
     def binder(self) -> Binder:
-        """The variable and its category."""
         return self.quantifier.binders[self.position]
 
     @property

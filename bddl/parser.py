@@ -83,7 +83,6 @@ def check(
 
     Args:
         subject: A text, or a tree. The places in the diagnostics of a tree refer to what `format` prints for it.
-        profile: The dialect, or its name.
         objects: Category of each object of the scene; when given, unknown objects and categories are mistakes too.
 
     Example:
@@ -175,8 +174,6 @@ class TextReading:
 
     Attributes:
         found: The content of the text, or None when it is wrong.
-        profile: The dialect that it was read in.
-        reporter: Has the text and its diagnostics.
         forest: The forms and loose words of the text, with recovered parentheses where that was needed.
     """
 
@@ -188,8 +185,6 @@ class TextReading:
 
 def read_text(text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None) -> TextReading:
     """Read a text and collect its diagnostics."""
-    if not isinstance(text, str):
-        raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
     reporter = Reporter(text, profile.tolerated)
     if profile.free_text:
         reporter.source = Source(hide_free_text(text, profile.free_text))

@@ -75,11 +75,7 @@ class Problem(Placed):
     """A problem file: declared objects, what holds at the start, and the goal.
 
     Attributes:
-        name: Name of the problem.
-        domain: Name of the domain it belongs to.
-        objects: Declared objects, in order.
         init: Literals that hold at the start, in order.
-        goal: The goal.
         warnings: Findings in the text that the profile tolerates.
         span: Where the problem stands in its text, or None when it was not parsed.
     """
@@ -107,7 +103,6 @@ class DomainPredicate:
     """A predicate that a domain declares.
 
     Attributes:
-        name: Its name, in lower case.
         parameters: Its parameters with their types, in order; an untyped one has the type `object`.
         span: Where the declaration stands in its text, or None when it was not parsed.
     """
@@ -124,7 +119,6 @@ class DomainPredicate:
 
     @property
     def arity(self) -> int:
-        """How many arguments it takes."""
         return len(self.parameters)
 
 
@@ -133,7 +127,6 @@ class DomainAction:
     """An action of a domain, which is stored and not interpreted.
 
     Attributes:
-        name: Its name.
         text: The whole form on one line, comments left out.
         span: Where the form stands in its text, or None when it was not parsed.
     """
@@ -148,11 +141,8 @@ class Domain:
     """A domain file.
 
     Attributes:
-        name: Name of the domain.
         requirements: Its requirements, such as `:adl`, in order.
         types: Its types with their supertypes, in order; one without a supertype has `object`.
-        predicates: Its predicates, in order.
-        actions: Its actions, in order.
         warnings: Findings in the text that are tolerated.
         span: Where the domain stands in its text, or None when it was not parsed.
     """
@@ -225,13 +215,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class SceneStyle:
-    """How a part of the scene looks.
-
-    Attributes:
-        name: Name of the part.
-        floor: Style of its floor, or None.
-        wall: Style of its walls, or None.
-    """
+    """How a part of the scene looks."""
 
     name: str
     floor: str | None = None
@@ -244,7 +228,6 @@ class LiberoProblem(Problem):
 
     Attributes:
         language: The instruction, letter for letter as the file has it.
-        regions: In order.
         fixtures: Furniture and appliances with their types, in order; `objects` has the things that can be moved.
         objects_of_interest: Names of objects, fixtures and regions, in order.
         styles: How the scene looks; empty in most files.

@@ -7,7 +7,7 @@ a lower bound on the cost of making it true.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush, nsmallest
 from itertools import count
@@ -156,12 +156,7 @@ class NormalForm:
 
     def below(self, node: NormalNode) -> int:
         """Return the atoms of a node, which need not be one of `nodes`, as a set of bits."""
-        if isinstance(node, Lit):
-            return 1 << node.atom
-        atoms = 0
-        for part in _parts(node):
-            atoms |= self.atoms[part]
-        return atoms
+        return _atoms_below(node, self.atoms)
 
 
 def _parts(node: NormalNode) -> Iterable[int]:
@@ -173,6 +168,14 @@ def _parts(node: NormalNode) -> Iterable[int]:
             return parts
         case Pairing(cells=cells) | NoPairing(cells=cells):
             return [cell for row in cells for cell in row if cell is not None]
+
+
+def _atoms_below(node: NormalNode, known: Sequence[int]) -> int:
+    """Return the atoms of a node as a set of bits, from those of its parts."""
+    below = 1 << node.atom if isinstance(node, Lit) else 0
+    for part in _parts(node):
+        below |= known[part]
+    return below
 
 
 def _cheapest(count: int, costs: list[int], disjoint: bool) -> int:
@@ -257,11 +260,8 @@ class _FormBuilder:
                 return self._add(Enough(needed, inside, self._are_disjoint(inside)))
 
     def _add(self, node: NormalNode) -> int:
-        below = 1 << node.atom if isinstance(node, Lit) else 0
-        for part in _parts(node):
-            below |= self.atoms[part]
         self.nodes.append(node)
-        self.atoms.append(below)
+        self.atoms.append(_atoms_below(node, self.atoms))
         return len(self.nodes) - 1
 
     def _all(self, parts: Iterable[GroundNode], value: bool) -> tuple[int, ...]:
@@ -321,7 +321,6 @@ def options(
     first. The literals that hold already are part of the option, since they have to stay.
 
     Args:
-        goal: Any formula.
         objects: As for `evaluate`.
         state: Where the goal is to be reached from, as for `evaluate`; None to count from nothing.
         pairs: As for `evaluate`.
@@ -386,8 +385,6 @@ class _Search:
     """A best-first search over the literals chosen so far and the nodes still open.
 
     Args:
-        form: The goal.
-        held: The literals that hold at the start.
         surcharge: Additional cost of a literal that does not hold at the start; any literal costs 1.
     """
 

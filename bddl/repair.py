@@ -118,7 +118,6 @@ class Correction:
     """The legal text that a wrong one was meant to be.
 
     Attributes:
-        text: The corrected text.
         slips: The corrected slips, in the order of their correction, each once.
     """
 

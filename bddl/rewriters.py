@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,10 +26,8 @@ class TextEdit(NamedTuple):
     """A change of a text, and the slip that it corrects.
 
     Attributes:
-        start: Offset of the first character to be replaced.
         end: Offset behind the last one; equal to `start` for an insertion.
         text: What to write instead, or None when only the author knows.
-        slip: The slip.
     """
 
     start: int
@@ -43,8 +41,6 @@ class TextDraft:
     """A text with its dialect and the objects that it may name.
 
     Attributes:
-        text: The text.
-        profile: Its dialect.
         objects: Category of each known object, or None when any name may be an object.
         given: Its forms and loose words, where they are known already; else they are read on demand.
     """
@@ -56,7 +52,6 @@ class TextDraft:
 
     @cached_property
     def words(self) -> list[Word]:
-        """Its words and parentheses."""
         return read_words(Source(self.text)) if self.given is None else words_of(self.given)
 
     @cached_property
@@ -345,12 +340,8 @@ def _binder(words: Sequence[Word]) -> str:
     return f"({words[0].text} - {words[1].text})"
 
 
-def _sequences(draft: TextDraft) -> Iterator[Sequence[Item]]:
-    if len(draft.forest) > 1:
-        yield draft.forest
-    for group in draft.groups:
-        if len(group.items) > 1:
-            yield group.items
+def _sequences(draft: TextDraft) -> list[Sequence[Item]]:
+    return [items for items in (draft.forest, *(group.items for group in draft.groups)) if len(items) > 1]
 
 
 def _is_bare_atom(draft: TextDraft, items: Sequence[Item]) -> bool:
@@ -379,10 +370,7 @@ def _prefix(draft: TextDraft, items: list[Item], level: int = 0) -> str:
     if level:
         connective = next(iter(_LEVELS[level].values()))
         return f"({connective} {' '.join(texts)})"
-    nested = texts[-1]
-    for text in reversed(texts[:-1]):
-        nested = f"(imply {text} {nested})"
-    return nested
+    return reduce(lambda nested, text: f"(imply {text} {nested})", reversed(texts))
 
 
 def _operand(draft: TextDraft, items: list[Item]) -> str:
@@ -413,7 +401,6 @@ def balance_parentheses(draft: TextDraft) -> Iterator[TextEdit]:
         return
     reporter = Reporter(text)
     words = recover_parentheses(draft.words, draft.profile, reporter)
-    slips = {SLIP_OF_CODE[found.code] for found in reporter.diagnostics if found.code in SLIP_OF_CODE}
     kept = {word.offset for word in words if not word.invented}
     for word in draft.words:
         if word.offset not in kept:
@@ -421,7 +408,7 @@ def balance_parentheses(draft: TextDraft) -> Iterator[TextEdit]:
     for word in words:
         if word.invented:
             yield TextEdit(word.offset, word.offset, word.text, "missing-parenthesis")
-    if not slips:
+    if not any(found.code in SLIP_OF_CODE for found in reporter.diagnostics):
         yield TextEdit(0, len(text), " ".join(word.text for word in words), "extra-parenthesis")
 
 
@@ -571,9 +558,8 @@ def swap_roles(draft: TextDraft) -> Iterator[TextEdit]:
         if len(words) == len(group.items) == 3 and not bound.intersection(word.text.lstrip("?") for word in words):
             predicate, first, second = words
             if swap_reason(predicate.key, objects.get(first.text, first.text), objects.get(second.text, second.text)):
-                yield TextEdit(
-                    group.offset, group.end, f"({predicate.text} {second.text} {first.text})", "swapped-roles"
-                )
+                swapped = f"({predicate.text} {second.text} {first.text})"
+                yield TextEdit(group.offset, group.end, swapped, "swapped-roles")
 
 
 def _rename_head(draft: TextDraft, head: Word, flat: bool) -> TextEdit:
@@ -607,10 +593,7 @@ def _rename_object(word: Word, known: Sequence[str], draft: TextDraft) -> TextEd
 
 
 def _bound_names(draft: TextDraft) -> frozenset[str]:
-    found: set[str] = set()
-    for group in draft.groups:
-        if group.head is not None and group.head.key in QUANTIFIER_WORDS:
-            for item in group.items[1:]:
-                words = words_in(item.items if isinstance(item, Group) else [item])
-                found.update(word.text[1:] for word in words if word.kind == "VARIABLE")
-    return frozenset(found)
+    quantified = (group for group in draft.groups if group.head is not None and group.head.key in QUANTIFIER_WORDS)
+    items = (item for group in quantified for item in group.items[1:])
+    words = (word for item in items for word in words_in(item.items if isinstance(item, Group) else [item]))
+    return frozenset(word.text[1:] for word in words if word.kind == "VARIABLE")

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 from bddl.ast import Formula, Span, is_name
 from bddl.diagnostics import Code, Reporter
 from bddl.dialects import Profile, near_names
-from bddl.formulas import FormulaReader, TermReader
+from bddl.formulas import FormulaReader
 from bddl.lexer import Group, Item, Word, words_in
 from bddl.problem import (
     ROOT_CATEGORY,
@@ -26,6 +26,7 @@ from bddl.problem import (
     TypedObject,
     read_number,
 )
+from bddl.terms import TermReader
 
 # Placeholder for a name that was reported.
 UNNAMED = "unnamed"
@@ -39,9 +40,6 @@ class SectionNames:
         owner: What defines them, for messages, such as "profile `scene`".
         subject: What the file defines: "problem" or "domain".
         legal: The legal sections, in the order in which they are read.
-        required: The required sections.
-        ignored: Sections that are skipped.
-        repeatable: Sections that may occur several times.
     """
 
     owner: str
@@ -182,13 +180,8 @@ class ProblemDraft:
 
     Attributes:
         profile: The dialect; from the section `:domain` on with the predicates of that domain.
-        reporter: Receives the diagnostics.
         scene: Objects that exist besides those declared, or None; when given, declared ones must be among them.
-        name: Name of the problem.
-        domain: Name of its domain.
-        objects: Its declared objects.
         terms: Further names that formulas may use as objects, with their categories, such as regions.
-        init: The initial literals.
         goal: The goal, once it was read without a mistake.
         fields: Values of the sections that one dialect adds, by attribute of its class of problems.
     """
@@ -230,7 +223,6 @@ class ObjectsReader:
 
     @property
     def objects(self) -> tuple[TypedObject, ...]:
-        """The objects read so far, in order."""
         return tuple(item for listed in self._lists.values() for item in listed)
 
     def read(self, section: Group) -> None:

@@ -17,41 +17,12 @@ from types import ModuleType
 from typing import Any, Literal, TypeAlias
 
 from bddl.errors import SolverMissing
-from bddl.grounding import (
-    All,
-    AtLeast,
-    Exactly,
-    Ground,
-    GroundNode,
-    Leaf,
-    Matching,
-    Negation,
-    Some,
-    children,
-    operands_first,
-)
+from bddl.grounding import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some, children, operands_first
 
 TRUE = "true"
 FALSE = "false"
 # A part that is used once is written where it is used, up to this length; z3 reads nested text by recursion.
 _LONGEST_INLINE = 160
-
-
-def smt_text(ground: Ground) -> str:
-    """Return text that is satisfiable exactly when the formula is; atom i of the formula is the constant `a<i>`.
-
-    Example:
-        >>> import bddl
-        >>> from bddl.smt import smt_text
-        >>> print(smt_text(bddl.ground(bddl.parse_formula("(not (open box_0))"), {})))
-        (declare-const a0 Bool)
-        (assert (not a0))
-    """
-    script = Script()
-    names = [f"a{index}" for index in range(len(ground.atoms))]
-    script.declare(*names)
-    script.require(script.term(ground.root, names.__getitem__))
-    return script.text()
 
 
 class Script:
@@ -91,7 +62,6 @@ class Script:
         """Return the term of a node, after adding the names that it needs.
 
         Args:
-            root: A ground formula.
             atom: The term of each atom by its index; `true` and `false` are folded away as far as they reach.
         """
         nodes = list(operands_first(root))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import bddl
-from bddl.smt import Solver, smt_text, solve
+from bddl.smt import Script, Solver, solve
 from benchmarks.compiled_goals import CompiledGoal, compile_goal
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
@@ -56,6 +56,15 @@ class _Tally:
     reference_options: dict[str, int] = field(default_factory=dict)
     solved_unrewarded: dict[str, float] = field(default_factory=dict)
     unsolved_rewarded: list[str] = field(default_factory=list)
+
+
+def _smt_text(ground: bddl.Ground) -> str:
+    """Return text that is satisfiable exactly when the formula is; its atoms are a0, a1 and so on."""
+    names = [f"a{index}" for index in range(len(ground.atoms))]
+    script = Script()
+    script.declare(*names)
+    script.require(script.term(ground.root, names.__getitem__))
+    return script.text()
 
 
 def check_coherence(context: Context) -> Result:
@@ -124,10 +133,10 @@ def _options(name: str, problem: bddl.Problem, objects: dict[str, str], tally: _
     )
     tally.option_seconds[name], tally.start_seconds[name] = seconds, start_seconds
     tally.options[name] = len(found)
-    if not found and solve(smt_text(bddl.ground(problem.goal, objects))).status == "unsat":
+    if not found and solve(_smt_text(bddl.ground(problem.goal, objects))).status == "unsat":
         tally.unsatisfiable.append(name)
     opposite = bddl.ground(bddl.Not(problem.goal), objects)
-    session = Solver(smt_text(opposite))
+    session = Solver(_smt_text(opposite))
     constants = {atom: f"a{index}" for index, atom in enumerate(opposite.atoms)}
     for option in {*found, *from_start}:
         if session.check((constants[literal.atom], literal.value) for literal in option).status != "unsat":

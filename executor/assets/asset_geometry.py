@@ -112,6 +112,31 @@ def corners(shape: Shape, turn: Array) -> tuple[Array, Array]:
     return -half, half
 
 
+def box_around_shape(shape: Shape) -> tuple[Array, Array]:
+    """Return the box along a shape's own axes: (4, 4) pose of its middle in the link's frame, and (3,) half extents."""
+    T = transform_from_quaternion(shape.position_m, shape.orientation)
+    if shape.kind == "box":
+        return T, np.asarray(shape.size_m, dtype=float)
+    if shape.kind == "sphere":
+        return T, np.full(3, shape.size_m[0])
+    if shape.kind == "cylinder":
+        radius, half_length = shape.size_m
+        return T, np.array([radius, radius, half_length])
+    points = np.asarray(shape.vertices_m, dtype=float)
+    low, high = points.min(axis=0), points.max(axis=0)
+    T[:3, 3] += T[:3, :3] @ ((low + high) / 2)
+    return T, (high - low) / 2
+
+
+def farthest_points(points: Array, count: int, first: int) -> list[int]:
+    """Return indices of points (N, 3), each the farthest from those before it: omitted points lie near kept ones."""
+    chosen, gap_m = [first], np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(np.argmax(gap_m)))
+        gap_m = np.minimum(gap_m, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return chosen
+
+
 def joint_transform(joint: Joint, position: float) -> Array:
     """Return the (4, 4) pose of a joint's child link in its parent link, at a joint position [rad] or [m]."""
     x, y, z = joint.axis

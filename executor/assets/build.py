@@ -55,12 +55,7 @@ class _Mesh:
         return replace(self, points_m=turn.apply(self.points_m) + position_m, normals=turn.apply(self.normals))
 
 
-def own_color(shape: Shape) -> tuple[float, ...]:
-    """Return the asset's own colour of a shape."""
-    return shape.color
-
-
-def build_render_component(shapes: Iterable[Shape], paint: Paint = own_color) -> Any:
+def build_render_component(shapes: Iterable[Shape], paint: Paint | None = None) -> Any:
     """Build the render component of a link, to be added to its entity; the scene needs a render system."""
     render = load_sapien().render
     component = render.RenderBodyComponent()
@@ -69,7 +64,7 @@ def build_render_component(shapes: Iterable[Shape], paint: Paint = own_color) ->
     for shape in shapes:
         if not shape.visible:
             continue
-        look = paint(shape)
+        look = shape.color if paint is None else paint(shape)
         if not isinstance(look, tuple):
             textured.setdefault(id(look), (look, []))[1].append(_mesh_of(shape))
         elif len(look) == 3 and shape.kind in ("box", "mesh", "convex"):
@@ -112,7 +107,6 @@ def textured_material(colors: NDArray[Any], roughness: float, specular: float) -
 
     Args:
         colors: (H, W, 3) linear RGB in [0, 1]; the sides are powers of two.
-        roughness, specular: Of the whole material, 0 to 1.
     """
     render = load_sapien().render
     material = render.RenderMaterial(base_color=[1.0, 1.0, 1.0, 1.0], roughness=roughness, specular=specular)
@@ -224,7 +218,6 @@ class BuiltAsset:
     Attributes:
         root: The entity whose pose is the object's pose.
         bodies: Link name -> physics component.
-        articulation: The articulation, or None for a single body.
     """
 
     root: Any
@@ -246,10 +239,8 @@ def build_asset(
 
     Args:
         sapien_scene: A `sapien.Scene`, with a render system where `visual` is true.
-        object_id: The object's name in the scene.
         T_world_root: (4, 4) pose of the root link's frame.
         visual: Whether to add render shapes; False touches no render class.
-        gravity: Whether gravity acts on a dynamic body.
         paint: Returns the appearance of a shape; by default the asset's colours.
     """
     vector = pose_vector(T_world_root)
@@ -260,7 +251,7 @@ def build_asset(
         built = _build_body(sapien_scene, object_id, asset, pose, gravity=gravity)
     if visual:
         for link in asset.links:
-            built.bodies[link.name].entity.add_component(build_render_component(link.shapes, paint or own_color))
+            built.bodies[link.name].entity.add_component(build_render_component(link.shapes, paint))
     return built
 
 

@@ -99,8 +99,6 @@ class Disc:
 
     Attributes:
         x_m, y_m: Its centre in the world.
-        radius_m: Radius of the disc.
-        low_m, high_m: Bottom and top of the object.
     """
 
     x_m: float

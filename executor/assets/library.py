@@ -182,16 +182,7 @@ _Given = TypeVar("_Given")
 
 
 def _with_added(kind: str, own: Mapping[str, _Given], added: Iterable[tuple[str, str, _Given]]) -> Mapping[str, _Given]:
-    """Return what this file and the files of `families` give by name.
-
-    Args:
-        kind: What a name stands for, for the error.
-        own: What this file gives.
-        added: File, name and what it stands for.
-
-    Raises:
-        NameTaken: A name is given twice.
-    """
+    """Return what this file and the files of `families` give by name."""
     given, givers = dict(own), dict.fromkeys(own, __file__)
     for file, name, one in added:
         if name in given:
@@ -234,22 +225,14 @@ class ModelNotFound(LookupError):
 
 
 def entry(model: str) -> ModelEntry:
-    """Return the library's entry of a model.
-
-    Raises:
-        ModelNotFound: No model has that name; the message suggests near ones.
-    """
+    """Return the library's entry of a model."""
     if model not in LIBRARY:
         raise ModelNotFound(model)
     return LIBRARY[model]
 
 
 def sample(model: str, seed: int, object_id: str | None = None) -> SceneObject:
-    """Draw a variation of a model that stands on the floor at the origin; equal seeds give equal variations.
-
-    Raises:
-        ModelNotFound: The library has no such model.
-    """
+    """Draw a variation of a model that stands on the floor at the origin; equal seeds give equal variations."""
     return entry(model).sample(seed, object_id)
 
 

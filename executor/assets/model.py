@@ -32,10 +32,7 @@ class Shape:
         position_m: Centre in the link frame.
         orientation: Quaternion w x y z in the link frame.
         color: Linear RGB in [0, 1], with an optional alpha.
-        friction: Static and dynamic friction coefficient.
         density_kg_m3: Density, used for mass and inertia of dynamic bodies and moving links.
-        collides: Whether it takes part in physics.
-        visible: Whether cameras show it.
     """
 
     kind: Literal["box", "cylinder", "sphere", "convex", "mesh"]
@@ -112,12 +109,9 @@ class Handle:
     """A bar that the gripper can close on.
 
     Attributes:
-        link: The link that carries it.
-        joint: The joint that it moves.
         position_m: Centre of the bar in the link frame.
         axis: Unit vector along the bar, in the link frame.
         outward: Unit vector that points away from the front panel, in the link frame (the hand approaches against it).
-        length_m: Length of the bar.
         thickness_m: Thickness of the bar across the fingers.
     """
 
@@ -138,7 +132,6 @@ class Region:
 
     Attributes:
         kind: "interior" (the volume counts for `inside`) or "surface" (its bottom counts for `ontop`).
-        link: The link that carries it.
         center_m: Centre of the box in the link frame.
         half_extents_m: Half extents of the box in the link frame.
         opening: Unit vector, in the link frame, that points out through the open side (the hand enters against it).

@@ -86,7 +86,6 @@ class NumericParameter:
     Attributes:
         name: Key in the object's `parameters`; its ending names the unit.
         default: Value for objects without this parameter.
-        low, high: Limits that the family can build.
         whole: True for counts.
     """
 
@@ -97,19 +96,11 @@ class NumericParameter:
     whole: bool = False
 
     def read(self, obj: SceneObject) -> float:
-        """Return the object's value.
-
-        Raises:
-            AssetError: The value is not a number in the range.
-        """
+        """Return the object's value."""
         return number(obj, self.name, self.default, self.low, self.high)
 
     def count(self, obj: SceneObject) -> int:
-        """Return the object's value as a whole number.
-
-        Raises:
-            AssetError: The value is not a whole number in the range.
-        """
+        """Return the object's value as a whole number."""
         value = self.read(obj)
         if value != round(value):
             legal = f"expected a whole number from {self.low:g} to {self.high:g}"
@@ -134,11 +125,7 @@ class ChoiceParameter:
     words: tuple[str, ...]
 
     def read(self, obj: SceneObject) -> str:
-        """Return the object's value.
-
-        Raises:
-            AssetError: The value is not one of the words.
-        """
+        """Return the object's value."""
         value = obj.parameters.get(self.name, self.words[0])
         if value not in self.words:
             problem = f"parameter {self.name!r} is {value!r}"
@@ -161,12 +148,9 @@ class ModelEntry:
     """One model of the library.
 
     Attributes:
-        model: Name in a scene object's `model`.
         category: Category of a scene object of this model; `oag.model.symbols.kind_of` reads its kind from it.
         synset: BEHAVIOR's name of the category.
-        build: The family's builder.
         length, width, height: Ranges of the extent along the object's own x, y and z.
-        parameters: Further parameters that shape it.
     """
 
     model: str
@@ -182,7 +166,6 @@ class ModelEntry:
         """Draw a variation of the model that stands on the floor at the origin; equal seeds give equal variations.
 
         Args:
-            seed: Any integer from 0.
             object_id: Its id; by default the category with `_0`.
         """
         rng = np.random.default_rng([seed, *self.model.encode()])

@@ -36,7 +36,6 @@ def with_resistance(obj: SceneObject, asset: Asset) -> Asset:
     Args:
         obj: Its parameters `handle_force_n` and `gasket_force_n` [N] apply to each of its handles. By default the
             friction is 15 N, and the gasket 10 N for refrigerators and freezers, and 0 for others.
-        asset: The object's geometry.
 
     Raises:
         AssetError: One of the parameters is not a number from 0 to 200.

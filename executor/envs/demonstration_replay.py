@@ -43,9 +43,7 @@ class ReplayOutcome:
     """Result of a replayed demonstration.
 
     Attributes:
-        name: The demonstration's.
         good: Whether it repeated its purpose: the same states, or success.
-        progress: Progress of the task, 0 to 1.
         problem: Reason why it could not be replayed at all: the end of its process.
     """
 
@@ -114,7 +112,6 @@ def replay_episode(episode: StoredEpisode, mode: ReplayMode) -> ReplayOutcome:
 
     Raises:
         NotADataset: Its samples are unreadable.
-        MissingExtra: Gymnasium is not installed, and the environment is needed.
     """
     unit, rate_hz = DemoUnit.from_json(episode.meta["unit"]), float(episode.meta["record_hz"])
     physics = physics_of(unit)
@@ -133,16 +130,7 @@ def replay_episode(episode: StoredEpisode, mode: ReplayMode) -> ReplayOutcome:
 
 
 def replay_table(episode: Episode, rate_hz: float, action_mode: Literal["joint_target", "paper"]) -> ReplayOutcome:
-    """Replay the actions of a data set in the environment, at the data set's rate.
-
-    Args:
-        episode: A demonstration, from any format.
-        rate_hz: Rows per second.
-        action_mode: Kind of its actions.
-
-    Raises:
-        MissingExtra: Gymnasium is not installed.
-    """
+    """Replay the actions of a data set in the environment, at the data set's rate."""
     about = episode.about
     scene, start = Scene.from_json(about["scene"]), start_of(about.get("takeover"))
     varied = (about["drawn"] or {}).get("physics")
@@ -180,17 +168,9 @@ def replay_actions(
     """Execute actions in the environment one after the other, open loop.
 
     Args:
-        name: Name of the demonstration.
-        task: The task.
-        scene: The concrete scene.
         actions: (N, J) or (N, H), see `executor.sim.robot.actions`.
-        rate_hz: Actions per second.
-        action_mode: Kind of the actions.
         physics: Physics of the world, where the demonstration varied it.
         start: Start of the episode; by default the scene at rest.
-
-    Raises:
-        MissingExtra: Gymnasium is not installed.
     """
     gymnasium = require("gymnasium", "gym")
     unlimited = {"max_episode_steps": -1, "disable_env_checker": True}
@@ -213,7 +193,6 @@ def start_target(scene: Scene, start: Checkpoint | None = None) -> NDArray[np.fl
     """Return the (J,) joint targets at an episode's start.
 
     Args:
-        scene: Its concrete scene.
         start: Its start; by default the scene's place, arm at home, gripper open.
     """
     if start is not None:

@@ -34,11 +34,7 @@ class DrawnEpisode:
     """Task and scene of an episode.
 
     Attributes:
-        query: The sentence.
-        graph: The composed task, with its concrete scene.
         start: Its start: the scene at rest, the robot at its place.
-        physics: Physics of its world.
-        unit: Its unit; None for a task in a concrete scene.
         perturbations: Target's id -> its deviation from the unperturbed scene.
     """
 
@@ -71,7 +67,6 @@ def family_source(family: Family, variation: Variation = UNVARIED, *, robot: str
 
     Args:
         family: "T1" to "T6".
-        variation: Variation besides the seed's draws.
         robot: Name of the robot; by default the paper's.
     """
 
@@ -91,7 +86,6 @@ def query_source(query: str, scene: str, variation: Variation = UNVARIED, *, rob
     """Return the source of episodes of a sentence in a scene that the seed varies.
 
     Args:
-        query: The sentence.
         scene: Name of a scene, or a scene's JSON file.
         variation: Variation besides the seed's draws.
         robot: Name of the robot; by default the scene's own.
@@ -111,8 +105,6 @@ def task_source(
     """Return the source of one episode, whatever the seed.
 
     Args:
-        task: The task.
-        scene: The concrete scene.
         query: The sentence; by default the task's own text.
         physics: Physics of its world.
         start: Its start; by default the scene at rest.
@@ -163,7 +155,6 @@ class ProgressWatch:
     subtask determines the stage, however it was reached.
 
     Args:
-        graph: The composed task.
         world: Where things are.
     """
 

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
+from executor.assets.asset_geometry import box_around_shape, farthest_points
 from executor.assets.model import Shape
-from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
+from executor.geometry import Array, rotation_z, transform
 from executor.sim.engine import pose_matrix
 from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, arm_chain, joint_limits
 from executor.sim.robot.kinematics import pose_error
@@ -32,11 +33,7 @@ _LOOK_EVERY, _ROAM_M = 5, 0.5
 
 
 class Obstacles:
-    """Solids of a world without the robot: boxes and cylinders exactly, all else as bounding boxes.
-
-    Args:
-        world: The world, in its state at each call.
-    """
+    """Solids of a world without the robot: boxes and cylinders exactly, all else as bounding boxes."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -53,8 +50,8 @@ class Obstacles:
         placed = [(name, link, slice(end - len(own), end)) for (name, link, own), end in zip(bodies, ends, strict=True)]
         shapes = [_FLOOR, *(shape for *_, own in bodies for shape in own)]
         self._is_round = np.array([shape.kind == "cylinder" for shape in shapes])
-        self._half_m = np.stack([_half_m(shape) for shape in shapes])
-        self._T_body_solid = np.stack([_frame(shape) for shape in shapes])
+        boxes = [box_around_shape(shape) for shape in shapes]
+        self._T_body_solid, self._half_m = np.stack([T for T, _ in boxes]), np.stack([half for _, half in boxes])
         self._T_world_solid = self._T_body_solid.copy()
         self._movers = [body for body in placed if body[0] in moving]
         self._starts = [rows.start for *_, rows in self._movers]
@@ -107,24 +104,6 @@ class Obstacles:
         self._T_world_solid[rows] = self._world.T_world_link(name, link) @ self._T_body_solid[rows]
 
 
-def _frame(shape: Shape) -> Array:
-    """Return the (4, 4) frame of a solid, at its middle, in its body's frame."""
-    T = transform_from_quaternion(shape.position_m, shape.orientation)
-    if shape.kind == "convex":
-        corners = np.asarray(shape.vertices_m, dtype=float)
-        T[:3, 3] += T[:3, :3] @ (corners.min(axis=0) + corners.max(axis=0)) / 2
-    return T
-
-
-def _half_m(shape: Shape) -> Array:
-    """Return (3,) half the sides of a solid; of a cylinder radius, radius and half its length."""
-    if shape.kind == "convex":
-        return np.asarray(np.ptp(np.asarray(shape.vertices_m, dtype=float), axis=0) / 2)
-    if shape.kind == "cylinder":
-        return np.array([shape.size_m[0], shape.size_m[0], shape.size_m[1]])
-    return np.array(shape.size_m if shape.kind == "box" else [shape.size_m[0]] * 3)
-
-
 CLEAR_M = 0.06
 """Clearance of the arm: hands move by up to 5 cm per action; an elbow with more clearance moves to worse places."""
 
@@ -161,11 +140,7 @@ class HandTarget:
 
 
 class Elbow:
-    """Elbow posture control of one world's robot.
-
-    Args:
-        world: Its world.
-    """
+    """Elbow posture control of one world's robot."""
 
     def __init__(self, world: World) -> None:
         robot = world.model
@@ -182,7 +157,6 @@ class Elbow:
 
         Args:
             arm: (A,) the posture [rad].
-            hand: Pose and targets of the hand.
             homeward: Whether the arm goes home where nothing is in the way.
         """
         null_motions, back = _null_motions_and_inverses(hand.jacobian[None])
@@ -197,7 +171,6 @@ class Elbow:
         Args:
             arms: (2, A) postures near those with the hand at its target, now and soon.
             null_motion: (A,) the null motion: it leaves the hand in place.
-            hand: Targets of the hand.
             home: Distance to go where all else is equal [rad].
         """
         frames = self._chain.frames(arms)
@@ -260,11 +233,7 @@ def _points(world: World, link: str) -> Array:
     meshes = [shape for shape in world.robot.find_link_by_name(link).collision_shapes if hasattr(shape, "vertices")]
     placed = [(np.asarray(mesh.vertices) * np.asarray(mesh.scale), pose_matrix(mesh.local_pose)) for mesh in meshes]
     corners = np.concatenate([points @ T[:3, :3].T + T[:3, 3] for points, T in placed])
-    chosen, gap_m = [0], np.linalg.norm(corners - corners[0], axis=1)
-    while len(chosen) < min(_POINTS, len(corners)):
-        chosen.append(int(gap_m.argmax()))
-        gap_m = np.minimum(gap_m, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
-    return np.asarray(corners[chosen])
+    return np.asarray(corners[farthest_points(corners, _POINTS, 0)])
 
 
 _ARM_SPEED_RAD_S, _WRIST_SPEED_RAD_S = 2.175, 2.61
@@ -297,10 +266,8 @@ class HandFollower:
     """Follows hand targets, action by action; later actions catch up what one leaves undone.
 
     Args:
-        robot: Its record.
         target: (J,) initial joint targets.
         period_s: Duration of an action [s].
-        elbow: Elbow posture control.
     """
 
     def __init__(self, robot: Robot, target: Array, period_s: float, elbow: Elbow) -> None:

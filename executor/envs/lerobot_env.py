@@ -30,13 +30,9 @@ def make_env(n_envs: int = 1, use_async_envs: bool = False, cfg: Any = None) -> 
     """Return environments as LeRobot's hub requests them from an `env.py`.
 
     Args:
-        n_envs: Number of environments.
         use_async_envs: Whether each has its own process, forked from a server that has loaded nothing.
         cfg: LeRobot's configuration of an environment; its `task` is such as "T1-v0", its `gym_kwargs` go to
             `gymnasium.make`. By default T1.
-
-    Raises:
-        MissingExtra: Gymnasium is not installed.
     """
     gymnasium = require("gymnasium", "gym")
     task, options = getattr(cfg, "task", None) or _FIRST_TASK, dict(getattr(cfg, "gym_kwargs", None) or {})

@@ -53,14 +53,7 @@ from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, chosen_robot, known_
 
 
 class Views:
-    """The three cameras, in one scene after the other.
-
-    Args:
-        size: Width and height of the pictures [pixels].
-
-    Raises:
-        RendererNotFound: This machine has no renderer.
-    """
+    """The three cameras, in one scene after the other."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self._size = size
@@ -102,7 +95,6 @@ def target_speeds(robot: Robot, *, following: bool = False) -> Array:
     """Return (J,) the speed limits of targets, those of planned motions, m/s and rad/s; base, arm, fingers.
 
     Args:
-        robot: Its record.
         following: Whether the arm follows hand actions.
     """
     planned = speed_limits(robot)
@@ -119,16 +111,12 @@ class Simulation:
     """Physics of one episode.
 
     Args:
-        scene: The concrete scene.
-        start: Start of the episode.
         rate_hz: Actions per second of simulated time.
         physics: Changed physics of an experiment or a varied demonstration.
         follows: Whether the arm follows hand actions.
 
     Attributes:
-        world: The physics.
         target: (J,) present joint targets of the drives.
-        period_s: Duration of an action [s].
     """
 
     def __init__(
@@ -205,11 +193,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         full_size: Another word for the robot "panda".
         robot: Name of the robot; by default the scene's own, or the paper's. A concrete scene has its own.
         start: Start of the episode of `task`, if it is not the scene's.
-
-    Attributes:
-        family: "T1" to "T6": seeds draw the benchmark's scenes.
-        task: Task in a concrete scene, which no seed changes.
-        task_description: The sentence of the present episode.
 
     Raises:
         ValueError: Arguments contradict each other.
@@ -361,11 +344,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), reward, progress.success, False, self._info(progress)
 
     def render(self) -> Picture | None:
-        """Return the (H, W, 3) global view, where the render mode is "rgb_array".
-
-        Raises:
-            RendererNotFound: This machine has no renderer.
-        """
+        """Return the (H, W, 3) global view, where the render mode is "rgb_array"."""
         return self._pictures()["global"] if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
@@ -440,9 +419,7 @@ def action_limits(mode: ActionMode, rate_hz: float, robot: Robot) -> tuple[Array
     """Return the minimum and maximum of each number of an action, in m, rad and shares.
 
     Args:
-        mode: Kind of actions.
         rate_hz: Actions per second; differences shrink with it.
-        robot: Its record.
     """
     limits = joint_limits(robot)
     if mode == "joint_target":

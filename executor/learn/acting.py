@@ -76,8 +76,6 @@ class TrainedPolicy:
 
     Args:
         name: Name in results.
-        record: What it was trained on, and how.
-        network: Predicts a chunk of actions from observations.
         execute: Executed actions per chunk; by default those of the training's settings.
         step: Step of training of its weights; by default the last.
         folder: Folder of the record and the weights; by default the name.
@@ -111,12 +109,7 @@ class TrainedPolicy:
         """Load the policy of a folder.
 
         Args:
-            folder: Its folder.
             step: Step of training; by default the last.
-            execute: As for the class.
-
-        Raises:
-            NotAPolicy: There is none.
         """
         record = read_record(folder)
         name = str(folder) if step is None else f"{folder}@{step}"
@@ -167,11 +160,7 @@ class TrainedPolicy:
         self._grasp_modes.clear()
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
-        """Return the next action: (J,) joint targets or (H,) a hand action.
-
-        Raises:
-            NotAPolicy: It is not finite.
-        """
+        """Return the next action: (J,) joint targets or (H,) a hand action."""
         self._observe(observation)
         if not self._waiting:
             chunk = self._predict_actions(np.asarray(observation["agent_pos"], float)[:-AGENT_MORE])
@@ -248,11 +237,7 @@ class TrainedPolicy:
 
 
 def require_finite(actions: NDArray, policy: str) -> NDArray:
-    """Refuse actions that are not finite.
-
-    Raises:
-        NotAPolicy: A number is not finite.
-    """
+    """Refuse actions that are not finite."""
     if not np.isfinite(actions).all():
         raise NotAPolicy(f"{policy} gives actions that are not finite: its weights are not, or what it sees is not")
     return actions
@@ -277,7 +262,6 @@ class LeRobotPolicy:
     """A policy of LeRobot that acts in one episode after the other.
 
     Args:
-        folder: Its folder.
         data: Its training data, which it does not record reliably.
 
     Attributes:
@@ -340,17 +324,14 @@ class LeRobotPolicy:
         self.go_on(plan)
 
     def go_on(self, plan: Sequence[int]) -> None:
-        """Discard its remaining actions."""
         self._policy.reset()
 
     @property
     def subtask(self) -> int:
-        """0: it does not observe subtasks."""
         return 0
 
     @property
     def restarts(self) -> int:
-        """0: it has no plan to restart."""
         return 0
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
@@ -370,11 +351,7 @@ def _batch_of_one(values: Any) -> torch.Tensor:
 
 
 def _load_lerobot_policy(folder: Path) -> tuple[Any, Any, Any]:
-    """Load a policy of LeRobot, with its pre- and postprocessors.
-
-    Raises:
-        NotAPolicy: LeRobot is not installed, or cannot read it.
-    """
+    """Load a policy of LeRobot, with its pre- and postprocessors."""
     try:
         configs = importlib.import_module("lerobot.configs.policies")
         factory = importlib.import_module("lerobot.policies.factory")

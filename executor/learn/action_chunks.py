@@ -46,7 +46,6 @@ def to_base_targets(robot: Robot, qpos: NDArray, targets: NDArray) -> Numbers:
     """Transform joint targets into the base frame: (N, H, Q + 1).
 
     Args:
-        robot: Its record.
         qpos: (N, J) joint positions.
         targets: (N, H, J) joint targets.
     """
@@ -61,7 +60,6 @@ def to_world_targets(robot: Robot, qpos: NDArray, chunk: NDArray) -> NDArray[np.
     """Transform a chunk, predicted at a posture, into (H, J) joint targets within the joints' limits.
 
     Args:
-        robot: Its record.
         qpos: (J,) joint positions.
         chunk: (H, Q + 1), or six more with a predicted hand.
     """
@@ -83,7 +81,6 @@ def hand_poses(joints: NDArray, robot: Robot) -> NDArray[np.float32]:
 
     Args:
         joints: (N, J) joint positions or targets.
-        robot: Its record.
     """
     return _hand_of_arm(np.asarray(joints[:, robot.arm], float), robot).astype(np.float32)
 
@@ -108,7 +105,6 @@ def refine_arm_by_ik(qpos: NDArray, arms: NDArray, hands: NDArray, robot: Robot)
         qpos: (J,) joint positions at the prediction.
         arms: (H, A) predicted postures [rad].
         hands: (H, POSE_NUMBERS) as from `to_hand_frame`.
-        robot: Its record.
     """
     found, now = np.array(arms, float), _hand_of_arm(np.asarray(qpos, float)[None, robot.arm], robot)[0]
     wanted = np.tile(np.eye(4), (len(found), 1, 1))

@@ -49,7 +49,6 @@ class EpisodeInfo:
 
     Attributes:
         id, name: Its id, in any format, and its human-readable name.
-        unit: Its unit.
         takeover: Whether it continues from a state that a policy reached.
     """
 
@@ -210,7 +209,6 @@ class Demonstrations:
 
     Attributes:
         names: Names of the episodes; their mirror images are rows without names.
-        key: Key of the episodes.
         rate_hz: Moments a second.
         kinds: Distributions of the episodes, each once.
         seeds: Seeds of the episodes, each once, in order.
@@ -277,10 +275,6 @@ class Demonstrations:
 
         At the end of a primitive its last action is repeated: a policy that observes the step observes again before the
         next one. So are the last action and the last primitive of an episode.
-
-        Args:
-            moments: (B,) moments.
-            length: Number of actions.
         """
         later = moments[:, None] + np.arange(length)
         rows = np.minimum(later, self.lasts[moments, None] - 1)
@@ -297,7 +291,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     """Read the demonstrations of stores or exports, as a policy observes them.
 
     Args:
-        paths: Their folders.
         settings: The policy's observations and actions.
         most: Maximum number from each, in the order of an export; by default all.
 
@@ -393,7 +386,6 @@ def _of_one_robot(paths: Sequence[Path], include: tuple[Extra, ...]) -> tuple[li
 
     Raises:
         NothingToExport: They differ in rate or robot.
-        NotADataset: One of them is unreadable.
     """
     streams = [open_set(path, include, WITHOUT_PICTURES) for path in paths]
     if len({stream.found.rate_hz for stream in streams}) > 1:
@@ -433,7 +425,6 @@ def learned_from(path: Path) -> LearnedFrom:
 
     Raises:
         NothingToExport: It has no demonstrations.
-        NotADataset: It is unreadable.
     """
     stream = open_set(path, (), WITHOUT_PICTURES)
     shown = [info for info, _ in demonstrations(path, stream)]
@@ -455,8 +446,8 @@ def _observe_episode(episode: Episode, settings: PolicySettings) -> list[_Observ
     """Return an episode as a policy observes it, and its mirror image where training uses that."""
     found: list[_ObservedEpisode] = []
     for observed in _images(episode) if settings.training.mirror else (episode,):
-        if settings.training.beside_m:
-            observed = _with_offset_drives(observed, settings.training.beside_m, len(found))
+        if settings.training.drive_offset_m:
+            observed = _with_offset_drives(observed, settings.training.drive_offset_m, len(found))
         clouds = observed_clouds(observed, settings.sees.points) if settings.sees.kind == "cloud" else None
         # All episodes' whole clouds would take too much memory.
         kept = {name: column for name, column in observed.columns.items() if name != CLOUD}

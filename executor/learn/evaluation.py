@@ -70,7 +70,6 @@ class EpisodeOutcome:
     """Outcome of one episode.
 
     Attributes:
-        seed: Its seed.
         success_once, success_at_end: See the module's docstring.
         failure: Kind of failure, one of `FAILURES`; empty for a success.
         simulated_s: Simulated time up to the success or to the end [s].
@@ -93,10 +92,6 @@ class EpisodeOutcome:
 
 class OutcomeWatch:
     """Tracks the outcome of one episode.
-
-    Args:
-        episode: The episode.
-        world: Its world.
 
     Attributes:
         succeeded_s: Time of the first success [s]; None so far.
@@ -124,11 +119,7 @@ class OutcomeWatch:
         return self.succeeded_s is not None and self.elapsed_s >= self.succeeded_s + AFTER_S - 1e-9
 
     def look(self, info: Mapping[str, Any]) -> None:
-        """Observe the world; call it once per action.
-
-        Args:
-            info: The environment's info.
-        """
+        """Observe the world; call it once per action."""
         since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
         self._nearest_m = min(self._nearest_m, hand_distance_m(self._world, self._target))
         self._gripped = self._gripped or fingers_touching(self._world, self._target) == 2
@@ -199,11 +190,10 @@ class MonitorWatch:
     """Runs the executor's monitors on one episode.
 
     Args:
-        world: Its world.
         task: Its subtasks' objects may be touched.
 
     Attributes:
-        first_failures_s: Kind of a failure (`executor.records.rollout.FailureKind`) -> simulated time of the first,
+        first_failures_s: Kind of a failure (`executor.records.FailureKind`) -> simulated time of the first,
             since the world was built [s].
     """
 
@@ -263,12 +253,7 @@ to rest first."""
 
 @dataclass(frozen=True, slots=True)
 class EpisodeStates:
-    """States of an episode, for rendering.
-
-    Attributes:
-        scene, task: Its scene and task.
-        states: Packed physical states, one per action.
-    """
+    """States of an episode, for rendering."""
 
     scene: Scene
     task: Task
@@ -288,15 +273,7 @@ def evaluate(
 ) -> dict[str, list[EpisodeOutcome]]:
     """Return policy -> outcome of each seed, in order; after Ctrl-C, of the seeds in which all of them had acted.
 
-    Args:
-        policies: The policies; each gets the same episodes.
-        kind: Distribution of the episodes.
-        seeds: Seeds of the episodes.
-        on_progress: Called after each episode.
-        keep_states: Whether states are kept for rendering.
-
     Raises:
-        NotDrawn: No room could be drawn for a seed.
         KeyboardInterrupt: Before there was any result.
     """
     found: dict[str, list[EpisodeOutcome]] = {policy.name: [] for policy in policies}
@@ -346,7 +323,6 @@ def run_episode(
     """Run a policy in an episode; return its outcome, and its states where they are kept.
 
     Raises:
-        NotDrawn: No room could be drawn for the seed.
         NotAPolicy: The policy was not trained on the task.
     """
     observation, _ = env.reset(seed=seed)
@@ -374,10 +350,6 @@ class PlanGuide:
 
     A policy that continues past an undone subtask is sent back. One that restarts a grasp whose subtask's goal already
     holds is sent on.
-
-    Args:
-        policy: The policy.
-        task: Its task.
     """
 
     def __init__(self, policy: Policy, task: Task) -> None:
@@ -404,15 +376,7 @@ def draw_video(
     """Render an episode from the global camera, and return the video's path.
 
     Args:
-        scene_renderer: The renderer.
-        footage: The episode with its states.
-        folder: Folder of the video; it is created.
-        size: Width and height [pixels].
         rate_hz: Pictures per second, one per action: the video is as long as the episode.
-
-    Raises:
-        VideoFailed: An encoder fails.
-        OSError: The folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     cameras = cameras_for(footage.scene, (VIEW,), aspect=size[0] / size[1], task=footage.task)

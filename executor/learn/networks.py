@@ -50,9 +50,6 @@ class Locator(nn.Module):
 
     Args:
         robot: Length of the robot's numbers.
-        things, handles: Their numbers.
-        widths: Layer widths per point.
-        width: Width of the following layers.
     """
 
     def __init__(self, robot: int, things: int, handles: int, widths: tuple[int, ...], width: int = 256) -> None:
@@ -128,9 +125,7 @@ class NetworkSizes:
 
     Attributes:
         numbers: Observed numbers, without points.
-        action: Numbers of an action.
         phases: Number of primitives that occur.
-        grasp_modes: Number of grasp modes.
         robot: Length of the robot's numbers, which come first.
     """
 
@@ -146,10 +141,6 @@ class PolicyNetwork(nn.Module):
 
     Where a few demonstrations leave the action open, networks with other initial weights and batches differ, and their
     mean is nearer to the right action than most of them.
-
-    Args:
-        settings: Observations, actions and layers.
-        sizes: Sizes that follow from the data.
     """
 
     def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:

@@ -179,8 +179,6 @@ def _distances_m(
         counts: (N, THINGS) the visible things.
         from_m: (N, 2) starts of the rays.
         yaw_rad: (N,) heading of the first ray.
-        directions: Number of rays.
-        farthest_m: Maximum distance.
     """
     # In the axes of each box.
     yaw = _yaws_rad(things, counts)
@@ -220,7 +218,6 @@ def state_numbers(agent: NDArray, environment: NDArray, sees: Sees, began: NDArr
     Args:
         agent: (N, J + 8) the robot.
         environment: (N, ENVIRONMENT) its surroundings.
-        sees: Numbers of things, handles and directions.
         began: (ENVIRONMENT,) the surroundings at the policy's start; by default the first of those.
     """
     agent = np.asarray(agent, float)
@@ -272,7 +269,6 @@ def shown_numbers(robot: Robot, numbers: Numbers, places: bool, things: int, han
     each handle's opening. Without places it is the gripper's opening alone.
 
     Args:
-        robot: Its record.
         numbers: (N, F) from `state_numbers` or `own_numbers`.
         places: Whether it is the former.
         things, handles: Their numbers of things and handles.
@@ -327,7 +323,6 @@ def mirror_columns(robot: Robot, columns: Columns) -> dict[str, NDArray] | None:
     """Mirror an episode's columns (`executor.data.episode`); None where a joint would exceed its limits.
 
     Args:
-        robot: Its record.
         columns: Columns of the episode; those that policies do not observe stay.
     """
     found = dict(columns)
@@ -382,7 +377,6 @@ def offset_drives(
         columns: Columns of the episode; joint targets stay, hand actions would change.
         drives, carries: (N,) moments of driving, and of driving with a held thing.
         off_m: Standard deviation along x and along y [m].
-        rng: Random generator.
     """
     agent = np.array(columns["observation.state"], np.float64)
     rows = np.flatnonzero(drives & (rng.random(len(agent)) < OFFSET_SHARE))

@@ -55,7 +55,6 @@ class PlanFollower:
     """Tracks the phase of one episode's plan after the other.
 
     Args:
-        record: The acting policy.
         execute: Number of executed actions between observations.
     """
 

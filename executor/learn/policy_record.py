@@ -67,7 +67,6 @@ class PolicyRecord:
     """Everything about a policy besides its weights.
 
     Attributes:
-        settings: Its settings.
         seed: Seed of its initial weights, of batches and noise.
         rate_hz: Actions a second.
         steps: Step numbers (`observations.py`) that it knows as phases.
@@ -77,10 +76,7 @@ class PolicyRecord:
         longest_s: (P,) maximum duration of nearly all demonstrations in each step [s].
         kinds: Distributions of the demonstrations.
         seeds: Seeds of the demonstrations, on which success proves nothing.
-        demonstrations: Their number.
         takeovers: Number of those that continue from a state that a policy reached.
-        grasp_modes: Number of grasp modes (`demonstrations.py`).
-        data_key: Key of the demonstrations.
     """
 
     settings: PolicySettings
@@ -232,8 +228,6 @@ def _spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: floa
     Args:
         values: (N, ...).
         groups: (N,) the group of each.
-        count: Number of groups.
-        shares: That share.
     """
     stacked = np.asarray(values, dtype=np.float64)
     mean, deviation = stacked.mean(axis=0), np.maximum(stacked.std(axis=0), _LEAST_SPREAD)
@@ -295,8 +289,6 @@ def normalise(numbers: Tensor, phase: Tensor, scales: tuple[Tensor, Tensor]) -> 
     """Normalise numbers (..., F) by the mean and deviation of their phase.
 
     Args:
-        numbers: (..., F).
-        phase: (...).
         scales: Mean and deviation, (P, F).
     """
     mean, deviation = scales
@@ -304,20 +296,12 @@ def normalise(numbers: Tensor, phase: Tensor, scales: tuple[Tensor, Tensor]) -> 
 
 
 def write_record(folder: Path, record: PolicyRecord) -> None:
-    """Write a policy's record.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
+    """Write a policy's record."""
     write_json(folder / ABOUT, record.to_json())
 
 
 def read_record(folder: Path) -> PolicyRecord:
-    """Read the record of the policy in a folder.
-
-    Raises:
-        NotAPolicy: There is none.
-    """
+    """Read the record of the policy in a folder."""
     path = folder / ABOUT
     try:
         data = read_json(path)
@@ -329,21 +313,13 @@ def read_record(folder: Path) -> PolicyRecord:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
-    """Write tensors atomically.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
+    """Write tensors atomically."""
     with atomic_path(path) as temporary:
         save_file({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}, temporary)
 
 
 def read_tensors(path: Path) -> dict[str, Tensor]:
-    """Read the tensors of a file.
-
-    Raises:
-        NotAPolicy: It is missing, or no file of tensors.
-    """
+    """Read the tensors of a file."""
     try:
         return load_file(path)
     except OSError as problem:
@@ -356,8 +332,6 @@ def load_network(folder: Path, record: PolicyRecord, step: int | None = None) ->
     """Load a policy's network, ready to act.
 
     Args:
-        folder: Its folder.
-        record: Its record.
         step: Step of training, of those that were kept; by default the last.
 
     Raises:

@@ -94,7 +94,6 @@ class TrainingScore:
     """Policies that differ only in the seed of their training, as one row.
 
     Attributes:
-        names: Their names.
         seeds: Seeds of their training, in the order of the names.
         shares: Success rate, at some time, of each.
         once: All their episodes together; they share rooms, so that no more of them count as independent than there are
@@ -143,7 +142,6 @@ class Curve:
     """A line of a diagram.
 
     Attributes:
-        name: Its name.
         points: Step of training and value, by rising steps.
         bands: Minimum and maximum of an interval at each of the steps; empty for none.
     """
@@ -158,12 +156,8 @@ class EvaluationReport:
     """Content of an evaluation's page.
 
     Attributes:
-        what: Description of the episodes.
-        scores: Policy -> its score.
         trainings: Policies that differ only in their seed, as rows.
-        tests: Comparisons of each two.
         losses, successes: Curves over the steps of training.
-        failed: Policy, seed and kind of each failure.
     """
 
     what: str
@@ -176,7 +170,6 @@ class EvaluationReport:
 
 
 def evaluation_page(report: EvaluationReport) -> str:
-    """Return the whole page as text."""
     return render(
         "evaluation.html",
         report=report,
@@ -189,16 +182,6 @@ def evaluation_page(report: EvaluationReport) -> str:
     )
 
 
-def diagram(curves: Sequence[Curve], top: float | None = None) -> str:
-    """Return curves over the steps of training as an SVG drawing.
-
-    Args:
-        curves: The lines; at least one has a point.
-        top: The value at the upper edge; by default the maximum.
-    """
-    return render("diagram.html", drawing=_drawing(curves, top))
-
-
 def _drawing(curves: Sequence[Curve], top: float | None) -> dict[str, object]:
     last = max((step for curve in curves for step, _ in curve.points), default=1.0)
     most = max((value for curve in curves for _, value in curve.points), default=1.0)
@@ -206,12 +189,7 @@ def _drawing(curves: Sequence[Curve], top: float | None) -> dict[str, object]:
 
 
 def loss_curve(name: str, lines: Iterable[str]) -> Curve | None:
-    """Return the curve of a training's log; None where it has no numbers.
-
-    Args:
-        name: The policy's.
-        lines: Of `training.jsonl`.
-    """
+    """Return the curve of a training's log; None where it has no numbers."""
     points = []
     for line in lines:
         try:
@@ -223,12 +201,7 @@ def loss_curve(name: str, lines: Iterable[str]) -> Curve | None:
 
 
 def success_curve(name: str, scores: Mapping[int, Rate]) -> Curve:
-    """Return the curve of success over the steps of training.
-
-    Args:
-        name: The policy's name.
-        scores: Step -> success rate at some time.
-    """
+    """Return the curve of success over the steps of training."""
     steps = sorted(scores)
     bands = tuple(scores[step].interval_percent or (0.0, 100.0) for step in steps)
     points = tuple((float(step), scores[step].successes / max(scores[step].trials, 1)) for step in steps)
@@ -236,6 +209,5 @@ def success_curve(name: str, scores: Mapping[int, Rate]) -> Curve:
 
 
 def rate_words(rate: Rate) -> str:
-    """Return a rate with its interval in words."""
     low, high = rate.interval_percent or (0.0, 100.0)
     return f"{rate.successes} of {rate.trials} ({low:.1f} to {high:.1f} %)"

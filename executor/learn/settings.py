@@ -24,7 +24,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
+from pydantic import AfterValidator, ConfigDict, Field, StrictBool, StrictFloat, StrictInt
 
 from bddl.files import read_bounded_text
 from executor.data.state_readers import POINTS
@@ -101,9 +101,7 @@ class NetworkForm(Form):
 
     Attributes:
         kind: "mlp" over all frames at once, or a causal "transformer" with one token a frame.
-        width, layers: Width and layers of the trunk.
         heads: Attention heads; they divide the width ("transformer" only).
-        dropout: Share of activations dropped in training.
         linear: Add a linear skip connection per primitive; it keeps centimetre accuracy. A hand moves by its distance
             from the goal, and deep layers lose the last centimetres.
         members: Number of networks, each trained on its part of a batch; at work their mean counts.
@@ -128,16 +126,17 @@ class TrainingForm(Form):
         at_once: Samples of a batch per network pass; by default all. Gradients are accumulated, so that it bounds
             memory and changes a step by rounding alone (and by which activations `dropout` drops).
         learning_rate, decay, warm_up: The highest rate; its decay to 0; steps of its initial rise.
-        weight_decay: Weight decay of AdamW.
         average: Decay of the averaged weights per step; these are evaluated. 0 takes the last ones.
         noise: Standard deviation of noise in normalised state features.
         shift_m, jitter_m: Maximum shift of a cloud along each axis; standard deviation of each point's noise [m].
         mirror: Whether it learns from the mirror image of each demonstration, too (`mirror_columns`).
-        beside_m: Standard deviation of the base's offset in drives (`offset_drives`) [m].
+        drive_offset_m: Standard deviation of the base's offset in drives (`offset_drives`) [m].
         clouds: Samples of a batch from which a locating policy learns to locate, per step.
         usual: Share of the steps, the last ones, that use only the most frequent grasp mode (`sees.way`).
         keep_every: Interval of kept weights [steps], for a choice by rollouts; 0 keeps the last only.
     """
+
+    model_config = ConfigDict(serialize_by_alias=True)
 
     steps: Annotated[StrictInt, Field(ge=1, le=10_000_000)] = 12_000
     batch: Annotated[StrictInt, Field(ge=1, le=65_536)] = 256
@@ -151,7 +150,7 @@ class TrainingForm(Form):
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
     mirror: StrictBool = False
-    beside_m: Amount = 0.0
+    drive_offset_m: Amount = Field(default=0.0, alias="beside_m")
     clouds: Annotated[StrictInt, Field(ge=1, le=65_536)] = 24
     usual: Annotated[StrictFloat | StrictInt, Field(ge=0, le=1), _AS_FLOAT] = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
@@ -200,10 +199,6 @@ def read_settings(name: str) -> PolicySettings:
 def settings_of(content: object, source: str) -> PolicySettings:
     """Parse settings from plain data.
 
-    Args:
-        content: The settings.
-        source: Their name in messages.
-
     Raises:
         SettingsError: They are invalid, or contradict each other.
     """
@@ -218,7 +213,7 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)
-    if found.training.beside_m and (found.sees.kind != "state" or found.acts.kind != "joint_target"):
+    if found.training.drive_offset_m and (found.sees.kind != "state" or found.acts.kind != "joint_target"):
         problem = "expected 0 where it sees a cloud, or does the hand's actions: these would be others"
         raise document.fail(("training", "beside_m"), problem)
     if found.acts.hand and found.acts.kind != "joint_target":

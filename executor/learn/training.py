@@ -76,8 +76,6 @@ class Trainer:
 
     Args:
         folder: Folder of the policy; an interrupted training continues there.
-        record: The policy's record.
-        data: The demonstrations.
         device: "cpu" or "cuda".
 
     Attributes:
@@ -116,7 +114,6 @@ class Trainer:
 
         Raises:
             TrainingDiverged: A loss is not finite; the state of the steps before is written.
-            OSError: The folder cannot be written.
         """
         write_record(self._folder, self._record)
         self._network.train()

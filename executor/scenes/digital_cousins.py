@@ -90,7 +90,6 @@ class Reconstruction:
     Attributes:
         name: Of the scene.
         T_camera: (4, 4) pose of the camera in the world.
-        cousins: The objects.
         notes: Implausible entries of the scene graph, in sentences.
     """
 

@@ -421,12 +421,8 @@ def scene_for(query: str, name_or_path: str | Path, *, robot: str = "", listen: 
     """Return the scene for a sentence: that of `load_scene`, with the floor if the sentence names it.
 
     Args:
-        name_or_path: As for `load_scene`.
         robot: Name of the robot; by default the scene's own.
         listen: Receives the differences between the scene and its file, in sentences.
-
-    Raises:
-        SceneNotFound, SceneError: As for `load_scene`.
     """
     found = load_with_notes(name_or_path)
     listen(found.notes)

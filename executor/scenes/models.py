@@ -77,20 +77,15 @@ def shaped(entry: ModelEntry, size_m: Size) -> Size:
     length, width, height = size_m
     if entry.length.of_width:
         width = (length + width) / 2 if entry.length.low == entry.length.high else min(length, width)
-        length = _within(max(size_m[:2]), entry.length, width)
-    return (length, width, _within(height, entry.height, width) if entry.height.of_width else height)
-
-
-def _within(value: float, span: Range, width_m: float) -> float:
-    return min(max(value, span.low * width_m), span.high * width_m)
+        length = entry.length.clipped(max(size_m[:2]), width)
+    return (length, width, entry.height.clipped(height, width) if entry.height.of_width else height)
 
 
 def _misfit(entry: ModelEntry, size_m: Size) -> float:
     """Distance of a size from a model's ranges: the sum over the axes of the logarithm of the ratio."""
     total = 0.0
     for value, span in zip(size_m, (entry.length, entry.width, entry.height), strict=True):
-        unit = size_m[1] if span.of_width else 1.0
-        total += abs(math.log(value / _within(value, span, unit)))
+        total += abs(math.log(value / span.clipped(value, size_m[1])))
     return total
 
 

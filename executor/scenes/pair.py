@@ -96,7 +96,6 @@ def draw_first_valid(
         pair_id, family, query: As in the pair.
         layout: Number of the attempt -> the room, before sizes are adjusted and physics has settled it.
         plan: The query and a scene -> the task.
-        robot: Name of the robot.
         changes: Changes beyond the seed; `layout` has applied those to the targets.
 
     Raises:

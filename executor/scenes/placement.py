@@ -20,15 +20,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from executor.assets.footprint import (
-    EDGES,
-    Footprint,
-    gaps_m,
-    overlap_depth_m,
-    region_frame,
-    solid_parts,
-    yaw_of,
-)
+from executor.assets.footprint import EDGES, Footprint, gaps_m, overlap_depth_m, region_frame, solid_parts, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.model import Region
 from executor.geometry import Array, rotation_z
@@ -247,7 +239,6 @@ def stand_robot(room: Room, *, facing_m: tuple[float, float] = (0.0, 0.0), sprea
     """Place the robot on free floor, arm at home, facing the room.
 
     Args:
-        room: The room, furnished.
         facing_m: (x, y) that it faces; the middle of the room by default.
         spread_rad: Largest deviation of its heading from that, to either side.
 
@@ -375,7 +366,6 @@ class Arrangement:
     Attributes:
         objects: id -> object, in the order of placement.
         relations: (relation, thing, support) of everything that stands on or in another thing.
-        notes: Displacements, in sentences.
     """
 
     def __init__(self) -> None:
@@ -389,7 +379,6 @@ class Arrangement:
 
         Args:
             obj: The thing, not yet placed.
-            at: Its reconstructed pose.
             low_m: Height of its bottom: of the floor, or where it hangs.
             held_by: Id of its support.
 
@@ -461,11 +450,7 @@ class Arrangement:
             self.notes.append(f"{obj.id} was {how} by {100 * abs(raised_m):.0f} cm onto {spot.name}")
 
     def spot_on(self, obj: SceneObject, at: UprightPose, support: str) -> SupportSpot:
-        """Return the top or board of another thing that is nearest to a thing's height.
-
-        Raises:
-            NoRoom: None fits.
-        """
+        """Return the top or board of another thing that is nearest to a thing's height."""
         spots = list(self._spots(obj, at, support))
         if not spots:
             raise NoRoom(obj.id, f"stands on {support}, which has no open place for it")

@@ -64,11 +64,7 @@ _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
 
 
 class NoRoom(ValueError):
-    """A thing does not fit in its intended place.
-
-    Attributes:
-        object_id: The thing.
-    """
+    """A thing does not fit in its intended place."""
 
     def __init__(self, object_id: str, problem: str) -> None:
         super().__init__(f"{object_id}: {problem}")
@@ -123,15 +119,11 @@ class Room:
         """Draw a variation of a model of the library, not yet placed.
 
         Args:
-            model: Name in the library.
             object_id: Its id; by default its short name, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
             target: Whether a task is about it. Its size is then perturbed if requested, and placement turns it by
                 `turn_rad`.
-
-        Raises:
-            ModelNotFound: The library has no such model.
         """
         given = extent_m or {}
         drawn = library.sample(model, int(self.rng.integers(2**31)))
@@ -334,12 +326,7 @@ def row(
     Args:
         wall: As for `against`.
         pieces: The pieces, not yet placed.
-        along_m: Position of the row's middle.
         gaps_m: Gaps between neighbours, one fewer than pieces; empty for a flush row.
-
-    Raises:
-        NoRoom: A piece does not fit.
-        ValueError: The number of gaps is not one fewer than that of the pieces.
     """
     between = list(gaps_m) or [0.0] * max(len(pieces) - 1, 0)
     if len(between) != max(len(pieces) - 1, 0):

@@ -33,8 +33,6 @@ class Solid:
     """An object with its geometry, which takes longer to make than to compare.
 
     Attributes:
-        body: Its box.
-        parts: The boxes of its solid parts.
         tops: Pose and half sides of every supporting surface; the top of its box without any.
         hollows: Pose and half sides of the floors of its hollows, with the height of each hollow.
     """
@@ -111,20 +109,12 @@ class Solid:
 
 
 def upright_solids(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
-    """Return the upright objects with their geometry; `fallen_solids` has the others.
-
-    Raises:
-        AssetError: An object cannot be built.
-    """
+    """Return the upright objects with their geometry; `fallen_solids` has the others."""
     return {key: Solid.of(obj) for key, obj in objects.items() if is_upright(obj)}
 
 
 def fallen_solids(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
-    """Return the items that lie or lean, with the box around each.
-
-    Raises:
-        AssetError: An object cannot be built.
-    """
+    """Return the items that lie or lean, with the box around each."""
     return {key: Solid.fallen(obj) for key, obj in objects.items() if obj.kind is Kind.ITEM and not is_upright(obj)}
 
 

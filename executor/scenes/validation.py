@@ -354,7 +354,6 @@ class Unsettled(ValueError):
 
     Attributes:
         kind: "overlap", "door-blocked", "moved", "ajar" or "fact".
-        object_id: The object.
     """
 
     def __init__(self, scene: str, kind: str, object_id: str, problem: str) -> None:
@@ -362,26 +361,20 @@ class Unsettled(ValueError):
         self.kind, self.object_id = kind, object_id
 
 
-def settle(scene: Scene, *, seconds: float = SETTLE_S, most_moved_m: float = MOST_MOVED_M) -> Scene:
+def settle(scene: Scene) -> Scene:
     """Return the scene with every free object at its resting pose in physics.
-
-    Args:
-        scene: A concrete scene, sizes adjusted.
-        seconds: Duration of physics before poses are read [s].
-        most_moved_m: Largest allowed displacement meanwhile.
 
     Raises:
         Unsettled: Objects overlap, other furniture blocks a door or drawer, an object moved or turned further than
             allowed, or a fact and the detectors disagree.
-        AssetError: An object cannot be built.
     """
     with World(scene, oracle=True) as still:
         _check_overlaps(scene, still)
         _check_doors(scene, still)
     with World(scene) as world:
-        for _ in range(round(seconds / TIMESTEP_S)):
+        for _ in range(round(SETTLE_S / TIMESTEP_S)):
             world.step()
-        settled = _settled(scene, world, most_moved_m)
+        settled = _settled(scene, world)
         _check_facts(settled, world)
     return settled
 
@@ -446,14 +439,14 @@ def _blocker(world: World, object_id: str, joint: Joint) -> str | None:
     return None
 
 
-def _settled(scene: Scene, world: World, most_moved_m: float) -> Scene:
+def _settled(scene: Scene, world: World) -> Scene:
     objects = dict(scene.objects)
     for name in world.dynamic_ids:
         T = world.T_world_link(name)
         x, y, z, *quaternion = (round(float(value), 6) for value in pose_vector(T))
         before = scene.objects[name]
         moved_m = float(np.linalg.norm(np.subtract((x, y, z), before.position)))
-        if moved_m > most_moved_m:
+        if moved_m > MOST_MOVED_M:
             raise Unsettled(scene.name, "moved", name, f"moved {1000 * moved_m:.0f} mm within the settling time")
         cosine = abs(float(np.dot(before.orientation, quaternion)))
         turned_rad = 2.0 * float(np.arccos(min(cosine, 1.0)))

@@ -29,7 +29,6 @@ def true_scene(scene: Scene, faults: Iterable[Fault]) -> Scene:
     """Return the true scene: with the unknown obstacle that blocks a door.
 
     Raises:
-        SceneError: A fault is about an object that the scene has not.
         FaultUnfit: A door is to be blocked where there is no hinged one.
     """
     for fault in faults:

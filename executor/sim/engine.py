@@ -133,7 +133,6 @@ def pairs_nearer(
         engine_contacts: What the engine's `get_contacts` returns.
         owner_of: The engine's bodies -> what they are.
         owners: Only pairs of which one body's owner is in it.
-        within_m: The distance.
     """
     for contact in engine_contacts:
         first, second = contact.bodies
@@ -185,7 +184,6 @@ class Physics:
     """Settings of a world; the defaults are what all rates are measured with.
 
     Attributes:
-        timestep_s: Length of a step.
         finger_friction: Static and dynamic friction coefficient of the fingertips; with what they hold the engine
             takes the mean of both.
         joint_friction: Factor of what doors and drawers ask of the hand, gaskets included.

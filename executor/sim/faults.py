@@ -26,7 +26,6 @@ class PoseError:
     """An item is believed to stand elsewhere; once the hand has held it, its place is known.
 
     Attributes:
-        object_id: The item.
         dx_m, dy_m: Believed place less true place, in the world.
     """
 
@@ -80,7 +79,6 @@ class WrongScale:
     """An item is believed to be larger or smaller than it is, about the middle of its bottom.
 
     Attributes:
-        object_id: The item.
         factor: Believed size by true size.
     """
 
@@ -97,7 +95,6 @@ class BlockedDoor:
     """An unknown obstacle stands where a hinged door swings, near its hinge.
 
     Attributes:
-        object_id: The thing with the door.
         fraction: Where in its range the door meets it.
     """
 

@@ -54,11 +54,7 @@ class World:
             nothing, so that after setting poses one step reports the contacts of exactly these poses.
         paint: Makes the looks of an object's shape; by default it has its own colour.
 
-    Attributes:
-        model: The record of its robot.
-
     Raises:
-        AssetError: When an object of the scene cannot be built.
         RobotDataMissing: When the robot's description is not installed.
         RendererMissing: When `visual` is true and there is nothing to draw with.
     """

@@ -11,9 +11,18 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl.grounding import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
-from bddl.smt import Script, Solver, smt_text, solve
+from bddl.smt import Script, Solver, solve
 
 ATOMS = tuple(bddl.Atom("open", (f"box_{index}",)) for index in range(5))
+
+
+def smt_text(ground: Ground) -> str:
+    """Text that is satisfiable exactly when the formula is; its atoms are a0, a1 and so on."""
+    names = [f"a{index}" for index in range(len(ground.atoms))]
+    script = Script()
+    script.declare(*names)
+    script.require(script.term(ground.root, names.__getitem__))
+    return script.text()
 
 
 def truth(node: GroundNode, values: tuple[bool, ...]) -> bool:

@@ -116,7 +116,7 @@ CLASSIC_HANDLE_HEIGHT = NumericParameter("handle_height_m", 0.75, 0.68, 0.80)
 _FRIDGE_WHITE, _FRIDGE_STEEL, _FRIDGE_GLASS = (0.80, 0.82, 0.84), (0.56, 0.59, 0.62), (0.48, 0.66, 0.72)
 _LINER, _FRIDGE_DARK = (0.88, 0.90, 0.91), (0.05, 0.05, 0.06)
 
-# Of the classic; its handle is like that of the trials in `parts.layout`.
+# Of the classic; its handle is like that of `casework`, with which the trials were made.
 _DOOR_JOINT = "door_hinge"
 _DOOR_LIMIT_RAD = 2.2
 _WALL_M, _DOOR_M, _GASKET_M, _FLOOR_GAP_M = 0.030, 0.050, 0.004, 0.060

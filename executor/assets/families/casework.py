@@ -57,11 +57,7 @@ class Grip:
 
     @classmethod
     def of(cls, obj: SceneObject) -> Grip:
-        """Return the handle that the object's parameters describe.
-
-        Raises:
-            AssetError: A parameter is outside of its range.
-        """
+        """Return the handle that the object's parameters describe."""
         return cls(
             HANDLE_KIND.read(obj), HANDLE_LENGTH.read(obj), HANDLE_THICKNESS.read(obj), HANDLE_STANDOFF.read(obj)
         )
@@ -78,7 +74,6 @@ class Compartment:
         name: Name of the moving link, or of the niche of an open compartment.
         closing: The hinge side of a door as seen by somebody who faces the front (left is +y), "drawer" or "open".
         share: Its part of the column's height, relative to the sum over the column.
-        shelves: Number of shelves inside, at even distances.
     """
 
     name: str
@@ -100,8 +95,6 @@ class Case:
     """Layout and dimensions of a cupboard.
 
     Attributes:
-        extent_m: Whole object, handles included.
-        columns: The layout.
         base_m: Height of the base under the carcass, above the floor.
         top_m: Thickness of the slab on the carcass.
         wall_m: Thickness of the carcass's boards.
@@ -319,7 +312,6 @@ def assemble(
     Handles and regions of the larger doors come first.
 
     Args:
-        case: Layout and dimensions.
         extra: Further shapes of the body, such as a plinth or a countertop.
         surfaces: Further regions of the body, such as a countertop's.
     """

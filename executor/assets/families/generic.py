@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
-from executor.assets.families.shapes import UP, Color, box, box_item, cylinder, fixture, round_item, surface
+from executor.assets.families.shapes import Color, box, box_item, cylinder, fixture, open_top, round_item, surface
 from executor.assets.model import Asset, Region, Shape, Vector
 from executor.assets.parameters import SAME_AS_WIDTH, ChoiceParameter, ModelEntry, Range, require_size
 from oag import SceneObject
@@ -62,16 +62,7 @@ def open_box(obj: SceneObject) -> Asset:
     """Return a box without a lid."""
     x, y, z = _halves(obj)
     t = min(max(2 * _WALL_SHARE * min(x, y, z), _WALL_M[0]), _WALL_M[1], min(x, y, z) / 2)
-    board = _board(obj)
-    shapes = [
-        board((-x, -y, -z), (x, y, -z + t)),
-        board((-x, -y, -z + t), (-x + t, y, z)),
-        board((x - t, -y, -z + t), (x, y, z)),
-        board((-x + t, -y, -z + t), (x - t, -y + t, z)),
-        board((-x + t, y - t, -z + t), (x - t, y, z)),
-    ]
-    hollow = Region("hollow", "interior", _LINK, (0.0, 0.0, t / 2), (x - t, y - t, z - t / 2), UP)
-    return _made(obj, shapes, hollow)
+    return _made(obj, *open_top(_LINK, (x, y, z), t, _board(obj)))
 
 
 def slab_on_legs(obj: SceneObject) -> Asset:

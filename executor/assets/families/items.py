@@ -22,6 +22,7 @@ from executor.assets.families.shapes import (
     box_item,
     cylinder,
     edged,
+    open_top,
     revolved,
     round_item,
     shell,
@@ -325,18 +326,9 @@ def carton(obj: SceneObject) -> Asset:
 
 def open_box(obj: SceneObject) -> Asset:
     """Return a box without a lid."""
-    extent = require_size(obj, (0.03, 0.03, 0.02))
-    x, y, z = (value / 2 for value in extent)
-    t = BOX_WALL.read(obj)
+    extent = x, y, z = require_size(obj, (0.03, 0.03, 0.02))
     board = partial(box, color=_BOX_COLORS[BOX_COLOR.read(obj)], friction=0.8, density_kg_m3=700.0)
-    shapes = (
-        board((-x, -y, -z), (x, y, -z + t)),
-        board((-x, -y, -z + t), (-x + t, y, z)),
-        board((x - t, -y, -z + t), (x, y, z)),
-        board((-x + t, -y, -z + t), (x - t, -y + t, z)),
-        board((-x + t, y - t, -z + t), (x - t, y, z)),
-    )
-    hollow = Region("hollow", "interior", "box", (0.0, 0.0, t / 2), (x - t, y - t, z - t / 2), UP)
+    shapes, hollow = open_top("box", (x / 2, y / 2, z / 2), BOX_WALL.read(obj), board)
     return box_item(obj, "box", shapes, extent, "box.n.01", hollow)
 
 

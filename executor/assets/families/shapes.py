@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -82,9 +82,7 @@ def shell(
     """Return the collision shapes of a round hollow object: a disc as its floor, and a ring of flat pieces as its wall.
 
     Args:
-        foot_m: Radius of the floor.
         low_m: Height of the floor's underside.
-        thick_m: Thickness of the floor.
         pieces: Number of wall pieces; the first one faces +x.
         piece_m: Size of a piece across the ring and upwards, before it leans.
         middle_m: Centre of a piece: its distance from the z axis, and its height.
@@ -138,8 +136,6 @@ def revolved(profiles: Sequence[Profile], color: Color, segments: int = SEGMENTS
         profiles: Polylines of (radius_m, z_m). Walking along one, the outside of the body lies to the right of the
             direction of travel (up the outer wall, then down the inner one). Shading is smooth along one polyline and
             has an edge between two.
-        color: Linear RGB or RGBA.
-        segments: Number of steps of the full turn.
     """
     vertices: list[Vector] = []
     triangles: list[tuple[int, int, int]] = []
@@ -160,14 +156,30 @@ def revolved(profiles: Sequence[Profile], color: Color, segments: int = SEGMENTS
     return Shape(kind="mesh", color=color, collides=False, vertices_m=tuple(vertices), triangles=tuple(triangles))
 
 
+def open_top(link: str, half_m: Vector, wall_m: float, board: Callable[..., Shape]) -> tuple[tuple[Shape, ...], Region]:
+    """Return the boards of a box without a lid, and its hollow.
+
+    Args:
+        half_m: Half of its sides.
+        board: Makes a board between two corners.
+    """
+    (x, y, z), t = half_m, wall_m
+    boards = (
+        board((-x, -y, -z), (x, y, -z + t)),
+        board((-x, -y, -z + t), (-x + t, y, z)),
+        board((x - t, -y, -z + t), (x, y, z)),
+        board((-x + t, -y, -z + t), (x - t, -y + t, z)),
+        board((-x + t, y - t, -z + t), (x - t, y, z)),
+    )
+    return boards, Region("hollow", "interior", link, (0.0, 0.0, t / 2), (x - t, y - t, z - t / 2), UP)
+
+
 def surface(
     link: str, half_x_m: float, half_y_m: float, level_m: float, *, x_m: float = 0.0, room_m: float = ROOM_ABOVE_M
 ) -> Region:
     """Return the region on a flat top, in the link frame.
 
     Args:
-        link: The link that carries it.
-        half_x_m, half_y_m: Half of its sides.
         level_m: Height of the top.
         x_m: Centre of the top along x; along y it is 0.
         room_m: Height of the region above it.
@@ -198,9 +210,6 @@ def round_item(
 
     Args:
         link: Name of its only link.
-        regions: Its hollow or its top.
-        rim: Graspable wall.
-        closes_around: Whether the fingers can close around it.
     """
     return Asset(
         category=obj.category,

@@ -157,11 +157,7 @@ _ABOVE = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hollow:
-    """A box of air.
-
-    Attributes:
-        low_m, high_m: (3,) its corners.
-    """
+    """A box of air."""
 
     low_m: Array
     high_m: Array
@@ -308,7 +304,6 @@ def _hollows(
         axis: The axis perpendicular to the open side (0, 1 or 2).
         sign: Which of its two sides is open, 1 or -1.
         smallest_m: Least side of a hollow.
-        most: Largest number of hollows.
     """
     cell_m = float((high_m - low_m).max()) / MOST_CELLS
     counts = np.maximum(np.round((high_m - low_m) / cell_m).astype(int), 1)

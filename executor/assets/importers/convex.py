@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from bddl.files import write_atomically
+from executor.assets.asset_geometry import farthest_points
 from executor.assets.importers.raw import AssetMesh, Faces
 from executor.assets.model import Shape
 from executor.geometry import Array
@@ -51,9 +52,6 @@ def convex_pieces(part: AssetMesh) -> tuple[Array, ...]:
 
     Connected components that are already convex are kept; the others are decomposed. Components without volume, such as
     each side of a box in many recorded models, are joined into one component.
-
-    Raises:
-        MissingExtra: The mesh is not convex and coacd is not installed.
     """
     trimesh: Any = require("trimesh", "sim")
     mesh = trimesh.Trimesh(part.vertices_m, part.faces, process=True)
@@ -109,13 +107,8 @@ def _few_points(hull: Any) -> Array:
     points = np.asarray(hull.vertices, dtype=float)
     if len(points) <= MOST_POINTS:
         return points
-    # Farthest points first, so that omitted points lie near kept ones.
-    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
-    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < MOST_POINTS:
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return points[sorted(chosen)]
+    outermost = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    return points[sorted(farthest_points(points, MOST_POINTS, outermost))]
 
 
 def _decomposed(mesh: Any) -> list[Array]:
@@ -139,11 +132,7 @@ def visible_shapes(visual_meshes: Sequence[AssetMesh], origin_m: Array) -> tuple
     """Return visible shapes for a link's meshes.
 
     Args:
-        visual_meshes: In the asset's frame.
         origin_m: (3,) origin of the link's frame.
-
-    Raises:
-        MissingExtra: There are many triangles and fast-simplification is not installed.
     """
     total = sum(len(part.faces) for part in visual_meshes)
     shapes = []

@@ -120,7 +120,6 @@ class AssetFolder:
 
         Raises:
             ImportRefused: It is too large, or no regular file.
-            OSError: It cannot be accessed.
         """
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
@@ -132,11 +131,7 @@ class AssetFolder:
 
 
 def read_text(file: Path) -> str:
-    """Return the text of a file.
-
-    Raises:
-        ImportRefused: It cannot be read as text.
-    """
+    """Return the text of a file."""
     try:
         return AssetFolder.readable(file).read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -160,12 +155,7 @@ def read_markup(file: Path) -> str:
 
 
 def parsed_markup(file: Path) -> Any:
-    """Return the root element (of lxml) of an XML file; no reference in the text is followed.
-
-    Raises:
-        ImportRefused: As for `read_markup`; or it is not well-formed.
-        MissingExtra: lxml is not installed.
-    """
+    """Return the root element (of lxml) of an XML file; no reference in the text is followed."""
     etree: Any = require("lxml.etree", "mesh")
     text = read_markup(file)
     strict = etree.XMLParser(
@@ -262,7 +252,6 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[AssetMesh, ...]:
     Raises:
         NothingThere: The file has no faces.
         ImportRefused: The file is of no known format or broken, or names something outside the folder.
-        MissingExtra: trimesh is not installed.
     """
     ending = file.suffix.lower()
     if ending not in FORMATS:

@@ -32,6 +32,7 @@ from executor.assets.importers.raw import (
     RawLink,
     close_joints,
     complete_collision_meshes,
+    fix_joints,
     repair_joints,
     rotate_z_up,
     rounded,
@@ -58,7 +59,6 @@ def assemble(raw: RawAsset, pieces: Pieces, side: SideFile, category: str, kind:
     Args:
         raw: In the library's frame, shut, at its final size, centred on its box; with joints only where they move.
         pieces: Points (N, 3) of each link's convex pieces.
-        side: Overrules inference.
     """
     low, high = raw.box()
     handles, handle_notes = _handles(raw, side)
@@ -184,8 +184,6 @@ def import_asset(
 
     Raises:
         ImportRefused: The files cannot be used; the message has a remedy.
-        MissingExtra: A library is not installed.
-        OSError: The asset cannot be stored.
     """
     chosen = name or _as_name(source)
     _check_arguments(source, chosen, category, height_m)
@@ -201,8 +199,9 @@ def import_asset(
     _check_joints(source, raw)
     raw = turn_front_to_minus_x(raw, side.front)
     if raw.joints and kind is not Kind.ARTICULATED:
-        note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
-        raw = replace(raw.merge_links(), notes=(*raw.notes, note))
+        joints = [joint.name for joint in raw.joints]
+        note = f"a {what} is {kind.value}: its joints ({', '.join(joints)}) were made fast"
+        raw = replace(fix_joints(raw, joints), notes=(*raw.notes, note))
     _check_side(side_file or adjacent_file, side, raw, kind)
     pieces, flat = _pieces(source, raw, on_progress)
     asset, found = assemble(raw, pieces, side, what, kind)

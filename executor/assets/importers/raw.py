@@ -37,7 +37,6 @@ class AssetMesh:
         vertices_m: (N, 3) points.
         faces: (M, 3) indices.
         color: Linear RGB.
-        is_handle: Whether its name denotes a handle or a knob.
         source: Its origin, for messages.
     """
 
@@ -63,9 +62,6 @@ class RawLink:
     """A rigid part; the first link of an asset is its body.
 
     Attributes:
-        name: As in the file.
-        visual_meshes: Meshes for cameras.
-        collision_meshes: Meshes for physics.
         mass_kg: As in the file, or None.
     """
 
@@ -98,9 +94,6 @@ class RawJoint:
     """A joint between the body and another link, in the asset's frame.
 
     Attributes:
-        name: As in the file.
-        kind: Hinge or slide.
-        child: The link that it moves.
         origin_m: (3,) a point of its axis.
         axis: (3,) unit vector.
         low, high: Limits [rad] or [m], low < high.
@@ -161,14 +154,6 @@ class RawAsset:
         )
         return replace(self, links=links, joints=joints)
 
-    def merge_links(self) -> RawAsset:
-        """Return the asset with all links merged into the first."""
-        visual_meshes = tuple(part for link in self.links for part in link.visual_meshes)
-        collision_meshes = tuple(part for link in self.links for part in link.collision_meshes)
-        masses = [link.mass_kg for link in self.links if link.mass_kg is not None]
-        body = RawLink(self.links[0].name, visual_meshes, collision_meshes, sum(masses) if masses else None)
-        return replace(self, links=(body,), joints=())
-
     def box(self) -> tuple[Array, Array]:
         """Return the low and high corner (3,) of all collision meshes, joints as they are."""
         points = np.concatenate([link.points_m for link in self.links if link.collision_meshes])
@@ -224,7 +209,6 @@ def rotate_z_up(raw: RawAsset, up: str) -> RawAsset:
     """Return the asset with z up.
 
     Args:
-        raw: As read.
         up: "z", or "y" as in glTF.
     """
     if up == "z":
@@ -417,19 +401,16 @@ def _top_heavy(raw: RawAsset) -> Iterator[str]:
 
 def fix_joints(raw: RawAsset, names: Sequence[str]) -> RawAsset:
     """Return the asset with the links of some joints merged into its body."""
-    body, *others = raw.links
     welded = {joint.child for joint in raw.joints if joint.name in names}
-    for link in others:
-        if link.name in welded:
-            masses = [mass for mass in (body.mass_kg, link.mass_kg) if mass is not None]
-            mass = sum(masses) if masses else None
-            body = RawLink(
-                body.name,
-                (*body.visual_meshes, *link.visual_meshes),
-                (*body.collision_meshes, *link.collision_meshes),
-                mass,
-            )
-    links = (body, *(link for link in others if link.name not in welded))
+    joined = [raw.links[0], *(link for link in raw.links if link.name in welded)]
+    masses = [link.mass_kg for link in joined if link.mass_kg is not None]
+    body = RawLink(
+        raw.links[0].name,
+        tuple(part for link in joined for part in link.visual_meshes),
+        tuple(part for link in joined for part in link.collision_meshes),
+        sum(masses) if masses else None,
+    )
+    links = (body, *(link for link in raw.links[1:] if link.name not in welded))
     return replace(raw, links=links, joints=tuple(joint for joint in raw.joints if joint.name not in names))
 
 

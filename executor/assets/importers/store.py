@@ -37,7 +37,6 @@ class StoredAsset:
     Attributes:
         schema_: Name and version of this form.
         kind: Kind of its objects: "articulated", "support" or "item".
-        asset: Its geometry.
         source: Name of the imported file.
         content: Short hash of everything that shapes it.
         notes: Inferences and omissions.
@@ -56,13 +55,7 @@ _ADAPTER: TypeAdapter[StoredAsset] = TypeAdapter(StoredAsset)
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A stored asset.
-
-    Attributes:
-        name: Its name; scenes refer to `imported/NAME`.
-        path: Its file.
-        stored: The file's content.
-    """
+    """A stored asset."""
 
     name: str
     path: Path
@@ -92,11 +85,7 @@ def assets_dir() -> Path:
 
 
 def keep(name: str, asset: Asset, kind: Kind, source: str, notes: tuple[str, ...]) -> Imported:
-    """Write an asset's file and return it; a file of that name is replaced.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
+    """Write an asset's file and return it; a file of that name is replaced."""
     content = content_key(repr(asset))
     stored = StoredAsset(SCHEMA, kind.value, asset, source, content, notes)
     path = assets_dir() / f"{name}.json"

@@ -50,10 +50,6 @@ def read_partnet(folder: Path) -> RawAsset:
 
     Collision elements have no names there. The file names of visual meshes that are called handles identify the handles
     of the physics as well.
-
-    Raises:
-        ImportRefused: As for `read_urdf`.
-        MissingExtra: As for `read_urdf`.
     """
     raw = read_urdf(folder / PARTNET_FILE, handles_by_mesh=True)
     meta = AssetFolder.of(folder / PARTNET_FILE).here / "meta.json"
@@ -81,7 +77,6 @@ def read_urdf(file: Path, *, handles_by_mesh: bool = False) -> RawAsset:
     Raises:
         ImportRefused: The file is no URDF, or an element is unusable; the message names it. A missing mesh, or one
             without faces, is left out, and a note records it.
-        MissingExtra: yourdfpy is not installed.
     """
     return _Reader(file, _parsed(file), handles_by_mesh=handles_by_mesh).asset()
 

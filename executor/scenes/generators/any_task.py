@@ -50,9 +50,7 @@ class AnyWish:
     """A wish in a scene.
 
     Attributes:
-        seed: Its seed.
         kind: Kind of the wish, a key of the phrasings.
-        query: What a person says.
         scene: The scene, settled in physics, at its own sizes.
         meant: What has to hold in the end, as far as the language of goals can say it; empty where it cannot.
     """

@@ -58,9 +58,6 @@ def pair_of(
         family: "T1" to "T6".
         seed: For T1 to T4 the episode's seed; for T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
-        keep_sizes: Whether sizes are not scaled to the gripper.
-        robot: Name of the robot.
-        changes: Deviations from what the seed alone gives.
 
     Raises:
         NotDrawn: No room could be drawn for this seed.

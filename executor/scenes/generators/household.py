@@ -3,7 +3,6 @@
     from executor.scenes.generators import household
 
     pair = household.pair(13000, 4)          # the fifth of the 102 pairs of this seed, without building the others
-    for pair in household.pairs(13000): ...
 
 Rooms are data: `data/*.toml` lists their contents, places and tasks, validated on reading. Models, sizes, hinge sides,
 handles and places are drawn from the seed.
@@ -104,8 +103,6 @@ class Thing:
     """A thing that a layout names.
 
     Attributes:
-        id: Its id in the scene.
-        kind: Name of its kind.
         model: Model of the library; "" if the seed chooses one of its kind.
         words: Its place on the support: front, back, left, right, middle, or the name of a region.
     """
@@ -148,11 +145,10 @@ _Row = tuple[Annotated[Thing | float | Literal["..."], BeforeValidator(_in_a_row
 _Top = tuple[Annotated[Thing | int, BeforeValidator(_on_top)], ...]
 
 
-class Wish(_Form):
+class RoomWish(_Form):
     """The request in one variation of a room.
 
     Attributes:
-        deed: The requested deed.
         target: Id of the object that it is about.
         query: The sentence that a person would type.
         start_fraction: Open fraction of the target at the start.
@@ -198,7 +194,7 @@ class Layout(_Form):
     south: _Row = ()
     floor: dict[str, tuple[float, float, float]] = {}
     on: dict[str, _Top] = {}
-    wishes: tuple[Wish, ...] = ()
+    wishes: tuple[RoomWish, ...] = ()
 
     @property
     def room(self) -> str:
@@ -231,20 +227,12 @@ class Layout(_Form):
 
 @cache
 def layouts() -> tuple[Layout, ...]:
-    """Return the 34 layouts in their fixed order: kitchens, bedrooms, others.
-
-    Raises:
-        LayoutError: A file of the package is malformed.
-    """
+    """Return the 34 layouts in their fixed order: kitchens, bedrooms, others."""
     return tuple(layout for name in FILES for layout in read(_DATA.joinpath(f"{name}.toml").read_text("utf-8")))
 
 
 def read(text: str) -> tuple[Layout, ...]:
-    """Return the layouts of a TOML text of the module's form.
-
-    Raises:
-        LayoutError: It is malformed.
-    """
+    """Return the layouts of a TOML text of the module's form."""
     found = []
     for entry in tomllib.loads(text).get("layout", ()):
         try:
@@ -280,18 +268,6 @@ ASKEW_RAD = 0.8
 """Largest turn of an item with two flat sides from the pose that is graspable straight from the front."""
 
 
-def pairs(seed: int) -> tuple[ScenePair, ...]:
-    """Draw the 102 pairs of a seed in their fixed order: each layout's three variations, kitchens first.
-
-    Args:
-        seed: Any integer from 0.
-
-    Raises:
-        NotDrawn: A room could not be arranged.
-    """
-    return tuple(pair(seed, index) for index in range(COUNT))
-
-
 def pair(
     seed: int,
     index: int,
@@ -303,13 +279,8 @@ def pair(
     """Draw one pair of a seed; equal seeds and indices give equal pairs.
 
     Args:
-        seed: Any integer from 0.
         index: 0 to 101.
         keep_sizes, robot, changes: As for `executor.scenes.generators.families.pair_of`.
-
-    Raises:
-        IndexError: There is no pair of that index.
-        NotDrawn: The room could not be arranged.
     """
     if not 0 <= index < COUNT:
         raise IndexError(f"there are {COUNT} pairs, 0 to {COUNT - 1}; got {index}")
@@ -329,7 +300,7 @@ def pair(
     )
 
 
-def mismatches(task: Task, wish: Wish) -> Iterator[str]:
+def mismatches(task: Task, wish: RoomWish) -> Iterator[str]:
     """Yield differences between a planned task and the intended request."""
     if len(task.subtasks) != 1:
         yield f"it has {len(task.subtasks)} subtasks"
@@ -343,7 +314,7 @@ def mismatches(task: Task, wish: Wish) -> Iterator[str]:
         yield f"it is {verdict.name}"
 
 
-def _planned(scene: Scene, wish: Wish, sizing: Sizing) -> Task:
+def _planned(scene: Scene, wish: RoomWish, sizing: Sizing) -> Task:
     try:
         task = llm.propose(wish.query, scene, sizing=sizing).task
     except QueryError as error:

@@ -28,16 +28,7 @@ from executor.assets.footprint import Footprint
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.scenes.pair import UNCHANGED, LayoutChanges, ScenePair, draw_first_valid
-from executor.scenes.placement import (
-    AtEdge,
-    Clearance,
-    NextTo,
-    PlaceSpec,
-    first_free,
-    place,
-    scatter,
-    stand_robot,
-)
+from executor.scenes.placement import AtEdge, Clearance, NextTo, PlaceSpec, first_free, place, scatter, stand_robot
 from executor.scenes.room import CABINETS, UNITS, NoRoom, Room, Units, against, build_walls, row, row_length_m
 from oag import SceneObject
 from oag.model.robots import PAPER_ROBOT
@@ -224,7 +215,6 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     """Put things on a support: some next to the target, the rest anywhere on it.
 
     Args:
-        target: Id of the target; None without one.
         leave_out: Models that would make the query ambiguous.
     """
     models = [model for model in PANTRY if model not in leave_out]
@@ -265,7 +255,6 @@ def finish(room: Room, leave_out: tuple[str, ...]) -> None:
 
     Args:
         room: The room, with everything that the task is about.
-        leave_out: Models that would make the query ambiguous.
     """
     _on_units(room, leave_out)
     build_walls(room)
@@ -340,11 +329,9 @@ def draw(
 
     Args:
         family: "T1", "T2", "T3" or "T4".
-        seed: Any integer from 0.
         keep_sizes, robot, changes: As for `executor.scenes.generators.families.pair_of`.
 
     Raises:
-        ValueError: There is no such family.
         NotDrawn: No layout held after many tries, for example because a target never fits at its own size.
     """
     if family not in QUERIES:

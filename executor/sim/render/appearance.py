@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from executor.assets.build import own_color, textured_box, textured_material
+from executor.assets.build import textured_box, textured_material
 from executor.assets.library import asset_for
 from executor.assets.model import Shape, Vector
 from executor.geometry import Array, transform
@@ -52,7 +52,6 @@ class Finish:
     """What a surface is made of.
 
     Attributes:
-        material: The kind of texture.
         color: Linear RGB of its brighter parts.
         pattern: Which of the material's patterns.
     """
@@ -67,7 +66,6 @@ class Surfaces:
     """The finishes of a scene.
 
     Attributes:
-        floor: Of the floor.
         finishes: Category and original colour, as `surface_key` writes them -> finish; furniture of a kind matches.
     """
 
@@ -85,7 +83,7 @@ class Surfaces:
         def drawn(thing: SceneObject, shape: Shape) -> Any:
             finish = self.finishes.get(surface_key(thing.category, shape))
             if finish is None:
-                return own_color(shape)
+                return shape.color
             if thing.kind is Kind.ITEM or shape.kind != "box" or finish.material == "paint":
                 return (*finish.color, *shape.color[3:])
             if finish not in cache:
@@ -190,14 +188,9 @@ TINTS: Mapping[Surroundings, Vector] = {
 """Factor of the ambient light: about the mean of the panorama, none of them dark."""
 
 _ROWS, _COLUMNS = 128, 256  # 1.4 degrees: a few pixels of a camera, as blurred as what is far from the lens.
-_PANORAMAS = 4
+_SURROUNDINGS: tuple[Surroundings, ...] = ("sky", "dusk", "hall", "forest")
+_PANORAMAS = 4  # Of each.
 _GROUND = np.array([0.22, 0.21, 0.19])
-
-
-def sample_surroundings(rng: np.random.Generator) -> tuple[Surroundings, int]:
-    """Sample a kind of panorama and its number."""
-    kinds: tuple[Surroundings, ...] = ("sky", "dusk", "hall", "forest")
-    return kinds[int(rng.integers(len(kinds)))], int(rng.integers(_PANORAMAS))
 
 
 def panorama_of(lights: Lights) -> NDArray[np.float32] | None:
@@ -261,7 +254,7 @@ def sample_lights(rng: np.random.Generator) -> Lights:
     warmth = rng.uniform(-0.12, 0.12)  # From a cloudy noon to lamps.
     tint = np.array([1.0 + warmth, 1.0, 1.0 - warmth])
     sun, fill, ambient = rng.uniform(0.6, 1.25), rng.uniform(0.5, 1.5), rng.uniform(0.7, 1.4)
-    surroundings, panorama = sample_surroundings(rng)
+    surroundings, panorama = _SURROUNDINGS[int(rng.integers(len(_SURROUNDINGS)))], int(rng.integers(_PANORAMAS))
     return Lights(
         ambient=_color(np.multiply(DAYLIGHT.ambient, ambient) * TINTS[surroundings]),
         sun_direction=_direction(azimuth, height),
@@ -278,7 +271,6 @@ def perturb_cameras(rng: np.random.Generator, cameras: Iterable[Camera], scene: 
 
     Args:
         rng: Random numbers; each camera has its own, independent of which others there are.
-        cameras: The unperturbed cameras.
     """
     base = int(rng.integers(2**62))
     return tuple(

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executor.assets.asset_geometry import joint_transform
+from executor.assets.asset_geometry import box_around_shape, joint_transform
 from executor.assets.library import asset_for
-from executor.assets.model import Asset, Shape
+from executor.assets.model import Asset
 from executor.assets.parameters import number
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
@@ -55,30 +55,23 @@ class Solids:
     halves: Array
 
     @classmethod
-    def of(
-        cls,
-        scene: Scene,
-        joints: Mapping[str, ArrayLike] = _NOTHING,
-        poses: Mapping[str, ArrayLike] = _NOTHING,
-    ) -> Solids:
+    def of(cls, scene: Scene, joints: Mapping[str, ArrayLike] = _NOTHING) -> Solids:
         """Return the solid parts of a scene.
 
         Args:
             joints: Id of an articulated object -> its joints [rad] or [m], in the asset's order; by default those of
                 the scene.
-            poses: Id of an object -> (7,) position and quaternion w x y z of its root; by default those of the scene.
         """
         owners: list[str] = []
         boxes: list[tuple[Array, Array]] = []
         for name, thing in scene.objects.items():
             asset = asset_for(thing)
-            pose = np.asarray(poses.get(name, (*thing.position, *thing.orientation)), dtype=float)
-            T_world_root = transform_from_quaternion(pose[:3], pose[3:])
+            T_world_root = transform_from_quaternion(thing.position, thing.orientation)
             frames = link_frames(asset, joints[name] if name in joints else joints_at_start(thing))
             for link in asset.links:
                 for shape in link.shapes:
                     if shape.collides:
-                        T_shape_box, half = _box_around(shape)
+                        T_shape_box, half = box_around_shape(shape)
                         boxes.append((T_world_root @ frames[link.name] @ T_shape_box, half))
                         owners.append(name)
         poses_of = np.array([T for T, _ in boxes]).reshape(-1, 4, 4)
@@ -138,22 +131,6 @@ def link_frames(asset: Asset, joints: ArrayLike | Sequence[float]) -> dict[str, 
     return {link.name: moved.get(link.name, np.eye(4)) for link in asset.links}
 
 
-def _box_around(shape: Shape) -> tuple[Array, Array]:
-    """Return a shape's box: (4, 4) pose of its middle in the link's frame and (3,) half extents."""
-    T = transform_from_quaternion(shape.position_m, shape.orientation)
-    if shape.kind == "box":
-        return T, np.asarray(shape.size_m, dtype=float)
-    if shape.kind == "sphere":
-        return T, np.full(3, shape.size_m[0])
-    if shape.kind == "cylinder":
-        radius, half_length = shape.size_m
-        return T, np.array([radius, radius, half_length])
-    points = np.asarray(shape.vertices_m, dtype=float)
-    low, high = points.min(axis=0), points.max(axis=0)
-    T[:3, 3] += T[:3, :3] @ ((low + high) / 2)
-    return T, (high - low) / 2
-
-
 VIEWS = ("global", "head", "wrist")
 
 
@@ -165,7 +142,6 @@ class Camera:
         name: "global", "head" or "wrist".
         mount: Robot link that carries it, or None for a camera that stands still in the world.
         T_mount_camera: (4, 4) pose in the mount's frame (in the world where there is no mount).
-        fov_y_rad: Vertical opening angle.
         near_m, far_m: Clipping distances.
     """
 
@@ -188,8 +164,6 @@ def camera_json(camera: Camera, size: tuple[int, int], intrinsics: Array | None 
     """Return the record of a camera in data sets, for pictures of a width and height.
 
     Args:
-        camera: The camera.
-        size: Width and height [pixels].
         intrinsics: (3, 3) matrix [pixels] that the renderer drew with; by default that of `intrinsic_matrix`.
     """
     return {
@@ -301,30 +275,22 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
 
     The objects that matter are all of them, or those of a task: in a large home the rest would make them small. A plan
     without subtasks is about all of them.
-
-    Args:
-        aspect: Width of the pictures over their height.
-        task: What it is to show.
     """
     about = None if task is None or not task.subtasks else _objects_of(task)
     points = interest_points(scene, about)
     targets = list(_view_targets(scene, task if about is not None else None))
     solids = (Solids.of(scene), Solids.of(scene, _all_open(scene)))
-    best: tuple[tuple[bool, float], Camera] | None = None
-    for elevation in _ELEVATION_DEG:
-        for k in range(_AZIMUTHS):
-            azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
-            camera = _framing_camera(points, azimuth, math.radians(elevation), aspect)
-            eye = camera.T_mount_camera[:3, 3]
-            clear = all(each.gap_m(eye) >= LENS_GAP_M for each in solids)
-            score = sum(s.weight * float(np.mean(~s.solids.hidden(eye, s.points))) for s in targets)
-            score += 0.0 if about is None else _side_view_score(scene, about, eye)
-            worth = (clear, round(score, 9))
-            if best is None or worth > best[0]:
-                best = (worth, camera)
-    if best is None:
-        raise ValueError("no direction to look from was tried")
-    return best[1]
+
+    def worth(camera: Camera) -> tuple[bool, float]:
+        eye = camera.T_mount_camera[:3, 3]
+        clear = all(each.gap_m(eye) >= LENS_GAP_M for each in solids)
+        score = sum(s.weight * float(np.mean(~s.solids.hidden(eye, s.points))) for s in targets)
+        score += 0.0 if about is None else _side_view_score(scene, about, eye)
+        return clear, round(score, 9)
+
+    azimuths = [2 * math.pi * (k + 0.5) / _AZIMUTHS for k in range(_AZIMUTHS)]
+    directions = ((azimuth, math.radians(elevation)) for elevation in _ELEVATION_DEG for azimuth in azimuths)
+    return max((_framing_camera(points, *direction, aspect) for direction in directions), key=worth)
 
 
 def is_lens_clear(scene: Scene, eye: Array) -> bool:

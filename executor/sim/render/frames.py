@@ -51,7 +51,6 @@ class Frames:
     Attributes:
         views: View name -> (N, H, W, 3) uint8 RGB; row i belongs to row i of the trajectory.
         size: Width and height of the robot's own views.
-        renderer: Description of the renderer.
     """
 
     views: Mapping[str, Picture]
@@ -153,14 +152,12 @@ def write_video(
     """Write an H.264 MP4 that browsers and players open, and return its path.
 
     Args:
-        path: The file; it appears only when it is complete.
         rate_hz: Recorded samples a second of simulated time.
         speed: How many times faster than real time it plays.
         on_progress: Called with the number of encoded pictures, and the total.
 
     Raises:
         ValueError: When there are no pictures, or captions and pictures differ in number.
-        VideoFailed: When the encoder refuses.
     """
     av: Any = require("av", "data")
 
@@ -289,11 +286,7 @@ class BadPictureSize(Scene2DemoError, ValueError):
 
 
 def check_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return the size of pictures when it can be drawn and encoded.
-
-    Raises:
-        BadPictureSize: When it cannot.
-    """
+    """Return the size of pictures when it can be drawn and encoded."""
     if any(side % 2 or not SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
         raise BadPictureSize(size)
     return size
@@ -308,14 +301,11 @@ def write_job(
     cameras: Sequence[Camera],
     states: Sequence[bytes],
     size: tuple[int, int],
-    *,
-    shadows: bool,
 ) -> None:
     """Write a job, and empty arrays for its pictures, into a folder.
 
     Args:
         states: Packed physical states, one a picture.
-        size: Width and height of the robot's own views.
 
     Raises:
         ValueError: When there are no states, or they differ in length.
@@ -326,7 +316,6 @@ def write_job(
     np.save(folder / JOB_STATES, np.frombuffer(b"".join(states), dtype=np.uint8).reshape(len(states), -1))
     (folder / JOB_SCENE).write_text(json.dumps(scene.to_json()), encoding="utf-8")
     described = {
-        "shadows": shadows,
         "cameras": [{**asdict(camera), "T_mount_camera": camera.T_mount_camera.tolist()} for camera in cameras],
         "sizes": {camera.name: view_size(camera.name, size) for camera in cameras},
     }
@@ -342,9 +331,6 @@ class RenderPool:
 
     Args:
         workers: Number of processes; by default two, or one on a machine with one core.
-
-    Raises:
-        RendererNotFound: When nothing on this machine can draw.
     """
 
     def __init__(self, workers: int | None = None) -> None:
@@ -377,23 +363,21 @@ class RenderPool:
         *,
         views: Sequence[str] = VIEWS,
         size: tuple[int, int] = DEFAULT_SIZE,
-        shadows: bool = True,
         on_progress: OnProgress | None = None,
     ) -> dict[str, Picture]:
         """Return view -> (N, H, W, 3) uint8 pictures of packed physical states, read from arrays in a folder.
 
         Args:
             folder: Where the arrays go; it exists.
-            task: What the global camera is to show.
             states: Packed physical states of the scene, one a picture.
-            views, size, shadows, on_progress: As for `render`.
+            views, size, on_progress: As for `render`.
 
         Raises:
             RenderFailed: When a worker reports an error, or its replacement dies too.
             ValueError: When a view is unknown, or there are no states.
         """
         cameras = cameras_for(scene, views, aspect=size[0] / size[1], task=task)
-        write_job(folder, scene, cameras, states, size, shadows=shadows)
+        write_job(folder, scene, cameras, states, size)
         count = len(states)
         shares = min(self._count, count)
         done = [0] * shares
@@ -461,7 +445,6 @@ def render(
     *,
     views: Sequence[str] = VIEWS,
     size: tuple[int, int] = DEFAULT_SIZE,
-    shadows: bool = True,
     on_progress: OnProgress | None = None,
     pool: RenderPool | None = None,
 ) -> Frames:
@@ -474,12 +457,6 @@ def render(
         size: Width and height of the robot's own views; the overview is drawn twice as large.
         on_progress: Called with the number of samples done, and the total; from any thread, but never twice at once.
         pool: Worker processes to reuse; without one, they are started and ended here.
-
-    Raises:
-        RendererNotFound: When nothing on this machine can draw.
-        RenderFailed: When drawing failed.
-        BadPictureSize: When the size cannot be drawn.
-        ValueError: When a view is unknown or nothing was recorded.
     """
     check_size(size)
     folder = Path(out_dir)
@@ -493,7 +470,6 @@ def render(
             states,
             views=views,
             size=size,
-            shadows=shadows,
             on_progress=on_progress,
         )
         return Frames(pictures, size, drawing.renderer.why)

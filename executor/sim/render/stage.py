@@ -53,8 +53,6 @@ class Lights:
         ambient: Linear RGB from all around.
         sun_direction, fill_direction: Direction of the light, in the world's frame; of any length.
         sun_color, fill_color: Linear RGB; 1 lights a white matt surface fully.
-        surroundings: Kind of the background.
-        panorama: Number of the panorama of that kind.
     """
 
     ambient: Vector = (0.34, 0.35, 0.38)
@@ -73,7 +71,7 @@ class Materials(Protocol):
     """Protocol of materials that replace the assets' own (`Surfaces` in `executor.sim.render.appearance`)."""
 
     def paint(self) -> Callable[[SceneObject, Shape], Any]:
-        """Return a function from a shape of a scene's object to its material (`executor.assets.visuals.Paint`)."""
+        """Return a function from a shape of a scene's object to its material (`executor.assets.build.Paint`)."""
 
     def slab(self, half_m: Vector) -> Any:
         """Return the drawn shape of a floor of these half extents, at the origin."""
@@ -100,7 +98,6 @@ class Stage:
     Args:
         world: A world that was built with `visual=True`.
         sizes: Camera name -> width and height of its pictures.
-        shadows: Whether the sun throws shadows.
         shadow_map_px: Side of the shadow map; it is drawn again for each camera.
         materials: Makes the floor; by default it has tiles in two tones.
         panorama: (H, W, 3) linear RGB of the background over all directions: rows from straight up to straight down,
@@ -135,7 +132,6 @@ class Stage:
 
         Args:
             state: By default the scene as it is built.
-            depth, segmentation: Whether these are wanted.
         """
         if state is not None:
             self._world.unpack(state)
@@ -282,14 +278,7 @@ def warm_up() -> Any:
 
 
 class SceneRenderer:
-    """Makes stages one after the other, and keeps the shaders that a process compiles for seconds at its first picture.
-
-    Attributes:
-        renderer: Description of the renderer.
-
-    Raises:
-        RendererNotFound: When nothing on this machine can draw.
-    """
+    """Makes stages in turn, and keeps the shaders that a process compiles for seconds at its first picture."""
 
     def __init__(self) -> None:
         self.renderer = activate().why
@@ -348,20 +337,15 @@ def shared_renderer() -> Iterator[Callable[[], SceneRenderer]]:
             one.close()
 
 
-def render_scene(scene: Scene, size_px: tuple[int, int] = SIZE_PX) -> Image.Image:
+def render_scene(scene: Scene) -> Image.Image:
     """Return the overview of a scene: every object and the robot, from the side that shows the most.
 
     Args:
         scene: The scene; its things stand at their given poses, also in mid-air.
-        size_px: Width and height.
-
-    Raises:
-        AssetError: An object cannot be built.
-        RendererNotFound: Nothing on this machine can draw.
     """
     scene_renderer = SceneRenderer()
-    cameras = cameras_for(scene, (_VIEW,), aspect=size_px[0] / size_px[1])
-    with scene_renderer.stage(scene, cameras, {_VIEW: size_px}) as stage:
+    cameras = cameras_for(scene, (_VIEW,), aspect=SIZE_PX[0] / SIZE_PX[1])
+    with scene_renderer.stage(scene, cameras, {_VIEW: SIZE_PX}) as stage:
         picture = Image.fromarray(stage.show()[_VIEW])
     scene_renderer.close()
     return picture
@@ -384,10 +368,6 @@ def asset_sheet(objects: Sequence[SceneObject]) -> Image.Image:
 
     Args:
         objects: What to draw, row by row.
-
-    Raises:
-        AssetError: When an object cannot be built.
-        RendererNotFound: When nothing on this machine can draw.
     """
     activate()
     # While this small scene lives, the tiles' scenes share its shaders; compiling them again takes seconds a tile.

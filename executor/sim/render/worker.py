@@ -54,7 +54,7 @@ def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> No
     states = np.load(folder / JOB_STATES)
     rows = range(first, len(states), step)[skip:]
     with World(Scene.from_json(folder / JOB_SCENE), visual=True) as world:
-        stage = Stage(world, cameras, described["sizes"], shadows=described["shadows"])
+        stage = Stage(world, cameras, described["sizes"])
         for done, row in enumerate(rows, start=1):
             for name, picture in stage.show(states[row].tobytes()).items():
                 pictures[name][row] = picture

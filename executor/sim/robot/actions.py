@@ -10,7 +10,7 @@ the action. The last one moves the lift [m], and with it the frame that the hand
 
 All differences are between targets, not between reached positions. So the pressing force of a hand is part of an
 action, and many small actions do not drift. The inverse, in which ten numbers leave a joint of the arm free, is in
-`executor.envs.following`.
+`executor.envs.hand_control`.
 
 Source: the paper's policy actions of ten degrees of freedom, six of the end effector, one of the gripper, three of the
 base. The frames are ours.
@@ -44,9 +44,6 @@ def joint_limits(robot: Robot) -> Array:
 
     They are the joints' own limits, as the engine reads them. But targets of the fingers may go beyond shut, down to
     where their drives press with all their force whatever is between them.
-
-    Raises:
-        RobotDataMissing: The distribution of the robot's description is not installed.
     """
     limits = {
         joint.attrib["name"]: [float(limit.attrib[end]) for end in ("lower", "upper")]
@@ -69,7 +66,6 @@ def hand_actions(robot: Robot, before: Array, after: Array) -> Array:
     """Return (N, H) hand actions between joint targets.
 
     Args:
-        robot: Its record.
         before, after: (N, J) joint targets, before and after each action.
     """
     before, after = np.atleast_2d(np.asarray(before, float)), np.atleast_2d(np.asarray(after, float))

@@ -247,15 +247,6 @@ def description_path(robot: Robot = PAPER_ROBOT) -> Path:
     raise RobotDataMissing(f"{name} {metadata.version(name)} has no {robot.urdf}", name)
 
 
-def data_root(robot: Robot = PAPER_ROBOT) -> Path:
-    """Return the installed folder that `package://` and the distribution's name stand for.
-
-    Raises:
-        RobotDataMissing: When the distribution or its description is not there.
-    """
-    return description_path(robot).parents[robot.urdf.count("/")]
-
-
 def drives(robot: Robot) -> tuple[tuple[float, float, float], ...]:
     """Return stiffness, damping and force limit of each joint's drive, in the order of its `joint_names`."""
     base = (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *([LIFT_DRIVE] if robot.lift_m else []))
@@ -283,15 +274,11 @@ def robot_urdf(robot: Robot = PAPER_ROBOT, *, visual: bool) -> Path:
     """Return the path of the robot's URDF in the cache, writing it first where it is not there yet.
 
     Args:
-        robot: Its record.
         visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without
             Vulkan.
 
     Returns:
         The URDF; its name holds a hash of its content.
-
-    Raises:
-        RobotDataMissing: When the distribution of the description is not installed.
     """
     return _written(cache_dir(), robot, visual)
 
@@ -311,12 +298,15 @@ def _family(robot: Robot) -> str:
 def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
     """Return the robot's URDF as bytes; see `robot_urdf`."""
     scale = robot.scale
-    root = ET.parse(description_path(robot)).getroot()
+    description = description_path(robot)
+    # What `package://` and the distribution's name stand for.
+    folder = description.parents[robot.urdf.count("/")]
+    root = ET.parse(description).getroot()
     root.set("name", _family(robot))
     _strip(root, visual=visual)
     _scale(root, scale)
     for mesh in root.iter("mesh"):
-        source = data_root(robot) / mesh.attrib["filename"].removeprefix(f"{_PACKAGE}{robot.distribution}/")
+        source = folder / mesh.attrib["filename"].removeprefix(f"{_PACKAGE}{robot.distribution}/")
         path = decimated_mesh(source) if source.suffix == ".dae" else source
         mesh.set("filename", str(path))
         mesh.set("scale", _numbers([scale] * 3))
@@ -499,14 +489,9 @@ def load_robot(sapien_scene: Any, robot: Robot = PAPER_ROBOT, *, visual: bool) -
 
     Args:
         sapien_scene: A `sapien.Scene`; it needs a render system only where `visual` is true.
-        robot: Its record.
-        visual: Whether cameras shall see the robot.
 
     Returns:
         `sapien.physx.PhysxArticulation` whose active joints are in the order of the record's `joint_names`.
-
-    Raises:
-        RobotDataMissing: When the distribution of the description is not installed.
     """
     loader = sapien_scene.create_urdf_loader()
     loader.fix_root_link = True

@@ -34,7 +34,6 @@ class ArmSolution:
     """One arm posture for a hand pose.
 
     Attributes:
-        arm: (A,) joint positions in rad.
         margin_rad: Distance of the nearest joint to its limit.
     """
 
@@ -47,7 +46,6 @@ class Kinematics:
 
     Args:
         articulation: The SAPIEN articulation of `executor.sim.robot.description`.
-        robot: Its record.
         seed: Seed of the restarts, so that equal queries get equal answers.
     """
 

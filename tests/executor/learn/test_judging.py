@@ -33,7 +33,7 @@ from executor.learn.evaluation import (
     run_episode,
 )
 from executor.learn.observations import subtask_of
-from executor.learn.scores import Curve, by_training, diagram, loss_curve
+from executor.learn.scores import Curve, EvaluationReport, by_training, evaluation_page, loss_curve
 from executor.rollouts.rollout import RunConditions, rollout
 from llm import propose
 from tests.executor.learn.conftest import KITCHEN, PLAN
@@ -142,7 +142,8 @@ def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
     lines = ['{"step": 200, "loss": 0.5}', "nonsense", '{"step": 100, "loss": 1.0}', "[]"]
     curve = loss_curve("<p>", lines)
     assert curve is not None and curve.points == ((100.0, 1.0), (200.0, 0.5))
-    drawn = diagram([curve, Curve("q", ((200.0, 0.0),), ((0.0, 0.3),))])
+    curves = [curve, Curve("q", ((200.0, 0.0),), ((0.0, 0.3),))]
+    drawn = evaluation_page(EvaluationReport("", {}, (), (), curves, (), ()))
     assert drawn.count("<polyline") == 2 and drawn.count("<polygon") == 1 and "&lt;p&gt;" in drawn
     assert loss_curve("p", ["nonsense"]) is None
 

@@ -63,8 +63,10 @@ def lens_gap_m(done: Rollout, camera: Camera, every: int = 1) -> float:
             )
         eye = (T_world_mount @ lens)[:3]
         joints = {name: positions[row] for name, positions in motion.joint_positions.items()}
-        poses = {name: positions[row] for name, positions in motion.object_poses.items()}
-        smallest_m = min(smallest_m, fixed.gap_m(eye), Solids.of(moving, joints, poses).gap_m(eye))
+        poses = {name: tuple(map(float, poses[row])) for name, poses in motion.object_poses.items()}
+        placed = {n: replace(moving[n], position=pose[:3], orientation=pose[3:]) for n, pose in poses.items()}
+        moved = replace(moving, objects={**moving.objects, **placed})
+        smallest_m = min(smallest_m, fixed.gap_m(eye), Solids.of(moved, joints).gap_m(eye))
     return smallest_m
 
 

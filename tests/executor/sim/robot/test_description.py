@@ -35,7 +35,7 @@ def physics() -> ET.Element:
 
 @pytest.fixture(scope="module")
 def original() -> ET.Element:
-    return ET.parse(description.data_root() / "robots/panda_description/urdf/panda.urdf").getroot()
+    return ET.parse(description.description_path()).getroot()
 
 
 def joint(root: ET.Element, name: str) -> ET.Element:
@@ -171,7 +171,7 @@ def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPat
 
 
 def hand_parts() -> list[ColoredPart]:
-    folder = description.data_root() / "robots/panda_description/meshes/visual"
+    folder = description.description_path().parents[1] / "meshes/visual"
     return read_collada(folder / "hand.dae")
 
 
