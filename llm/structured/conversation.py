@@ -71,7 +71,7 @@ class PlanVerdict:
     """Verdict of the graph on all answers together.
 
     Attributes:
-        verdict: PROVED, CONDITIONAL or REFUTED.
+        verdict: PROVED, CONDITIONAL or REFUTED; UNDECIDED where a module found no answer to the plan so far.
         searched: True when a search supplied the flows, before they were requested from the model.
         blamed: The module that was asked again, or None.
         findings: The findings sent to it.
