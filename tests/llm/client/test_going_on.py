@@ -32,11 +32,16 @@ from tests.llm.scripted_modules import QUERIES, right_answers, scene_of
 from tests.source_tree import ROOT
 
 MODEL = "openai-compatible:small"
-POINTS = range(7)
 CLOSED = [17, 1, 2, 3, {"19": [0.0, 0.9]}, 5]
 ANSWERS = [as_reply(answer) for answer in right_answers("T1").values()]
 # Room for one more answer, but not for what is kept free while another is awaited.
 NEARLY_FULL = 100_000
+
+
+def points(*fast: int) -> pytest.MarkDecorator:
+    """Try a test at each of the seven requests; only some of them in every test run."""
+    marked = [pytest.param(point, marks=() if point in fast else pytest.mark.slow) for point in range(7)]
+    return pytest.mark.parametrize("point", marked)
 
 
 def run(file: Path, *, resume: bool = False, configuration: str = MODEL) -> dict[str, object]:
@@ -124,7 +129,7 @@ def replies_in(file: Path) -> list[object]:
     return [(line["digest"], line["reply"]["text"], line["made_by"]) for line in lines]
 
 
-@pytest.mark.parametrize("point", POINTS)
+@points(0, 2, 5, 6)
 def test_a_server_that_fails(
     point: int,
     tmp_path: Path,
@@ -141,7 +146,7 @@ def test_a_server_that_fails(
     assert len(model.paid) == 7 and set(model.paid.values()) == {1}
 
 
-@pytest.mark.parametrize("point", POINTS)
+@points(0, 4, 6)
 def test_a_disk_that_is_full(
     point: int,
     tmp_path: Path,
@@ -164,9 +169,7 @@ def test_a_disk_that_is_full(
     assert model.asked == len(model.paid) == 7 and set(model.paid.values()) == {1}
 
 
-@pytest.mark.parametrize(
-    "point", [pytest.param(point, marks=() if point == 5 else pytest.mark.slow) for point in POINTS]
-)
+@points(5)
 def test_a_process_that_is_killed(
     point: int,
     tmp_path: Path,
