@@ -272,6 +272,8 @@ def connect_model(
         resume, same_start: As for `llm.connect`.
     """
     if options.model is None:
+        if options.models:
+            raise BadOption("--models", " ".join(options.models), "--model with it")
         return None
     budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
     model = connect(
