@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -141,6 +142,22 @@ class BenchFolder:
         if not whole:
             raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it again")
         return found
+
+    def replay(self, name: str) -> Path:
+        """Return where `bench replay` puts a unit that was run again, unless it is told otherwise."""
+        return self.path / "replays" / Path(name).name
+
+    def commands(self, result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield what can be done with a unit's result -> the command; nothing for a baseline's."""
+        if result["setting"].get("baseline") is not None:
+            return
+        if result["family"] == "T7":
+            words = ["run", str(result.get("query", "QUERY")), "--scene", f"t7-{result['seed']}", "--keep-sizes"]
+            what, more = "say the same wish in the same home, with video and report", ["--out", "FOLDER"]
+        else:
+            what, words = "run it again, with video and report", ["bench", "replay", str(self.path), result["name"]]
+            more = []
+        yield what, shlex.join(["scene2demo", *words, *more])
 
     def _not_one(self, why: str) -> NotABench:
         return NotABench(f"{self.path} is not a benchmark's folder: {why}")

@@ -80,7 +80,8 @@ def execute(options: Options) -> int:
     task, report, notes = made
     if not quiet:
         tell_notes(notes)
-        say(str(report))
+        # Geometry fills in the numbers, and judges by all that later subtasks need.
+        say(report.text(without=("flow/unfilled", "context/goal-gap") if report else ()))
     found = None
     if report:
         with counting("going through the plan by geometry, subtask by subtask", quiet=quiet) as on_progress:
