@@ -287,7 +287,8 @@ def _spread(values: Sequence[float]) -> dict[str, float] | None:
 DASH = "-"
 SCALE_ROW = "  scale of what is taken"
 FOOTNOTE = (
-    "SR / Subtask-Level Score in percent. The paper's rows are as printed: its simulator, its scenes. "
+    "Success rate / subtask-level score (mean success of the subtasks) in percent. "
+    "The paper's rows are as printed: its simulator, its scenes. "
     "Rows that begin with 'here' were measured by this program; below each is by how much what is taken was scaled, "
     "1 being its own size."
 )

@@ -115,6 +115,7 @@ class StepView:
         failure: Kind and message; None where it succeeded.
         measurements: What was measured.
         needs: Condition of the proof -> what establishes it.
+        number: Its number in the flow, from 1; None where all steps before it are kept as well.
     """
 
     text: str
@@ -123,6 +124,7 @@ class StepView:
     failure: tuple[str, str] | None = None
     measurements: Facts = ()
     needs: Facts = ()
+    number: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +183,11 @@ class EpisodeDetail:
         times = (self.plots.time_s[-1:] if self.plots else ()) or ()
         ends = (step.end_s for part in self.subtasks for step in part.steps)
         return max(time for time in (*times, *ends, self.row.simulated_s, 1e-3) if time is not None)
+
+    @property
+    def timed(self) -> bool:
+        """Whether it is known when its steps ran."""
+        return any(step.start_s is not None for part in self.subtasks for step in part.steps)
 
     @property
     def failed_step(self) -> tuple[int, int] | None:
@@ -245,10 +252,18 @@ _UNITS = {"m": "m", "mm": "mm", "s": "s", "n": "N", "deg": "\u00b0", "rad": "rad
 
 def measured_facts(measured: Mapping[str, object]) -> list[tuple[str, str]]:
     """Return measured values with readable names, units in brackets."""
-    return [(_with_unit(name), value_text(value)) for name, value in measured.items()]
+    return [(_with_unit(name), _measured_text(value)) for name, value in measured.items()]
+
+
+def _measured_text(value: object) -> str:
+    if not isinstance(value, Mapping):
+        return value_text(value)
+    return ", ".join(f"{_with_unit(name)} {value_text(part)}" for name, part in value.items())
 
 
 def _with_unit(name: str) -> str:
+    if not name.isidentifier():
+        return name  # A condition.
     stem, _, ending = name.rpartition("_")
     return f"{readable(stem)} [{_UNITS[ending]}]" if stem and ending in _UNITS else readable(name)
 

@@ -69,5 +69,6 @@ def _unit_subtask(part: Mapping[str, Any], index: int, failure: Mapping[str, Any
     if failure.get("primitive") is not None and failure.get("subtask") == index:
         text = action_text(failure["primitive"], failure["action"])
         what = (failure["kind"], failure["message"])
-        steps = [StepView(text, None, failure["time_s"], what, measured_facts(failure["measurements"]))]
+        measured = measured_facts(failure["measurements"])
+        steps = [StepView(text, None, failure["time_s"], what, measured, number=failure["step"] + 1)]
     return SubtaskView(readable(str(part["name"])), "", bool(part["succeeded"]), steps)

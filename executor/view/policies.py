@@ -44,7 +44,7 @@ class EvaluationListing:
                 measured = measured_facts(outcome["measured"])
                 measured += [(f"{kind} at", f"{at:.1f} s") for kind, at in outcome["monitors"].items()]
                 failure = (row.failure, "") if row.failure else None
-                step = StepView("acts", 0.0, row.simulated_s, failure, measured)
+                step = StepView("the policy", 0.0, row.simulated_s, failure, measured)
                 subtask = SubtaskView(row.task, "", bool(outcome["success_once"]), [step])
                 return EpisodeDetail(row, clips=clips, subtasks=[subtask], files=[clip.file for clip in clips])
         raise NothingToView(f"{self.path} has no episode {name!r}")

@@ -9,11 +9,13 @@ episode/NAME/scene           the scene at the start, z up, with the path of the 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bddl.files import atomic_path
 from executor.reports.episode import Clip, EpisodeDetail
 from executor.system.extras import require
 from executor.view.scene_view import scene_meshes
@@ -35,14 +37,15 @@ def record(details: Iterable[EpisodeDetail], path: Path | None = None) -> None:
     """
     rerun = require("rerun", EXTRA)
     recording = rerun.RecordingStream("scene2demo")
-    if path is None:
-        recording.spawn()
-    else:
-        recording.save(str(path))
-    for detail in details:
-        _record_episode(rerun, recording, detail)
-    recording.flush()
-    recording.disconnect()
+    with nullcontext() if path is None else atomic_path(path) as file:
+        if file is None:
+            recording.spawn()
+        else:
+            recording.save(str(file))
+        for detail in details:
+            _record_episode(rerun, recording, detail)
+        recording.flush()
+        recording.disconnect()
 
 
 def _record_episode(rerun: Any, recording: Any, detail: EpisodeDetail) -> None:
@@ -62,9 +65,6 @@ def _record_episode(rerun: Any, recording: Any, detail: EpisodeDetail) -> None:
     if detail.scene is not None:
         recording.log(f"{root}/scene", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         glb = scene_meshes(detail.scene).export(file_type="glb", unitize_normals=True)
-        # The file format has y up.
-        turned = rerun.Transform3D(mat3x3=[[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-        recording.log(f"{root}/scene/things", turned, static=True)
         recording.log(f"{root}/scene/things", rerun.Asset3D(contents=glb, media_type="model/gltf-binary"), static=True)
     if detail.plots is None:
         return

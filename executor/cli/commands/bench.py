@@ -105,9 +105,8 @@ def execute(options: Options) -> int:
         print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting, folder)
-        say(
-            f"results in {folder.path}: report.html, summary.json, units/; scene2demo view {folder.path} shows each episode"
-        )
+        shown = f"scene2demo view {folder.path} shows each episode"
+        say(f"results in {folder.path}: report.html, summary.json, units/; {shown}")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
     return code

@@ -93,7 +93,7 @@ function chooseRow(event) {
 async function open() {
   const name = decodeURIComponent(location.hash.slice(1)), section = at("detail");
   section.hidden = !name;
-  at("overview").hidden = Boolean(name) && rows.length === 1;
+  at("overview").hidden = Boolean(name);
   if (!name) { section.replaceChildren(); return; }
   const back = rows.length > 1 ? element("button", { type: "button", onclick: () => { location.hash = ""; at("overview").scrollIntoView(); } }, "Back to the table") : null;
   section.replaceChildren(element("p", { class: "soft", role: "status" }, "reading"));
