@@ -151,13 +151,15 @@ class BenchFolder:
         """Yield what can be done with a unit's result -> the command; nothing for a baseline's."""
         if result["setting"].get("baseline") is not None:
             return
-        if result["family"] == "T7":
-            words = ["run", str(result.get("query", "QUERY")), "--scene", f"t7-{result['seed']}", "--keep-sizes"]
-            what, more = "say the same wish in the same home, with video and report", ["--out", "FOLDER"]
+        if result["family"] != "T7":
+            again = ["bench", "replay", str(self.path), result["name"]]
+            yield "run it again, with video and report", shlex.join(["scene2demo", *again])
+            return
+        wish = [str(result.get("query", "QUERY")), "--scene", f"t7-{result['seed']}", "--keep-sizes"]
+        if result["ended"] == "refused":
+            yield "see why the wish is refused", shlex.join(["scene2demo", "plan", *wish])
         else:
-            what, words = "run it again, with video and report", ["bench", "replay", str(self.path), result["name"]]
-            more = []
-        yield what, shlex.join(["scene2demo", *words, *more])
+            yield "the same wish, with video and report", shlex.join(["scene2demo", "run", *wish, "--out", "FOLDER"])
 
     def _not_one(self, why: str) -> NotABench:
         return NotABench(f"{self.path} is not a benchmark's folder: {why}")

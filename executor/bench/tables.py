@@ -21,6 +21,7 @@ from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
 from executor.records import describe_peaks
+from executor.reports.episode import measured_facts
 from executor.reports.html import render
 from executor.reports.page import versions
 from executor.scenes.generators.families import FAMILIES
@@ -458,7 +459,11 @@ def _shown_unit(folder: BenchFolder, result: Result) -> dict[str, object]:
     replay = folder.replay(result["name"])
     address = {name: f"replays/{quote(replay.name)}/{name}" for name in ("report.html", "video.mp4")}
     there = {name.partition(".")[0]: address[name] for name in address if (replay / name).is_file()}
-    return {"result": result, "commands": list(folder.commands(result)), "succeeded": _succeeded(result)} | {
+    return {
+        "result": result,
+        "succeeded": _succeeded(result),
+        "measured": measured_facts((result.get("failure") or {}).get("measurements", {})),
+        "commands": list(folder.commands(result)),
         "report": there.get("report"),
         "video": there.get("video"),
     }

@@ -45,7 +45,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    functions = (style, script, value_text, data_uri, size_px, pluralize, readable, action_text)
+    functions = (style, script, data_uri, size_px, pluralize, readable, action_text)
     found.globals |= {function.__name__: function for function in functions}
     return found
 
@@ -56,7 +56,7 @@ def style(*names: str) -> str:
 
 
 def script(name: str) -> str:
-    """Return a script of this package: "episode", "view"."""
+    """Return a script of this package: "episode", "run", "view"."""
     return (_FILES / "data" / f"{name}.js").read_text(encoding="utf-8")
 
 

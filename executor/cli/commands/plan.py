@@ -42,6 +42,10 @@ class Options(CommonOptions):
     robot: RobotName = None
 
 
+_KNOWN = ("flow/unfilled", "context/goal-gap", "task/scaled")
+"""Notes of every proved plan: geometry fills in numbers and judges by what later subtasks need; sizes come first."""
+
+
 def execute(options: Options) -> int:
     """Print the verdict as soon as there is one, and what was planned for each subtask."""
     missing, both = "a sentence is missing", "a sentence and a goal are given"
@@ -80,8 +84,7 @@ def execute(options: Options) -> int:
     task, report, notes = made
     if not quiet:
         tell_notes(notes)
-        # Geometry fills in the numbers, and judges by all that later subtasks need.
-        say(report.text(without=("flow/unfilled", "context/goal-gap") if report else ()))
+        say(report.text(without=_KNOWN if report else ()))
     found = None
     if report:
         with counting("going through the plan by geometry, subtask by subtask", quiet=quiet) as on_progress:

@@ -192,15 +192,22 @@ def test_what_was_run_again_is_linked_and_shown(run_bench: Bench, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("family", "baseline", "expected"),
+    ("family", "ended", "baseline", "expected"),
     [
-        ("T1", None, "bench replay b T1-000003-planned"),
-        ("T7", None, "run 'pick up the mug' --scene t7-3 --keep-sizes --out FOLDER"),
-        ("T3", "unchecked", ""),
+        ("T1", "failed", None, "bench replay b T1-000003-planned"),
+        ("T7", "failed", None, "run 'pick up the mug' --scene t7-3 --keep-sizes --out FOLDER"),
+        ("T7", "refused", None, "plan 'pick up the mug' --scene t7-3 --keep-sizes"),
+        ("T3", "failed", "unchecked", ""),
     ],
 )
-def test_only_what_works_is_offered(family: str, baseline: str | None, expected: str) -> None:
-    result = {"name": f"{family}-000003-planned", "family": family, "seed": 3, "query": "pick up the mug"}
+def test_only_what_works_is_offered(family: str, ended: str, baseline: str | None, expected: str) -> None:
+    result = {
+        "name": f"{family}-000003-planned",
+        "family": family,
+        "seed": 3,
+        "query": "pick up the mug",
+        "ended": ended,
+    }
     commands = list(BenchFolder(Path("b")).commands(result | {"setting": {"baseline": baseline}}))
     assert [command for _, command in commands] == [f"scene2demo {expected}"] * bool(expected)
 

@@ -151,7 +151,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
 @given(st.data())
 def test_distances_are_those_of_brute_force(data: st.DataObject) -> None:
     scene = library.load("kitchen_t1")
-    parts = [
+    parts: list[dict[str, Any]] = [
         {"target": "glass_0", "support_init": "table_0", "support_goal": "refrigerator_0"},
         {"target": "refrigerator_0", "support_init": None, "support_goal": None},
     ]

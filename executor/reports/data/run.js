@@ -1,0 +1,2 @@
+// The page of a run has its episode in it.
+document.querySelectorAll(".episode").forEach(openEpisode);
