@@ -327,3 +327,10 @@ def test_a_recording_without_rerun_names_its_extra(
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert run(["view", str(store), "--rerun"]) == 2
     assert "pip install -e '.[rerun]'" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_recording_is_written(store: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra is not installed by the set-up")
+    assert run(["view", str(store), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 0
+    assert (tmp_path / "a.rrd").read_bytes()[:3] == b"RRF"
+    assert run(["view", str(store), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 2
