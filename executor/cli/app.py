@@ -49,6 +49,7 @@ _ORDER = (
         "evaluate",
     ),
     "view",
+    "conversation",
     *("bench replay", "bench photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
     *("assets import", "bddl"),
 )

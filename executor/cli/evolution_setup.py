@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -18,14 +18,14 @@ from executor.sim.render.cameras import VIEWS
 from executor.system import vulkan
 from executor.system.files import write_json
 from llm import Budget, Metered, connect
+from llm.client.recording import is_replay, recording_of
 from llm.errors import LlmError, ModelError, PicturesMissing
 from llm.evolve import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.evolve.judges import Judges, judges
 from llm.memory import RememberingSupervisor, SkillMemory
-from llm.structured.conversation import Spending
+from llm.structured.conversation import MODULES, Spending
 from oag import ObjectActionGraph, Scene
 
-REPLAY = "replay:"
 CONVERSATIONS, PICTURES = "conversations.json", "pictures"
 NO_VIEWS = "none"
 
@@ -153,7 +153,7 @@ class EvolutionSetup:
         if options.model is None:
             return None
         record = None
-        if self._out is not None and not options.model.startswith(REPLAY):
+        if self._out is not None and not is_replay(options.model):
             self._out.mkdir(parents=True, exist_ok=True)
             record = self._out / EXCHANGES
             if force and not resume and (record.exists() or record.is_symlink()):
@@ -168,9 +168,9 @@ class EvolutionSetup:
         """Return the renderer of attempts; a replay first searches the pictures next to its recording."""
         model = self._options.model or ""
         kept = None if self._out is None else self._out / PICTURES
-        recorded_pictures = Path(model.removeprefix(REPLAY)).parent / PICTURES
-        if model.startswith(REPLAY) and recorded_pictures.is_dir():
-            return AttemptFrames(self.views, folder=kept, recorded=recorded_pictures)
+        recording, _ = recording_of(model)
+        if recording is not None and (recording.parent / PICTURES).is_dir():
+            return AttemptFrames(self.views, folder=kept, recorded=recording.parent / PICTURES)
         renderer = vulkan.find_renderer()
         if not renderer:
             raise PicturesMissing(f"{renderer.why} {renderer.remedy}".strip())
@@ -221,7 +221,7 @@ def report_spending_on_error(spending: Spending | None, *, quiet: bool) -> Itera
             error.usage = spending.to_json()
         # Answers that did not hold would come again.
         goes_on = isinstance(error, ModelError) or not isinstance(error, LlmError)
-        if goes_on and spending.rounds and not quiet and not spending.model.name.startswith(REPLAY):
+        if goes_on and spending.rounds and not quiet and not is_replay(spending.model.name):
             tell("  what was answered is recorded, and not asked again with --resume")
         raise
 
@@ -239,6 +239,12 @@ class ModelOptions(Protocol):
 
     @property
     def model(self) -> str | None: ...
+    @property
+    def models(self) -> tuple[str, ...]: ...
+    @property
+    def temperature(self) -> float | None: ...
+    @property
+    def model_seed(self) -> int | None: ...
     @property
     def max_tokens(self) -> int | None: ...
     @property
@@ -266,11 +272,36 @@ def connect_model(
     if options.model is None:
         return None
     budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
-    record = None if options.model.startswith(REPLAY) else record
-    model = connect(options.model, budget=budget, record=record, resume=resume, same_start=same_start)
+    model = connect(
+        options.model,
+        budget=budget,
+        record=None if is_replay(options.model) else record,
+        resume=resume,
+        same_start=same_start,
+        models=_by_module(options.models),
+        temperature=options.temperature,
+        seed=options.model_seed,
+    )
     for warning in model.warnings:
         tell(warning, style="yellow")
     return model
+
+
+def _by_module(given: Sequence[str]) -> dict[int, str]:
+    """Parse the models of single modules and judges, such as 3=openai:gpt-5.2."""
+    found: dict[int, str] = {}
+    for words in given:
+        who, _, model = words.partition("=")
+        number = MODULES.get(who.strip().lower().removeprefix("module").strip())
+        if number is None or not model or number in found:
+            raise BadOption("--models", words, f"one of {', '.join(MODULES)}, = and a model, each once")
+        found[number] = model.strip()
+    return found
+
+
+def sampling_arguments(options: ModelOptions) -> dict[str, object]:
+    """Return the options, by name, of single modules' models and of sampling, for a command line."""
+    return {"models": list(options.models), "temperature": options.temperature, "model_seed": options.model_seed}
 
 
 def judge_arguments(options: JudgeOptions) -> dict[str, object]:
@@ -279,6 +310,7 @@ def judge_arguments(options: JudgeOptions) -> dict[str, object]:
         return {"memory": options.memory}
     return {
         "model": options.model,
+        **sampling_arguments(options),
         "views": options.views,
         "look_back": options.look_back,
         "no_measurements": not options.measurements,

@@ -144,6 +144,20 @@ OptionalSentence = tyro.conf.Positional[
 MaxTokens = Annotated[Maybe[int], option_help("Most tokens that the model may use.")]
 MaxCost = Annotated[Maybe[float], option_help("Most US dollars that the model may cost, where its price is known.")]
 MaxTime = Annotated[Maybe[float], option_help("Most seconds that the model may take.")]
+Models = Annotated[
+    tuple[str, ...],
+    tyro.conf.UseAppendAction,
+    tyro.conf.arg(
+        metavar="WHO=MODEL",
+        help="With --model: another one for a module, 1 to 5, or for the inspector or supervisor; may be given several "
+        "times.",
+        help_behavior_hint="",
+    ),
+]
+Temperature = Annotated[
+    Maybe[float], option_help("Temperature at which the model draws its words, where it takes one; by default its own.")
+]
+ModelSeed = Annotated[Maybe[int], option_help("Seed from which the model draws its words; some servers ignore it.")]
 BddlFiles = tyro.conf.Positional[
     Annotated[
         tuple[str, ...],
@@ -224,6 +238,9 @@ class JudgeOptions:
 
     model: Maybe[str] = None
     """Language model that judges and revises, such as openai:gpt-5.2 or replay:FILE; by default measurements do."""
+    models: Models = ()
+    temperature: Temperature = None
+    model_seed: ModelSeed = None
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None

@@ -113,6 +113,9 @@ def issues(scene: Scene) -> tuple[Issue, ...]:
     near = [(a, b) for a, b in combinations(things.values(), 2) if a.near(b)]
     around = {key: [b if a.obj.id == key else a for a, b in near if key in (a.obj.id, b.obj.id)] for key in things}
     stated = {(literal.atom.label, literal.value) for fact in scene.facts for literal in bddl.literals(fact) or ()}
+    itself = [label for label, value in sorted(stated) if value and len(label) == 3 and label[1] == label[2]]
+    if itself:
+        return tuple(Issue(name, f"is said to be {predicate} itself") for predicate, name, _ in itself)
     placed, found = {**upright, **fallen}, tuple(derive_support_relations(upright, fallen.values()))
     return (
         *_quaternions_swapped(scene.objects.values()),

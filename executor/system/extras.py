@@ -20,7 +20,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "learn": ("torch", "pytorch-kinematics", "safetensors"),
         "data": ("h5py", "av", "pyarrow", "pyyaml"),
         "gym": ("gymnasium",),
-        "llm": ("openai",),
+        "llm": ("openai", "pyyaml"),
         "mesh": ("coacd", "yourdfpy"),
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from threading import Lock
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from llm.client.transport import ChatReply, ChatRequest, Transport
@@ -106,6 +108,7 @@ class Metered:
         warnings: What was skipped in a recording that answers.
         boxes: Requested form of boxes in a picture; None for a recording, which does not state it.
         price: Price of tokens; None if unknown, or paid when it was recorded.
+        prices: Module -> price of its own model, where it has one.
         answered_by: Model of the latest reply, as its server named it; empty before the first one.
     """
 
@@ -116,6 +119,7 @@ class Metered:
         name: str = "model",
         budget: Budget | None = None,
         price: Price | None = None,
+        prices: Mapping[int, Price | None] = MappingProxyType({}),
         warnings: tuple[str, ...] = (),
         boxes: BoxForm | None = None,
     ) -> None:
@@ -129,12 +133,14 @@ class Metered:
         self.warnings = warnings
         self.boxes = boxes
         self.price = price
+        self.prices = prices
         self.answered_by = ""
-        if self.budget.cost_usd is not None and price is None:
+        known = None not in (price, *prices.values())
+        if self.budget.cost_usd is not None and not known:
             advice = "Limit tokens instead, or write the price into a file of profiles"
             raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
         self._transport = transport
-        self._usage = Usage(cost_usd=None if price is None else 0.0)
+        self._usage = Usage(cost_usd=0.0 if known else None)
         self._started: float | None = None
         self._lock = Lock()
 
@@ -143,6 +149,10 @@ class Metered:
         """Usage until now."""
         with self._lock:
             return replace(self._usage, elapsed_s=self._elapsed_s())
+
+    def price_of(self, module: int) -> Price | None:
+        """Return the price of a module's model; None if it is unknown."""
+        return self.prices.get(module, self.price)
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """Return the transport's reply."""
@@ -161,7 +171,7 @@ class Metered:
                 raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error
             raise
         finally:
-            self._count(reply, attempts, time.monotonic() - began)
+            self._count(reply, self.price_of(request.module), attempts, time.monotonic() - began)
         return reply
 
     def _admit(self) -> float | None:
@@ -188,7 +198,7 @@ class Metered:
     def _spent(self, problem: str) -> BudgetSpent:
         return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
 
-    def _count(self, reply: ChatReply | None, attempts: int, waited_s: float) -> None:
+    def _count(self, reply: ChatReply | None, price: Price | None, attempts: int, waited_s: float) -> None:
         """Add the result of a request; `_admit` has counted one of its attempts."""
         with self._lock:
             used = replace(
@@ -200,14 +210,16 @@ class Metered:
             if reply is None:
                 self._usage = used
                 return
-            inputs = used.input_tokens + (reply.input_tokens or 0)
-            outputs = used.output_tokens + (reply.output_tokens or 0)
+            inputs, outputs = reply.input_tokens or 0, reply.output_tokens or 0
+            cost_usd = used.cost_usd
+            if cost_usd is not None and price is not None:
+                cost_usd += price.cost_usd(inputs, outputs)
             self._usage = replace(
                 used,
-                input_tokens=inputs,
-                output_tokens=outputs,
+                input_tokens=used.input_tokens + inputs,
+                output_tokens=used.output_tokens + outputs,
                 uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
-                cost_usd=None if self.price is None else self.price.cost_usd(inputs, outputs),
+                cost_usd=cost_usd,
                 recorded=used.recorded + reply.recorded,
             )
 

@@ -64,7 +64,9 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     body: dict[str, Any] = {"model": profile.model, "messages": _messages(request, profile)}
     mode = request.mode or profile.mode
     if mode == "json_schema" and request.json_schema is not None:
-        schema = {"name": "answer", "schema": dict(request.json_schema)}
+        schema: dict[str, Any] = {"name": "answer", "schema": dict(request.json_schema)}
+        if profile.strict:
+            schema["strict"] = True
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     elif mode == "json_object" and (request.json_schema is not None or request.mode is not None):
         body["response_format"] = {"type": "json_object"}
@@ -148,17 +150,32 @@ class _ChatPart(_ChatPiece):
     text: str | None = None
 
 
+class _ChatFunction(_ChatPiece):
+    arguments: str | None = None
+
+
+class _ChatCall(_ChatPiece):
+    function: _ChatFunction | None = None
+
+
 class _ChatMessage(_ChatPiece):
     """A message, or a piece of one; parts of other kinds than these are thoughts."""
 
     content: str | list[_ChatPart] | None = None
     refusal: str | None = None
+    tool_calls: list[_ChatCall] | None = None
 
     @property
     def text(self) -> str:
         if not isinstance(self.content, list):
             return self.content or ""
         return "".join(part.text or "" for part in self.content if part.type in ("text", "output_text", None))
+
+    @property
+    def called(self) -> str | None:
+        """The arguments of the only call of a tool, which some servers write an answer into; no tool is offered."""
+        functions = [call.function for call in self.tool_calls or ()]
+        return functions[0].arguments if len(functions) == 1 and functions[0] is not None else None
 
 
 class _ChatChoice(_ChatPiece):
@@ -215,7 +232,8 @@ def read_answer(body: bytes, content_type: str) -> ChatReply | Unanswered:
     choice = answer.choices[0]
     if choice.message is None:
         return Unanswered(BadReply, "the server's answer has a choice without a message", _ADDRESS)
-    return _reply(choice.message.text or choice.message.refusal, choice.finish_reason, answer, answer.usage)
+    text = choice.message.text or choice.message.refusal or choice.message.called
+    return _reply(text, choice.finish_reason, answer, answer.usage)
 
 
 def error_message(body: bytes) -> str:
@@ -342,7 +360,7 @@ class OpenAITransport:
         Raises:
             RequestError: The request does not fit the model: too many images, or no JSON.
             ModelUnavailable: No connection, 429 or 5xx, also at the last attempt, or a wait that is too long.
-            ModelTimeout: No whole reply in time, also at the last attempt.
+            ModelTimeout: No whole reply in time; the request is not sent again.
             ModelRefused: Another 4xx.
             BadReply: An answer that is no chat completion; ReplyTooLong if it exceeds the limit.
             ModelCancelled: The event was set.
@@ -393,6 +411,10 @@ class OpenAITransport:
         return words if self._secret is None else words.replace(self._secret, "[key]")
 
 
+class _TimedOut(BaseException):
+    """An attempt had no whole reply in time; the library sends a request again only after an Exception."""
+
+
 class _Exchange:
     """One request with all its attempts; hooks of the HTTP library time each of them and limit what it reads."""
 
@@ -412,6 +434,7 @@ class _Exchange:
         base = next(kind for kind in type(http_client).__mro__ if kind.__name__ == "Client")
         # httpx or its replacement, depending on the library's version.
         self._http = importlib.import_module(base.__module__.partition(".")[0])
+        http_client.send = self._sent_once(http_client.send)
         headers: dict[str, Any] = {"Accept-Encoding": "identity"}
         if not transport.profile.account_headers:
             headers |= {"OpenAI-Organization": library.Omit(), "OpenAI-Project": library.Omit()}
@@ -423,6 +446,17 @@ class _Exchange:
             default_headers=headers,
             http_client=http_client,
         )
+
+    def _sent_once(self, send: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a sender that ends the exchange after a timeout: the server may still work, and charge for it."""
+
+        def sent(*arguments: Any, **options: Any) -> Any:
+            try:
+                return send(*arguments, **options)
+            except (self._http.ReadTimeout, self._http.WriteTimeout) as late:
+                raise _TimedOut from late
+
+        return sent
 
     def close(self) -> None:
         """End the exchange, also while another thread waits for its answer."""
@@ -436,6 +470,8 @@ class _Exchange:
             create(model=model, messages=messages, extra_body=self._body)
         except self._transport.library.APIStatusError as error:
             return self._not_granted(error.response)
+        except _TimedOut:
+            return self._outcome or _late(self._transport.profile.timeout_s)
         except Exception as error:
             return self._outcome or self._failure(error)
         return self._outcome or Unanswered(ModelUnavailable, "the request gave no answer")
@@ -457,7 +493,7 @@ class _Exchange:
         response.stream = type("Bounded", (self._http.SyncByteStream,), members)()
 
     def _in_time(self, stream: Iterable[bytes]) -> Iterator[bytes]:
-        """Yield the bytes of an answer until the attempt times out; the library then repeats the request."""
+        """Yield the bytes of an answer until the attempt times out."""
         timeout_s = self._transport.profile.timeout_s
         for chunk in stream:
             if time.monotonic() - self.started > timeout_s:
@@ -552,8 +588,8 @@ def _awaited(
 
 
 def _late(timeout_s: float) -> Unanswered:
-    advice = "Raise timeout_s, or ask for less"
-    return Unanswered(ModelTimeout, f"no whole reply within {timeout_s:.3g} s", advice, again=True)
+    advice = "It may be charged, and is not sent again unasked. Raise timeout_s in a file of profiles, or ask for less"
+    return Unanswered(ModelTimeout, f"no whole reply within {timeout_s:.3g} s", advice)
 
 
 def _unpacked(stream: Iterable[bytes], encoding: str, most: int) -> Iterator[bytes]:

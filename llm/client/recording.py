@@ -8,6 +8,8 @@ The file has one exchange a line, as JSON that a person can read:
     {"cassette": 1, "digest": "…", "request": {…}, "reply": {…}}        pictures are hashes in the request
     {"cassette": 1, "digest": "…", "request": {…}, "failure": {…}}      the model gave no reply
 
+`made_by` says who asked, with which templates, by which version of the program; the digest is of the request alone.
+
 A line is written in one piece and synced, so a crash costs at most the last line. A truncated last line is
 skipped and reported. A run that ended early continues with its recording: what is in it is not asked again.
 """
@@ -22,6 +24,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Event, Lock
+from types import MappingProxyType
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -30,8 +33,8 @@ from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
 from bddl.terminal import escape_json, pluralize
 from llm.client.budget import Budget, Metered
 from llm.client.openai import OpenAITransport
-from llm.client.profiles import BoxForm, Price, find_profile
-from llm.client.transport import ChatReply, ChatRequest, Transport, digest_of
+from llm.client.profiles import ModelProfile, Price, find_profile, tables
+from llm.client.transport import ChatReply, ChatRequest, Routed, Sampled, Transport, digest_of, project_version
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -158,33 +161,57 @@ class _RecordedFailure(_Recorded):
     attempts: int = 1
 
 
+class _MadeBy(_Recorded):
+    module: int
+    template: str
+    version: str
+
+
 class _RecordedLine(_Recorded):
     cassette: Literal[1]
     digest: str
     request: dict[str, Any]
     reply: _RecordedReply | None = None
     failure: _RecordedFailure | None = None
+    made_by: _MadeBy | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One request, as `ChatRequest.record` writes it, and its reply or the failure in its place."""
+    """One request, as `ChatRequest.record` writes it, and its reply or the failure in its place.
+
+    Attributes:
+        module: Who asked, as in `ChatRequest`; 0 if that is not known.
+        template: SHA-256 of the templates of its prompt; empty if that is not known.
+        version: Version of the program that asked; empty if that is not known.
+    """
 
     request: Mapping[str, Any]
     outcome: ChatReply | ModelError
     digest: str
+    module: int = 0
+    template: str = ""
+    version: str = ""
+
+    @classmethod
+    def of(cls, request: ChatRequest, outcome: ChatReply | ModelError) -> Exchange:
+        """Return the exchange of a request that is made now."""
+        record = request.record()
+        return cls(record, outcome, digest_of(record), request.module, request.template, project_version())
 
     def line(self) -> str:
         """Return the exchange as one line of JSON, with its newline."""
         head = {"cassette": VERSION, "digest": self.digest, "request": dict(self.request)}
         if isinstance(self.outcome, ChatReply):
             reply = asdict(self.outcome)
-            del reply["recorded"]
+            del reply["recorded"], reply["request_sha256"]
             body: dict[str, object] = {"reply": reply}
         else:
             failed = self.outcome
             words = {"model": failed.model, "problem": failed.problem, "advice": failed.advice}
             body = {"failure": {"kind": type(failed).__name__, **words, "attempts": failed.attempts}}
+        if self.version:
+            body["made_by"] = {"module": self.module, "template": self.template, "version": self.version}
         # Some tools end lines at other characters as well, and some terminals interpret them.
         return escape_json(json.dumps(head | body, ensure_ascii=False, allow_nan=False)) + "\n"
 
@@ -219,14 +246,15 @@ def _exchange(line: bytes) -> Exchange:
     read = _RecordedLine.model_validate(json.loads(line))
     if read.digest != digest_of(read.request):
         raise ValueError("its digest is not that of its request")
+    made_by = {} if read.made_by is None else read.made_by.model_dump()
     if read.reply is not None:
-        return Exchange(read.request, ChatReply(**read.reply.model_dump(), recorded=True), read.digest)
+        return Exchange(read.request, ChatReply(**read.reply.model_dump(), recorded=True), read.digest, **made_by)
     if read.failure is None:
         raise ValueError("it has neither a reply nor a failure")
     failed = read.failure
     error = FAILURES[failed.kind](failed.model, failed.problem, failed.advice)
     error.attempts = failed.attempts
-    return Exchange(read.request, error, read.digest)
+    return Exchange(read.request, error, read.digest, **made_by)
 
 
 def append_line(path: Path, line: str) -> None:
@@ -313,27 +341,26 @@ class Recorder:
             ModelError: As the transport does; failures of the kinds in FAILURES are recorded as well.
             CassetteError: The file cannot be written, or belongs to a run that began with another request.
         """
-        record, digest = request.record(), request.digest()
-        earlier = None if self._earlier is None else self._earlier.next_of(digest)
+        earlier = None if self._earlier is None else self._earlier.next_of(request.digest())
         if isinstance(earlier, ChatReply):
             self._checks_start = False
             return earlier
         if self._earlier is not None and self._checks_start:
             raise self._earlier.missing(request, _ANOTHER_RUN)
-        self._check_room(record)
+        self._check_room(request)
         try:
             reply = self._transport.complete(request)
         except ModelError as error:
             if type(error).__name__ in FAILURES:
-                self._write(Exchange(record, error, digest).line())
+                self._write(Exchange.of(request, error).line())
             raise
-        self._write(Exchange(record, reply, digest).line())
+        self._write(Exchange.of(request, reply).line())
         return reply
 
-    def _check_room(self, record: Mapping[str, object]) -> None:
+    def _check_room(self, request: ChatRequest) -> None:
         """Refuse to ask if the answer, which is paid for, could not be stored."""
         with self._writing(), self._lock:
-            has_room(self.path, len(json.dumps(record, default=str)) + _ROOM_BYTES)
+            has_room(self.path, len(json.dumps(request.record(), default=str)) + _ROOM_BYTES)
 
     def _write(self, line: str) -> None:
         with self._writing(), self._lock:
@@ -401,9 +428,59 @@ class Replay:
         closest = nearest(record, (exchange.request for exchange in self._exchanges))
         if closest is None:
             return ReplayMissing(name, "the recording is empty", "Record a run first", digest=digest)
-        lines = differences(record, self._exchanges[closest].request)
+        recorded = self._exchanges[closest]
+        lines = differences(record, recorded.request)
+        if recorded.template and request.template and recorded.template != request.template:
+            lines = (f"the prompt's template is another one than in version {recorded.version}", *lines)
         problem = f"the request {digest[:12]} was not recorded; the nearest is on line {closest + 1} of the file"
         return ReplayMissing(name, problem, f"{again}. It differs in", digest=digest, differences=lines)
+
+
+class Continued:
+    """Answer from a recording as far as it goes, and by a model from there on; what failed in it is asked again."""
+
+    def __init__(self, replay: Replay, transport: Transport) -> None:
+        """Begin at the recording's start."""
+        self._replay, self._transport = replay, transport
+        self._begun = False
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the recorded reply, or the transport's.
+
+        Raises:
+            ReplayMissing: The first request is not in the recording, which belongs to another run.
+            ModelError: As the transport does.
+        """
+        digest = request.digest()
+        while (outcome := self._replay.next_of(digest)) is not None:
+            self._begun = True
+            if isinstance(outcome, ChatReply):
+                return outcome
+        if not self._begun:
+            raise self._replay.missing(request, "The recording is of another run: name that run's, or the model alone")
+        return self._transport.complete(request)
+
+
+_REPLAY = "replay"
+
+
+def recording_of(configuration: str) -> tuple[Path | None, str]:
+    """Return the recording that a configuration names, and the model that goes on where it ends; empty for none.
+
+    Only `replay:FILE` and `replay:FILE,PROVIDER:MODEL` name a recording.
+    """
+    provider, _, rest = configuration.strip().partition(":")
+    if provider != _REPLAY or not rest:
+        return None, configuration
+    file, comma, model = rest.rpartition(",")
+    goes_on = bool(comma) and model.partition(":")[0] in tables() and ":" in model
+    return (Path(file), model) if goes_on else (Path(rest), "")
+
+
+def is_replay(configuration: str) -> bool:
+    """Decide whether a configuration names a recording alone, so that nothing is asked or paid."""
+    file, model = recording_of(configuration)
+    return file is not None and not model
 
 
 def connect(
@@ -414,40 +491,66 @@ def connect(
     resume: bool = False,
     same_start: bool = True,
     cancel: Event | None = None,
+    models: Mapping[int, str] = MappingProxyType({}),
+    temperature: float | None = None,
+    seed: int | None = None,
 ) -> Metered:
     """Return a transport for a configuration, with usage counted in `.usage`; nothing is sent yet.
 
     `.warnings` states what was skipped in a damaged recording, and what is continued.
 
     Args:
-        configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
+        configuration: "provider:model", such as "openai:gpt-5.2"; "replay:FILE" for a recorded run; or
+            "replay:FILE,provider:model" for one that the model continues where the recording ends.
         budget: Limits of the run; default is none.
         record: A new file into which every exchange is written.
         resume: Continue the file of a run that ended early: its replies are returned first, and not asked again.
         same_start: With `resume`, refuse to ask if the run's first request is not in the file.
         cancel: Setting it ends a running request and all later ones.
+        models: Module, 1 to 5, or judge -> configuration of its own model.
+        temperature, seed: Sampling of every request; None leaves it to the server. A replay needs the same values.
 
     Raises:
-        ModelConfigError: Provider, model, key, address or library is unknown or missing.
+        ModelConfigError: Provider, model, key, address or library is unknown or missing; or a model takes no
+            temperature.
         CassetteError: A recording cannot be read or created.
     """
-    provider, _, rest = configuration.strip().partition(":")
+    if configuration.strip() == f"{_REPLAY}:":
+        raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
+    file, model = recording_of(configuration)
+    profile = find_profile(model) if model or file is None else None
+    profiles = {module: find_profile(name) for module, name in models.items()}
+    for one in (profile, *profiles.values()):
+        if temperature is not None and one is not None and not one.send_temperature:
+            raise ModelConfigError(one.name, "the model takes no temperature", "Leave the temperature out")
     transport: Transport
-    price: Price | None
-    boxes: BoxForm | None = None
     warnings: tuple[str, ...] = ()
-    if provider == "replay":
-        if not rest:
-            raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
-        # Recorded replies are not paid for again.
-        price, name = Price(input=0.0, output=0.0), configuration
-        transport = replay = Replay(Path(rest))
+    if file is not None:
+        transport = replay = Replay(file)
         warnings = replay.warnings
+        if profile is not None:
+            transport = Continued(replay, _live(profile, profiles, cancel))
     else:
-        profile = find_profile(configuration)
-        transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
-        boxes = profile.boxes
+        transport = _live(profile or find_profile(model), profiles, cancel)
     if record is not None:
         transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
         warnings = (*warnings, *recorder.notes)
-    return Metered(transport, name=name, budget=budget, price=price, warnings=warnings, boxes=boxes)
+    if temperature is not None or seed is not None:
+        transport = Sampled(transport, temperature, seed)
+    return Metered(
+        transport,
+        name=configuration if profile is None or file is not None else profile.name,
+        budget=budget,
+        # Recorded replies are not paid for again.
+        price=Price(input=0.0, output=0.0) if profile is None else profile.price,
+        prices={} if profile is None else {module: one.price for module, one in profiles.items()},
+        warnings=warnings,
+        boxes=None if profile is None else profile.boxes,
+    )
+
+
+def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile], cancel: Event | None) -> Transport:
+    """Return a transport to a model, and to those of some modules."""
+    others = {module: OpenAITransport(one, cancel=cancel) for module, one in profiles.items()}
+    transport = OpenAITransport(profile, cancel=cancel)
+    return Routed(transport, others) if others else transport

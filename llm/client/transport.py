@@ -10,8 +10,8 @@ import hashlib
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from importlib import import_module
+from dataclasses import dataclass, field, replace
+from importlib import import_module, metadata
 from io import BytesIO
 from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
@@ -20,6 +20,15 @@ from llm.errors import RequestError
 # How JSON is requested: by a schema, by a JSON-only mode, or by the prompt alone.
 Mode = Literal["json_schema", "json_object", "plain"]
 MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
+
+
+def project_version() -> str:
+    """Return the installed version of this project, for records; empty if it is not installed."""
+    try:
+        return metadata.version("scene2demo")
+    except metadata.PackageNotFoundError:
+        return ""
+
 
 MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp", "image/gif")
 MOST_PIXELS = 64_000_000
@@ -121,6 +130,9 @@ class ChatRequest:
         timeout_s: Most time until the reply, retries included [s]; None leaves only the profile's limit for each
             attempt. Not part of the digest.
         extra_body: Further fields of the request's body; they override those of the profile.
+        module: Who asks: a module, 1 to 5, or a judge (`llm.structured.conversation`); 0 if not given. Not part of the
+            digest.
+        template: SHA-256 of the templates of the prompt; empty if not given. Not part of the digest.
     """
 
     system: str
@@ -131,6 +143,8 @@ class ChatRequest:
     max_tokens: int | None = None
     timeout_s: float | None = None
     extra_body: Mapping[str, object] = field(default_factory=dict)
+    module: int = field(default=0, compare=False)
+    template: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if not self.messages or self.messages[-1].role != "user":
@@ -197,6 +211,7 @@ class ChatReply:
         model: The model's name as given by the server.
         attempts: How often the request was sent, at least 1.
         recorded: Whether it comes from a recording; nothing was sent, and nothing paid now.
+        request_sha256: Digest of the request as it was sent, where a transport has changed it; else empty.
     """
 
     text: str
@@ -207,6 +222,7 @@ class ChatReply:
     model: str = ""
     attempts: int = 1
     recorded: bool = field(default=False, compare=False, repr=False)
+    request_sha256: str = field(default="", compare=False, repr=False)
 
 
 @runtime_checkable
@@ -220,3 +236,31 @@ class Transport(Protocol):
             ModelError: There is none; the subclass gives the reason.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Forward requests with the same temperature and seed; both are part of the digest."""
+
+    transport: Transport
+    temperature: float | None = None
+    seed: int | None = None
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the transport's reply."""
+        temperature = request.temperature if self.temperature is None else self.temperature
+        extra = dict(request.extra_body) if self.seed is None else {**request.extra_body, "seed": self.seed}
+        sent = replace(request, temperature=temperature, extra_body=extra)
+        return replace(self.transport.complete(sent), request_sha256=sent.digest())
+
+
+@dataclass(frozen=True, slots=True)
+class Routed:
+    """Forward the requests of some modules to transports of their own."""
+
+    transport: Transport
+    others: Mapping[int, Transport]
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Return the reply of the asking module's transport."""
+        return self.others.get(request.module, self.transport).complete(request)

@@ -54,7 +54,8 @@ def _written(value: object) -> object:
     """Normalise a judgement to the words of the schema: lower case, yes or no for true or false."""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return value.strip().rstrip(".").lower() if isinstance(value, str) else value
+    word = value.strip().rstrip(".").lower() if isinstance(value, str) else value
+    return {"true": "yes", "false": "no"}.get(word, word) if isinstance(word, str) else word
 
 
 class StepCritique(Answer):

@@ -285,7 +285,12 @@ def refusals(rounds: Sequence[Round]) -> tuple[str, ...]:
 
 def _refusal(entry: Round) -> str:
     asked_for = f"an answer without a flow that can be read ({one_line(entry.reply, 60)})"
-    found = extract(entry.reply, RevisedFlow.found_in, cut_off=entry.finish_reason == "length")
+    found = extract(
+        entry.reply,
+        RevisedFlow.found_in,
+        cut_off=entry.finish_reason == "length",
+        fields=tuple(RevisedFlow.model_fields),
+    )
     if not isinstance(found, Diagnostic):
         with suppress(ValidationError, RecursionError):
             asked_for = json.dumps(flow_to_json(RevisedFlow.model_validate(found).flow))

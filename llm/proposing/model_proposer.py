@@ -73,6 +73,8 @@ _BY_CODE = {
 # Warnings worth a question; plans with the others work.
 _DOUBTS = ("context/open", "task/vacuous")
 _LAST_SYMBOLIC = 3
+# Answers that are no answers say nothing about the subtasks.
+_OF_FORM = ("answer/no-json", "answer/broken-json", "answer/cut-off", "answer/too-long", "answer/field")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,16 +153,21 @@ class Draft:
         """The draft without sizes and flows."""
         return replace(self, scales=None, flows=None)
 
-    def with_conditions(self, session: ModuleSession, expected: bddl.Formula | None) -> Draft:
-        """Return the draft with the missing answers of modules 1 to 3."""
+    def with_roles(self, session: ModuleSession, expected: bddl.Formula | None) -> Draft:
+        """Return the draft with the missing answers of modules 1 and 2."""
         understood = self.understood or understand(session, expected)
         roles = self.roles or decompose(session, understood)
         wanted = understood.expanded.task_name
         check_sizes((part.target for part in roles), session.scene, session.sizing, session.query, wanted)
+        return replace(self, understood=understood, roles=roles)
+
+    def with_conditions(self, session: ModuleSession) -> Draft:
+        """Return a draft that has roles with the missing answer of module 3; raises as `ModuleSession.ask` does."""
         conditions = self.conditions
-        if conditions is None:
-            conditions = tuple((part.init, part.goal) for part in instantiate(session, understood, roles))
-        return replace(self, understood=understood, roles=roles, conditions=conditions)
+        if conditions is None and self.understood is not None and self.roles is not None:
+            written = instantiate(session, self.understood, self.roles)
+            conditions = tuple((part.init, part.goal) for part in written)
+        return replace(self, conditions=conditions)
 
     def with_flows(self, session: ModuleSession) -> Draft:
         """Return the draft with the missing answers of modules 4 and 5; raises as `ModuleSession.ask` does."""
@@ -215,6 +222,7 @@ class Drafting:
         before: The draft with the disputed answer, restored if the model confirms it.
         cleared: Modules that confirmed their answers since the draft last changed.
         doubted: Warnings that the model was asked about; each is asked once.
+        without_conditions: Why module 2 was asked again: module 3 found no conditions for its subtasks.
     """
 
     session: ModuleSession
@@ -224,6 +232,7 @@ class Drafting:
     before: Draft | None = None
     cleared: set[int] = field(default_factory=set)
     doubted: set[tuple[str, ...]] = field(default_factory=set)
+    without_conditions: AnswersRefused | None = None
 
     def run(self) -> Proposal:
         """Return the first plan without findings."""
@@ -240,10 +249,15 @@ class Drafting:
     def _judged(self, *, searched: bool) -> Report:
         pending = set(self.session.objections)
         try:
-            self.draft = self.draft.with_conditions(self.session, self.expected)
+            self.draft = self.draft.with_roles(self.session, self.expected)
+            self.draft = self.draft.with_conditions(self.session)
             if not searched:
                 self.draft = self.draft.with_flows(self.session)
         except AnswersRefused as refusal:
+            if refusal.module not in pending and self._returned_to_decomposition(refusal):
+                return self._judged(searched=searched)
+            if refusal.module == 2 and self.before is None and self.without_conditions is not None:
+                raise self.without_conditions from refusal
             if self.before is None or refusal.module not in pending:
                 raise
             # The model confirms its answer: it may be right, and another module wrong.
@@ -255,6 +269,19 @@ class Drafting:
                     self.cleared.clear()
                 self.before = None
         return compose(self.draft.task(self.session, searched=searched), scene=self.session.scene).verify()
+
+    def _returned_to_decomposition(self, refusal: AnswersRefused) -> bool:
+        """Ask module 2 again, once, where module 3 finds no conditions: one may be none; return whether it was."""
+        if refusal.module != _LAST_SYMBOLIC or self.revisions <= 0 or self.without_conditions is not None:
+            return False
+        if any(found.code in _OF_FORM for found in refusal.findings):
+            return False
+        self.revisions, self.without_conditions = self.revisions - 1, refusal
+        findings = tuple(found for found in refusal.findings if found.code != "answer/repeated")
+        self.session.log.conversation.entries.append(PlanVerdict("UNDECIDED", True, 2, findings))
+        self.session.object_to(2, findings)
+        self.before, self.draft = None, self.draft.without(2)
+        return True
 
     def _sent_back(self, report: Report, *, searched: bool) -> bool:
         """Return the plan to the module that can correct it, if there are findings; return whether it was."""

@@ -18,9 +18,9 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 import bddl
 from llm.client.transport import Image, Transport
@@ -47,9 +47,9 @@ from llm.structured.schema import (
     Answer,
     Formula,
     Line,
+    MaybeFormula,
     MaybeLine,
     MaybeObjectId,
-    MaybeText,
     Number,
     ObjectId,
     Remark,
@@ -59,6 +59,7 @@ from llm.structured.schema import (
     WireStep,
     is_empty_remark,
 )
+from llm.structured.values import as_number
 from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
 from oag.model.diagnostics import TASK_GOAL
 from oag.model.symbols import GRIPPER
@@ -175,15 +176,21 @@ class Understanding(Answer):
     task_name: Line = Field(description="the wish in one line, every object named by its id")
     task_activity_name: ActivityName = Field(description="the same in words joined by underscores")
     task_message_detail: Text = Field(description="where things are and what is done, step by step")
-    goal: MaybeText = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
+    goal: MaybeFormula = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
     problem: Remark = Field(
         default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
     )
 
     @classmethod
     def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
-        """Convert an object to the requested form: with a problem, no other field is needed."""
+        """Convert an object to the requested form: with a problem, no other field is needed.
+
+        The paper calls the description `task_detail_message`, and its name is the activity's in words.
+        """
         plain = super()._as_asked(data)
+        if "task_message_detail" not in plain and "task_detail_message" in plain:
+            plain["task_message_detail"] = plain["task_detail_message"]
+            plain.setdefault("task_name", str(plain.get("task_activity_name", "")).replace("_", " "))
         problem = plain.get("problem")
         if isinstance(problem, str) and not is_empty_remark(problem):
             return {**_NO_TASK, **{key: value for key, value in plain.items() if value not in ("", None)}}
@@ -401,7 +408,9 @@ class SubtaskSize(SubtaskAnswer):
     """The factor of one simple task's target."""
 
     target: ObjectId = Field(description="id of its target")
-    scale: float = Field(gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is")
+    scale: Annotated[float, BeforeValidator(as_number)] = Field(
+        gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is"
+    )
 
 
 class Sizes(Answer):

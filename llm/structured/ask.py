@@ -2,22 +2,24 @@
 
 The number of rounds is bounded.
 
-The JSON answer may stand among prose, code fences, thoughts and drafts. Nothing is executed and nothing is
-repaired: a text that is no JSON is a finding with its place. Errors make an answer unusable. A warning is asked
-about once: an answer that stays the same was intended.
+The JSON answer may stand among prose, code fences, thoughts and drafts. Nothing is executed. A text that is nearly JSON
+is read where it has one reading (`llm.structured.lenient`); otherwise it is a finding with its place. Errors make an
+answer unusable. A warning is asked about once: an answer that stays the same was intended.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeVar
 
 from pydantic import ValidationError
 
 from llm.client.transport import ChatReply, ChatRequest, Transport
+from llm.structured import lenient
 from llm.structured.conversation import AnswersRefused, Conversation, Round, errors_of, finding, finding_key
 from llm.structured.prompting import Prompt, Refused, summary
 from llm.structured.schema import Answer, wire_schema
@@ -27,8 +29,9 @@ from oag.model.diagnostics import CODES
 
 # Limit of reading, longer than any answer.
 LONGEST_REPLY = 400_000
-# Most opening brackets tried before a text counts as one without JSON.
+# Most opening brackets tried before a text counts as one without JSON; and of these, most that are read leniently.
 _MOST_STARTS = 2_000
+_MOST_LENIENT = 12
 _LONGEST_QUOTED = 60
 # Possible beginning of an object or a list of objects, in JSON or in attempted JSON; a brace in prose does not match.
 # A name that lacks a quote, or has another character in its place, still counts as a name.
@@ -40,7 +43,9 @@ _LENIENT = json.JSONDecoder(parse_int=str)
 _AnswerIn = Callable[[object], dict[str, object] | None]
 
 
-def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[str, object] | Diagnostic:
+def extract(
+    text: str, answer_in: _AnswerIn, *, cut_off: bool = False, fields: Collection[str] = ()
+) -> dict[str, object] | Diagnostic:
     """Return the last answer in a reply, or the finding that explains why there is none.
 
     A model that writes a draft writes the answer after it. So an unreadable object after the answer is a finding,
@@ -50,6 +55,7 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
         text: The reply.
         answer_in: Returns the answer that a JSON object or list is or wraps, or None.
         cut_off: True when the model stopped at its limit of tokens.
+        fields: Fields of an answer: one without its last brace counts only if it has all of them.
 
     Returns:
         The answer; without one the first object, in which fields will be missing.
@@ -57,11 +63,11 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
     if len(text) > LONGEST_REPLY:
         long = f"the reply has {len(text)} characters; no answer needs more than {LONGEST_REPLY}"
         return finding("answer/too-long", long, "reply", hint="answer with the JSON object alone")
-    whole, text = text, strip_thoughts(text)
+    whole, text = text, strip_thoughts(text.translate(lenient.INVISIBLE))
     answer: dict[str, object] | None = None
-    other: dict[str, object] | None = None
+    others: list[dict[str, object]] = []
     broken: Diagnostic | None = None
-    end = counted = unclosed = 0
+    end = counted = unclosed = tries = 0
     for _ in range(_MOST_STARTS):
         opening = _OPENING.search(text, end)
         if opening is None:
@@ -71,11 +77,15 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
         counted = start
         found, end, problem = _read(text, start)
         # An object inside a broken object is no answer.
-        taken = answer_in(found) if broken is None or unclosed <= 0 else None
+        outside = broken is None or unclosed <= 0
+        taken = answer_in(found) if outside else None
+        if problem is not None and outside and tries < _MOST_LENIENT:
+            tries += 1
+            taken, end = _leniently(text, start, answer_in, () if cut_off else fields) or (None, end)
         if taken is not None:
             answer, broken = taken, None
         elif isinstance(found, dict):
-            other = found if other is None else other
+            others.append(found)
         elif opening[0] == "[":
             # The elements of a list that is no answer are examined separately.
             end = opening.end()
@@ -84,12 +94,37 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
     else:
         many = f"the reply has more than {_MOST_STARTS} pieces that look like objects"
         broken = finding("answer/broken-json", many, "reply", hint="answer with the JSON object alone")
+    if answer is None and not cut_off:
+        answer = _without_braces(text, answer_in, others if broken is None else ())
+        broken = None if answer is not None else broken
     if answer is not None and broken is None:
         return answer
     if cut_off:
         message = "the reply was cut off at the limit of tokens before its JSON object ended"
         return finding("answer/cut-off", message, "reply", hint="answer more briefly, with the JSON object alone")
-    return broken or other or _nothing(whole, text)
+    return broken or (others[0] if others else _nothing(whole, text))
+
+
+def _leniently(
+    text: str, start: int, answer_in: _AnswerIn, fields: Collection[str]
+) -> tuple[dict[str, object], int] | None:
+    """Return the answer that begins at a position, and its end; without its last brace only if it has all `fields`."""
+    whole = lenient.read_object(text, start)
+    read = whole or (lenient.read_object(text, start, unclosed=True) if fields else None)
+    answer = None if read is None else answer_in(read[0])
+    if read is None or answer is None or (whole is None and any(name not in answer for name in fields)):
+        return None
+    return answer, read[1]
+
+
+def _without_braces(text: str, answer_in: _AnswerIn, entries: Sequence[dict[str, object]]) -> dict[str, object] | None:
+    """Return the answer of a text whose outer brackets are missing, that is YAML, or JSON within a JSON text."""
+    found: list[object] = [list(entries)] if len(entries) > 1 else []
+    found += [lenient.read_bare(text), lenient.read_yaml(text)]
+    if text.strip().startswith('"{'):
+        with suppress(ValueError, RecursionError):
+            found.append(STRICT.decode(str(STRICT.decode(text.strip()))))
+    return next((answer for value in found if (answer := answer_in(value)) is not None), None)
 
 
 def _read(text: str, start: int) -> tuple[object, int, Diagnostic | None]:
@@ -216,7 +251,7 @@ class Log:
             Round(
                 module=prompt.module,
                 number=len(self.conversation.rounds) + 1,
-                request_sha256=request.digest(),
+                request_sha256=reply.request_sha256 or request.digest(),
                 prompt_sha256=prompt.sha256,
                 reply=reply.text,
                 findings=findings,
@@ -226,6 +261,8 @@ class Log:
                 output_tokens=reply.output_tokens,
                 latency_s=reply.latency_s,
                 recorded=reply.recorded,
+                attempts=reply.attempts,
+                template_sha256=request.template,
             )
         )
 
@@ -293,11 +330,12 @@ def _judged(
     reply: ChatReply, schema: type[AnswerT], check: Callable[[AnswerT], Iterable[Diagnostic]]
 ) -> tuple[AnswerT | None, tuple[Diagnostic, ...]]:
     """Return the answer in a reply, None if it does not have the schema's form, and the findings."""
-    found = extract(reply.text, schema.found_in, cut_off=reply.finish_reason == "length")
+    cut_off = reply.finish_reason == "length"
+    found = extract(reply.text, schema.found_in, cut_off=cut_off, fields=tuple(schema.model_fields))
     if isinstance(found, Diagnostic):
         return None, (found,)
     try:
-        answer = schema.model_validate(found)
+        answer = schema.model_validate(lenient.visible(found))
     except ValidationError as problem:
         listed = problem.errors(include_url=False, include_context=False, include_input=True)
         wrong = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from bddl.terminal import escape_control
 from llm.client.budget import Metered
+from llm.client.transport import project_version
 from llm.errors import LlmError, shown_query
 from oag import Diagnostic
 from oag.model.diagnostics import Severity
@@ -17,6 +18,10 @@ INSPECTOR, SUPERVISOR, SPOTTER = 6, 7, 8
 _NAMES: Mapping[int, str] = MappingProxyType(
     {INSPECTOR: "the inspector", SUPERVISOR: "the supervisor", SPOTTER: "the spotter"}
 )
+MODULES: Mapping[str, int] = MappingProxyType(
+    {**{str(n): n for n in range(1, 6)}, **{name.removeprefix("the "): n for n, name in _NAMES.items()}}
+)
+"""Name of whoever asks a model, as options have it -> number."""
 
 
 def asker(module: int) -> str:
@@ -41,6 +46,8 @@ class Round:
         output_tokens: As counted by the server, or None.
         latency_s: Time until the reply [s].
         recorded: Whether it came from a recording, and was not paid again.
+        attempts: How often the request was sent.
+        template_sha256: Digest of the templates of the prompt; prompts with other data have the same.
     """
 
     module: int
@@ -55,6 +62,8 @@ class Round:
     output_tokens: int | None = None
     latency_s: float = 0.0
     recorded: bool = field(default=False, compare=False, repr=False)
+    attempts: int = 1
+    template_sha256: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +71,7 @@ class PlanVerdict:
     """Verdict of the graph on all answers together.
 
     Attributes:
-        verdict: PROVED, CONDITIONAL or REFUTED.
+        verdict: PROVED, CONDITIONAL or REFUTED; UNDECIDED where a module found no answer to the plan so far.
         searched: True when a search supplied the flows, before they were requested from the model.
         blamed: The module that was asked again, or None.
         findings: The findings sent to it.
@@ -113,6 +122,7 @@ class Conversation:
         """Return the whole record as JSON values; documented in docs/models.md."""
         return {
             "schema": "scene2demo/conversation/1",
+            "version": project_version(),
             "model": self.model,
             "query": self.query,
             "scene": self.scene,
@@ -220,7 +230,7 @@ class Spending:
 
     def cost_usd(self, entry: Round) -> float | None:
         """Return the cost of a round by list price [US dollars]; None if price or tokens are unknown."""
-        price, tokens = self.model.price, (entry.input_tokens, entry.output_tokens)
+        price, tokens = self.model.price_of(entry.module), (entry.input_tokens, entry.output_tokens)
         if price is None or tokens[0] is None or tokens[1] is None:
             return None
         return price.cost_usd(tokens[0], tokens[1])
@@ -231,12 +241,13 @@ class Spending:
         if entry.input_tokens is not None and entry.output_tokens is not None:
             tokens = f"{entry.input_tokens} + {entry.output_tokens} tokens"
         cost_usd = self.cost_usd(entry)
-        cost = "price unknown" if self.model.price is None else "cost unknown"
+        cost = "price unknown" if self.model.price_of(entry.module) is None else "cost unknown"
         if cost_usd is not None:
             cost = f"${cost_usd:.4f}"
         if entry.recorded:
             cost = f"{cost}, paid before" if cost_usd else "recorded, not paid again"
-        return f"{entry.latency_s:.1f} s", tokens, cost
+        sent = f" (sent {entry.attempts} times)" if entry.attempts > 1 else ""
+        return f"{entry.latency_s:.1f} s{sent}", tokens, cost
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Return a row for each round: the asking role, its number, and its numbers."""
@@ -269,6 +280,7 @@ class Spending:
                     "output_tokens": entry.output_tokens,
                     "cost_usd": self.cost_usd(entry),
                     "recorded": entry.recorded,
+                    "attempts": entry.attempts,
                     "accepted": entry.accepted,
                 }
                 for (who, number, *_), entry in zip(self.rows(), self.rounds, strict=True)

@@ -18,6 +18,7 @@ from string import Template
 
 import bddl
 from llm.client.transport import ChatRequest, Image, Message
+from llm.structured.conversation import INSPECTOR, SPOTTER, SUPERVISOR
 from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
 from oag.model.symbols import ANY, EMPTY, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
 from oag.primitives.table import RESTING, Context, Placement, effect, requirements
@@ -25,6 +26,12 @@ from oag.primitives.table import RESTING, Context, Placement, effect, requiremen
 # Longest part of a model's own answer that is sent back to it.
 _LONGEST_SHOWN = 12_000
 _MOST_FINDINGS = 12
+_TEMPLATES: Mapping[int, tuple[str, ...]] = {
+    **{number: ("proposing/system", f"proposing/module_{number}") for number in range(1, 6)},
+    INSPECTOR: ("evolve/system", "evolve/inspector"),
+    SUPERVISOR: ("evolve/system", "evolve/supervisor"),
+    SPOTTER: ("vision/system", "vision/pattern", "vision/things"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +61,9 @@ class Prompt:
         messages = [Message((self.text, *self.images))]
         if refused is not None:
             messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(),))]
-        return ChatRequest(self.system, tuple(messages), schema)
+        return ChatRequest(
+            self.system, tuple(messages), schema, module=self.module, template=template_sha256(self.module)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +99,16 @@ def render(name: str, **values: str) -> str:
         KeyError: A place of the template has no text.
     """
     return _template(name).substitute(values).strip() + "\n"
+
+
+@cache
+def template_sha256(module: int) -> str:
+    """Return the SHA-256 of the templates of which a module's prompts are made; empty for an unknown module."""
+    names = _TEMPLATES.get(module)
+    if names is None:
+        return ""
+    texts = (_template(name).template for name in (*names, "structured/feedback", "structured/primitives"))
+    return hashlib.sha256("\x00".join(texts).encode()).hexdigest()
 
 
 @cache

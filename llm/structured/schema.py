@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Mapping
-from typing import Annotated, ClassVar, Self, get_args
+from typing import Annotated, ClassVar, Self, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -30,9 +30,11 @@ from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
+from llm.structured.values import as_formula, as_number, as_ordinal, plain_name
 from oag import Action, Primitive
 from oag.model.actions import action_from_json
 from oag.model.diagnostics import FlowError
+from oag.model.symbols import ParameterKind, parameter_kind
 
 MOST_SUBTASKS = 24
 MOST_ACTIONS = 40
@@ -53,16 +55,16 @@ class Answer(BaseModel):
     list_name: ClassVar[str] = ""
 
     @classmethod
-    def found_in(cls, value: object) -> dict[str, object] | None:
+    def found_in(cls, value: object, depth: int = 3) -> dict[str, object] | None:
         """Return the answer that a JSON value is or wraps, None without one.
 
         It is an object with one of the fields, the bare list of numbered entries, or an object around one of these.
         """
         answer = cls._looked_like(value)
         # A repeated schema has a member for each field as well.
-        if answer is not None or not isinstance(value, dict) or "properties" in value:
+        if answer is not None or not isinstance(value, dict) or "properties" in value or not depth:
             return answer
-        wrapped = [inner for part in value.values() if (inner := cls._looked_like(part)) is not None]
+        wrapped = [inner for part in value.values() if (inner := cls.found_in(part, depth - 1)) is not None]
         return wrapped[0] if wrapped and all(inner == wrapped[0] for inner in wrapped) else None
 
     @classmethod
@@ -70,12 +72,21 @@ class Answer(BaseModel):
         """Return an object with one of the fields, or wrap a list of entries; None for other values."""
         if isinstance(value, dict):
             numbered = bool(cls.list_name) and any(_number(key) is not None for key in value)
-            return value if numbered or any(key in cls.model_fields for key in value) else None
-        if cls.list_name and isinstance(value, list) and value:
-            (entry,) = get_args(cls.model_fields[cls.list_name].annotation)
-            if all(isinstance(item, dict) and any(key in entry.model_fields for key in item) for item in value):
-                return {cls.list_name: value}
-        return None
+            return value if numbered or cls._has_field(value) else None
+        if not cls.list_name or not isinstance(value, list) or not value:
+            return None
+        is_listed = all(isinstance(item, dict) and cls._entry()._has_field(item) for item in value)
+        return {cls.list_name: value} if is_listed else None
+
+    @classmethod
+    def _entry(cls) -> type[Answer]:
+        """Return the class of the entries of the list."""
+        return get_args(cls.model_fields[cls.list_name].annotation)[0]
+
+    @classmethod
+    def _has_field(cls, value: Mapping[object, object]) -> bool:
+        known = {plain_name(name) for name in cls.model_fields}
+        return any(isinstance(key, str) and plain_name(key) in known for key in value)
 
     @validator(mode="wrap")
     @classmethod
@@ -97,19 +108,41 @@ class Answer(BaseModel):
     def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
         """Convert an object to the requested form: numbered subtasks in a list, by position if unnumbered."""
         plain = dict(data)
-        if cls.list_name and cls.list_name not in plain:
-            numbered = {number: key for key in plain if (number := _number(key)) is not None}
-            if numbered:
-                plain[cls.list_name] = [_with_number(plain[key], number) for number, key in sorted(numbered.items())]
+        for name in cls.model_fields:
+            spelt = [key for key in plain if plain_name(key) == plain_name(name)]
+            if name not in plain and len(spelt) == 1:
+                plain[name] = plain.pop(spelt[0])
+        if not cls.list_name:
+            return plain
+        listed = plain.get(cls.list_name, plain)
+        if isinstance(listed, Mapping):
+            keys = [key for key in listed if _number(key) is not None]
+            numbered = {_number(key): key for key in keys}
+            if keys and len(numbered) == len(keys):
+                values = [(cls._as_entry(listed[key]), number) for number, key in sorted(numbered.items()) if number]
+                plain[cls.list_name] = [_with_number(value, number) for value, number in values]
         entries = plain.get(cls.list_name)
-        if isinstance(entries, list) and all(isinstance(item, Mapping) and "sub_task" not in item for item in entries):
+        if isinstance(entries, list) and all(isinstance(item, Mapping) and not _has_number(item) for item in entries):
             plain[cls.list_name] = [_with_number(item, number) for number, item in enumerate(entries, start=1)]
         return plain
 
+    @classmethod
+    def _as_entry(cls, value: object) -> object:
+        """Return a list as the entry whose only list it is, such as a flow; other values as they are."""
+        names = [name for name, field in cls._entry().model_fields.items() if get_origin(field.annotation) is list]
+        return {names[0]: value} if isinstance(value, list) and len(names) == 1 else value
 
-def _number(key: str) -> int | None:
-    digits = key.removeprefix("sub_task_") if key.startswith("sub_task_") else ""
-    return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 3 else None
+
+_SUBTASK_KEY = re.compile(r"(?:sub[ _-]?task[ _-]?)(\d{1,3})", re.IGNORECASE)
+
+
+def _number(key: object) -> int | None:
+    found = _SUBTASK_KEY.fullmatch(key) if isinstance(key, str) else None
+    return None if found is None else int(found[1])
+
+
+def _has_number(entry: Mapping[str, object]) -> bool:
+    return any(plain_name(key) == "subtask" for key in entry)
 
 
 def _with_number(value: object, number: int) -> object:
@@ -137,6 +170,12 @@ def _underscored(text: str) -> str:
     return "_".join(text.split())
 
 
+def _lines(value: object) -> object:
+    """Join a text that is written as a list of lines."""
+    lines = isinstance(value, list) and all(isinstance(line, str) for line in value)
+    return "\n".join(value) if isinstance(value, list) and lines else value
+
+
 def _empty_for_none(value: object) -> object:
     """Replace null, false and their equivalents in words by the empty text."""
     return "" if value is None or value is False or (isinstance(value, str) and is_empty_remark(value)) else value
@@ -147,8 +186,10 @@ def _trimmed(longest: int) -> Callable[[str], str]:
     return lambda text: text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
-Text = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
-Sentence = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)]
+Text = Annotated[str, BeforeValidator(_lines), Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
+Sentence = Annotated[
+    str, BeforeValidator(_lines), Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)
+]
 MaybeText = Annotated[Text, BeforeValidator(_empty_for_none)]
 # A remark may be absent; an empty text says that there is none.
 Remark = Annotated[MaybeText, AfterValidator(_trimmed(LONGEST_REMARK))]
@@ -157,7 +198,13 @@ Line = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
 ]
 MaybeLine = Annotated[MaybeText, AfterValidator(_one_line), AfterValidator(_trimmed(LONGEST_NAME))]
-Formula = Annotated[str, Field(min_length=1, max_length=LONGEST_FORMULA), AfterValidator(_printable)]
+Formula = Annotated[
+    str,
+    BeforeValidator(as_formula),
+    Field(min_length=1, max_length=LONGEST_FORMULA),
+    AfterValidator(_printable),
+]
+MaybeFormula = Annotated[MaybeText, BeforeValidator(as_formula)]
 ObjectId = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 # An empty text says that there is no such object.
 MaybeObjectId = Annotated[
@@ -169,8 +216,8 @@ ActivityName = Annotated[
     BeforeValidator(lambda value: _underscored(value) if isinstance(value, str) else value),
     Field(min_length=1, max_length=LONGEST_NAME, pattern=r"^[A-Za-z][A-Za-z0-9_.\-]*$"),
 ]
-Number = Annotated[int, Field(ge=1, le=MOST_SUBTASKS)]
-StepNumber = Annotated[int, Field(ge=1, le=1_000)]
+Number = Annotated[int, BeforeValidator(as_ordinal), Field(ge=1, le=MOST_SUBTASKS)]
+StepNumber = Annotated[int, BeforeValidator(as_ordinal), Field(ge=1, le=1_000)]
 # Requested as an integer on the wire; may be missing.
 _INTEGER = WithJsonSchema({"type": "integer"})
 MaybeNumber = Annotated[Number | None, _INTEGER]
@@ -261,10 +308,19 @@ def _flat(node: Mapping[str, object], known: Mapping[str, Mapping[str, object]])
 
 
 _LONGEST_PROBLEM = 240
-_OWN_KEYS = ("primitive", "parameters", "parameter")
+# Keys of an action whose value names the primitive, the likeliest first; and those of its numbers.
+_PRIMITIVE_KEYS = ("primitive", "primitive_id", "action", "action_id", "name", "id")
+_NUMBER_KEYS = (
+    "parameters", "parameter", "params", "param", "values", "value", "args", "arguments",
+    "distance", "distance_m", "angle", "angle_deg", "degrees", "limits",
+)  # fmt: skip
+# The ends of a range, in pairs.
+_ENDS = (("from", "to"), ("low", "high"), ("min", "max"), ("lower", "upper"), ("start", "end"))
 # Keys whose numbers are no parameters of the motion.
-_KNOWN_KEYS = (*_OWN_KEYS, "step", "index", "number", "id")
-_NO_NUMBERS: tuple[object, ...] = (None, [], {})
+_KNOWN_KEYS = (*_PRIMITIVE_KEYS, *_NUMBER_KEYS, "step", "index", "number")
+_NO_NUMBERS: tuple[object, ...] = (None, "", [], {})
+# A primitive with its numbers in one text: GRASP(), LIFT_EEF_UP(0.2), 19(0, 0.6), MOVE_BASE_LEFT 0.3.
+_CALL = re.compile(r"([A-Za-z][A-Za-z_ -]*|\d{1,2})\s*(?:\(([-+.,\s\deE]*)\)|\s([-+.\d]+)\s*(m?))")
 
 
 class WrittenAction(Answer):
@@ -283,8 +339,11 @@ class WrittenAction(Answer):
 
 
 def _step(item: object) -> object:
-    """Convert an action from either of the two forms to the form of the wire."""
-    own = isinstance(item, Mapping) and any(key in item for key in _OWN_KEYS)
+    """Convert an action from any of its forms to the form of the wire."""
+    called = _CALL.fullmatch(item.strip()) if isinstance(item, str) else None
+    if called is not None and _primitive_of(called[1]) is not None:
+        item = _called(called)
+    own = isinstance(item, Mapping) and any(key in item for key in _PRIMITIVE_KEYS)
     written: object = _own_form(item) if own and isinstance(item, Mapping) else _with_id(item)
     try:
         action = action_from_json(written)
@@ -300,27 +359,64 @@ def _refused(code: str, problem: str, hint: str = "") -> PydanticCustomError:
     return PydanticCustomError(code, "{problem}", {"problem": short + hint})
 
 
+def _called(found: re.Match[str]) -> object:
+    """Convert an action that is written as a call; a length only where the primitive takes one."""
+    primitive = _primitive_of(found[1])
+    is_length = primitive is not None and parameter_kind(primitive) is ParameterKind.DISTANCE_M
+    if found[4] and not is_length:
+        raise _refused("flow/parameter", f"{found[1]} takes no length, got {found[0]!r}")
+    numbers = [part.strip() for part in (found[2] or found[3] or "").split(",")]
+    return {"primitive": found[1], "parameters": [as_number(part) for part in numbers if part]}
+
+
+def _primitive_of(named: object) -> Primitive | None:
+    """Return the primitive that an ID or a name means; None for others."""
+    found = as_number(_id(named))
+    return Primitive(found) if isinstance(found, int) and found in {*Primitive} else None
+
+
 def _own_form(item: Mapping[str, object]) -> object:
-    """Convert the wire's form of an action to the paper's form, mistakes included."""
-    if "primitive" not in item:
-        raise _refused("flow/unknown-primitive", f"the field primitive is missing; got {', '.join(map(repr, item))}")
-    primitive = item["primitive"]
-    numbers = item.get("parameters", item.get("parameter"))
-    if numbers in _NO_NUMBERS:
-        # A number under another key would be lost, and a different motion executed.
-        astray = [key for key, value in item.items() if key not in _KNOWN_KEYS and not isinstance(value, str | None)]
-        if astray:
-            raise _refused("flow/parameter", f"numbers stand under parameters, not under {astray[0]!r}")
-        return _id(primitive)
-    if not isinstance(numbers, list):
-        numbers = [numbers]
-    return {str(_id(primitive)): numbers[0] if len(numbers) == 1 else numbers}
+    """Convert an action with keys to the paper's form, mistakes included."""
+    named = [item[key] for key in _PRIMITIVE_KEYS if key in item]
+    # A primitive may have its name and its ID; beside both, an ID is that of the step.
+    primitives = {_primitive_of(name) for name in named}
+    if "primitive" not in item and len(primitives) > 1:
+        raise _refused("flow/unknown-primitive", f"it names more than one primitive: {named!r}")
+    primitive, numbers = named[0], _numbers(item)
+    return _id(primitive) if numbers == [] else {str(_id(primitive)): numbers[0] if len(numbers) == 1 else numbers}
+
+
+def _numbers(item: Mapping[str, object]) -> list[object]:
+    """Return the numbers of an action with keys; raise where it cannot be known which they are."""
+    given = [item[key] for key in _NUMBER_KEYS if key in item and item[key] not in _NO_NUMBERS]
+    if len(given) > 1:
+        raise _refused("flow/parameter", f"numbers stand under more than one key: {', '.join(map(repr, item))}")
+    if given:
+        numbers = given[0]
+        if isinstance(numbers, Mapping):
+            numbers = _of_mapping(numbers)
+        return [as_number(number) for number in numbers] if isinstance(numbers, list) else [as_number(numbers)]
+    # A number under another key would be lost, and a different motion executed.
+    astray = [key for key, value in item.items() if key not in _KNOWN_KEYS and not isinstance(value, str | None)]
+    if astray:
+        raise _refused("flow/parameter", f"numbers stand under parameters, not under {astray[0]!r}")
+    return []
+
+
+def _of_mapping(numbers: Mapping[str, object]) -> object:
+    """Return the only number of a mapping, or the two ends of a range; the mapping itself if it has others."""
+    if len(numbers) == 1 and (key := next(iter(numbers))) in _NUMBER_KEYS:
+        return numbers[key]
+    return next(([numbers[low], numbers[high]] for low, high in _ENDS if {low, high} == {*numbers}), numbers)
 
 
 def _with_id(item: object) -> object:
     if isinstance(item, Mapping) and len(item) == 1:
         ((key, value),) = item.items()
-        return _id(key) if value in _NO_NUMBERS else {str(_id(key)): value}
+        if value in _NO_NUMBERS:
+            return _id(key)
+        numbers = [as_number(number) for number in value] if isinstance(value, list) else as_number(value)
+        return {str(_id(key)): numbers}
     return _id(item) if isinstance(item, str) else item
 
 

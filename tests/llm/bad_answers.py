@@ -80,16 +80,16 @@ def entry_of(chance: random.Random, answers: Answers, module: int) -> dict[str, 
 
 
 def cut(chance: random.Random, task: str, module: int, right: Answers) -> Made:
-    """The text ends early."""
+    """The text ends early; only the last brace is missing where all the rest is there."""
     text = json.dumps(right[module])
-    return text[: chance.randint(1, len(text) - 1)], JSON_CODES, ""
+    return text[: chance.randint(1, len(text) - 2)], JSON_CODES, ""
 
 
 def broken_text(chance: random.Random, task: str, module: int, right: Answers) -> Made:
     """A sign that carries the structure is missing, doubled, or another one."""
     text = json.dumps(right[module])
-    # A brace more at the very beginning stands before an object that is right.
-    places = [index for index, sign in enumerate(text) if sign in '{}[]:"' and index]
+    # A brace more at the very beginning stands before an object that is right, and the last one may be missing.
+    places = [index for index, sign in enumerate(text[:-1]) if sign in '{}[]:"' and index]
     while True:
         place = chance.choice(places)
         put = chance.choice(["", text[place] * 2, "'", ";"])
@@ -125,9 +125,9 @@ def no_json(chance: random.Random, task: str, module: int, right: Answers) -> Ma
 
 
 def python_text(chance: random.Random, task: str, module: int, right: Answers) -> Made:
-    """The answer is Python, or holds constants that JSON lacks."""
+    """The answer is a call in Python, or holds constants that JSON lacks."""
     if chance.random() < 0.5:
-        return repr(right[module]).replace('"', "'"), JSON_CODES, ""
+        return repr(right[module]).replace(": ", "="), JSON_CODES, ""
     text = json.dumps({**right[module], "extra": 0})
     return text[:-2] + chance.choice(["NaN}", "Infinity}", "-Infinity}", "9" * 4400 + "}"]), {"answer/broken-json"}, ""
 
@@ -154,9 +154,9 @@ def field_of_another_type(chance: random.Random, task: str, module: int, right: 
     """A field has a value of another type."""
     entry = entry_of(chance, right, module)
     key = chance.choice(sorted(entry))
-    others: list[object] = [True, 1.5, {"x": 1}, ["a"], [], {}, 10**30, -3, "x" * 9000]
+    others: list[object] = [True, 1.5, {"x": 1}, [None], [{}], {}, 10**30, -3, "x" * 9000]
     if isinstance(entry[key], float):
-        others = [True, "0.5", {"x": 1}, ["a"], None, "x" * 9000]
+        others = [True, "half", {"x": 1}, ["a"], None, "x" * 9000]
     entry[key] = chance.choice(others)
     return right[module], {"answer/field", "flow/unknown-primitive", "flow/parameter"}, ""
 
@@ -167,7 +167,7 @@ def steering_text(chance: random.Random, task: str, module: int, right: Answers)
     texts = [key for key in sorted(entry) if isinstance(entry[key], str) and key != "problem"]
     if not texts:
         return f"\x1b]0;{json.dumps(entry)[:5]}\x07", JSON_CODES, ""
-    entry[chance.choice(texts)] += chance.choice(["\x1b[31m", "\u202e", "\x00", "\ud800", "\u200b", "\x07"]) + "a"
+    entry[chance.choice(texts)] += chance.choice(["\x1b[31m", "\u202e", "\x00", "\ud800", "\u2066", "\x07"]) + "a"
     return right[module], {"answer/field"}, ""
 
 
@@ -193,9 +193,9 @@ def unreadable(chance: random.Random, text: str) -> tuple[str, set[str]]:
     inner = text.strip("()")
     return chance.choice(
         [
-            (text[:-1], {"bddl/syntax"}),
-            (text + ")", {"bddl/syntax"}),
-            (inner.replace("(", "").replace(")", ""), {"bddl/syntax"}),
+            (text[:-1] + ",", {"bddl/syntax"}),
+            (text + "))", {"bddl/syntax"}),
+            (f"if {text} then", {"bddl/syntax"}),
             (text.replace("(", "[").replace(")", "]"), {"bddl/syntax"}),
             (f"(levitating {inner.split()[-1]})", {"bddl/unknown-predicate"}),
             ("(inside)", {"bddl/arity", "bddl/syntax"}),

@@ -12,6 +12,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import yaml
+
+import bddl
 from llm.evolve.model_inspector import StepCritique
 from llm.evolve.model_supervisor import RevisedFlow
 from llm.structured.schema import Answer, wire_schema
@@ -108,7 +111,7 @@ def walked(value: Any, change: Callable[[Any], Any]) -> Any:
     return change(value)
 
 
-def of_formulas(change: Callable[[str], str], *, reads: bool = False) -> Form:
+def of_formulas(change: Callable[[str], object], *, reads: bool = False) -> Form:
     """The answer with its formulas changed."""
     return fields(
         lambda right: walked(right, lambda leaf: change(leaf) if isinstance(leaf, str) and leaf[:1] == "(" else leaf),
@@ -163,6 +166,58 @@ def paper(primitive: object, numbers: list[float]) -> object:
 def is_prose(leaf: object) -> bool:
     """Decide whether a value is a text in words."""
     return isinstance(leaf, str) and " " in leaf and "(" not in leaf
+
+
+def saying_anew(name: str, change: Callable[[Any], object], kinds: tuple[int, ...]) -> Form:
+    """The answer with one field written in another form."""
+    return fields(lambda right: {**right, name: change(right[name])}, kinds)
+
+
+def of_entries(change: Callable[[Object], Object]) -> Form:
+    """The answer with its entries changed."""
+    return fields(lambda right: {"sub_tasks": [change(entry) for entry in right["sub_tasks"]]}, LISTED)
+
+
+def renamed(right: Object, change: Callable[[str], str]) -> Object:
+    """Return an answer, and its entries, with other names of fields."""
+    entries = [{change(key): value for key, value in entry.items()} for entry in right.get("sub_tasks", ())]
+    return {change(key): entries if key == "sub_tasks" else value for key, value in right.items()}
+
+
+def in_camel_case(name: str) -> str:
+    first, *rest = name.split("_")
+    return first + "".join(map(str.capitalize, rest))
+
+
+def conjuncts(text: str) -> tuple[bddl.Formula, ...]:
+    formula = bddl.parse_formula(text)
+    return formula.parts if isinstance(formula, bddl.And) else (formula,)
+
+
+def functional(text: str) -> str:
+    """Return a formula as `inside(a, b) and not open(b)`."""
+    written = []
+    for part in conjuncts(text):
+        atom = part.body if isinstance(part, bddl.Not) else part
+        assert isinstance(atom, bddl.Atom)
+        call = f"{atom.predicate}({', '.join(atom.args)})"
+        written.append(f"not {call}" if atom is not part else call)
+    return " and ".join(written)
+
+
+def nested(formula: bddl.Formula) -> list[object]:
+    """Return a formula as `["not", ["open", "b"]]`."""
+    if isinstance(formula, bddl.Not):
+        return ["not", nested(formula.body)]
+    assert isinstance(formula, bddl.Atom)
+    return [formula.predicate, *formula.args]
+
+
+def calls(right: Object) -> str:
+    """Return the text of an answer with its actions as calls."""
+    made = of_flows(lambda key, n: f"{Primitive(key).name}({', '.join(map(str, n))})").make(right, 0)
+    assert isinstance(made, str)
+    return made
 
 
 def numbered(right: Object) -> Object:
@@ -223,12 +278,11 @@ FORMS: dict[str, Form] = {
     "null": instead("null"),
     "an empty object": instead("{}"),
     "an empty list": instead("[]"),
-    "a text in JSON": textual(json.dumps),
+    "a text in JSON": textual(json.dumps, reads=True),
     "no content": message(lambda *_: {"content": None}, reads=False),
     "reasoning only": message(lambda _, other: {"content": None, "reasoning_content": other}, reads=False),
     "a tool call": message(
         lambda right, _: {"content": None, "tool_calls": [{"function": {"name": "answer", "arguments": right}}]},
-        reads=False,
     ),
     "declined": message(lambda *_: {"content": None, "refusal": "I can't help with that."}, reads=False),
     "reasoning beside": message(lambda right, other: {"content": right, "reasoning_content": other}),
@@ -238,24 +292,51 @@ FORMS: dict[str, Form] = {
     ),
     "whole, but at its limit": Form(lambda right, _: json.dumps(right), finish="length"),
     "cut off": Form(lambda right, _: json.dumps(right)[:-7], False, finish="length"),
-    "trailing comma": textual(lambda text: f"{text[:-1]},}}"),
-    "comment": textual(lambda text: text.replace("{", "{ // the answer\n", 1)),
-    "Python": Form(lambda right, _: repr(right), False),
-    "smart quotes": textual(lambda text: text.replace('"', "“")),
-    "escaped underscores": textual(lambda text: text.replace("_", "\\_")),
-    "a raw newline": textual(lambda text: '{"x": "a\nb", ' + text[1:]),
+    "trailing comma": textual(lambda text: f"{text[:-1]},}}", reads=True),
+    "trailing commas": textual(lambda text: re.sub(r"([\]}])", r",\1", text).replace("[,]", "[]"), reads=True),
+    "comment": textual(lambda text: text.replace("{", "{ // the answer\n", 1), reads=True),
+    "comments of Python": textual(lambda text: text.replace("{", "{ # the answer\n"), reads=True),
+    "comments of C": textual(lambda text: text.replace(": ", ": /* so: */ "), reads=True, kinds=FLOWS),
+    "Python": Form(lambda right, _: repr(right)),
+    "smart quotes": textual(lambda text: text.replace('"', "“"), reads=True),
+    "smart quotes in pairs": textual(lambda text: re.sub(r'"([^"]*)"', "“\\1”", text), reads=True),
+    "escaped underscores": textual(lambda text: text.replace("_", "\\_"), reads=True),
+    "a raw newline": textual(lambda text: '{"x": "a\nb", ' + text[1:], reads=True),
+    "signs without width": textual(lambda text: text.replace("_", "_\u200b"), reads=True),
+    "hard blanks": textual(lambda text: text.replace('": ', '":\u00a0'), reads=True),
+    "without its last brace": textual(lambda text: text[:-1], reads=True),
+    "without its last brace, fenced": textual(lambda text: f"```json\n{text[:-1]}\n```", reads=True),
+    "without its first brace": textual(lambda text: text[1:], reads=True),
+    "without its outer braces": textual(lambda text: text[1:-1], reads=True),
+    "YAML": Form(lambda right, _: yaml.safe_dump(right, sort_keys=False, width=10_000)),
+    "YAML, fenced": Form(lambda right, _: f"```yaml\n{yaml.safe_dump(right, sort_keys=False)}```\nThat is all."),
+    "an object a line": Form(lambda right, _: "\n".join(map(json.dumps, right["sub_tasks"])), kinds=LISTED),
     "a key twice": textual(lambda text: '{"x": 1, "x": 1, ' + text[1:]),
     "not a number": textual(lambda text: '{"x": NaN, ' + text[1:]),
     "beyond all numbers": textual(lambda text: '{"x": 1e999, ' + text[1:], reads=True),
     "thousands of digits": textual(lambda text: f'{{"x": {"9" * 5_000}, ' + text[1:]),
-    "unquoted keys": Form(lambda right, _: json.dumps(right).replace('"', "", 2), False, (1, INSPECTOR, SUPERVISOR)),
+    "unquoted keys": Form(lambda right, _: re.sub(r'"(\w+)":', r"\1:", json.dumps(right))),
     "in a wrapper": fields(lambda right: {"answer": right}),
     "in a wrapper with words": fields(lambda right: {"thoughts": "...", "status": "ok", "result": right}),
     "in a list of one": fields(lambda right: [right]),
     "draft and answer in one": Form(lambda right, kind: json.dumps({"draft": draft(kind), "final": right}), False),
-    "two wrappers deep": fields(lambda right: {"response": {"content": right}}, reads=False),
+    "two wrappers deep": fields(lambda right: {"response": {"content": right}}),
     "a bare list": fields(lambda right: right["sub_tasks"], LISTED),
     "numbered subtasks": fields(numbered, LISTED),
+    "numbered subtasks in a list": fields(lambda right: {"sub_tasks": numbered(right)}, LISTED),
+    "numbers as sub_task_1": of_entries(lambda entry: {**entry, "sub_task": f"sub_task_{entry['sub_task']}"}),
+    "camel case": fields(lambda right: renamed(right, in_camel_case)),
+    "names with hyphens": fields(lambda right: renamed(right, lambda name: name.replace("_", "-"))),
+    "flows by subtask": fields(lambda right: {k: v["flow"] for k, v in numbered(right).items()}, (5,)),
+    "the paper's names": fields(
+        lambda right: {
+            "task_activity_name": right["task_activity_name"],
+            "task_detail_message": f"{right['task_name']}. {right['task_message_detail']}",
+            "goal": right["goal"],
+        },
+        (1,),
+    ),
+    "a description in lines": saying_anew("task_message_detail", lambda text: text.split(". "), (1,)),
     "without numbers of subtasks": without("sub_task", kinds=LISTED),
     "without what is not needed": without(
         "problem", "bddl_category", "root_cause", "root_cause_step", "sub_task", "step",
@@ -286,14 +367,20 @@ FORMS: dict[str, Form] = {
     "judgements in capitals": saying("state_reached", "No.", (INSPECTOR,)),
     "strings for numbers": fields(
         lambda right: walked(right, lambda leaf: str(leaf) if type(leaf) in (int, float) else leaf),
-        (*LISTED, INSPECTOR, SUPERVISOR), reads=False,
+        (*LISTED, INSPECTOR, SUPERVISOR),
     ),
     "emoji": fields(lambda right: walked(right, lambda leaf: f"{leaf} 🧊" if is_prose(leaf) else leaf)),
     "another script": fields(lambda right: {**right, "備考": "冷蔵庫を開ける"}),
     "upper-case predicates": of_formulas(lambda text: text.replace("open", "OPEN"), reads=True),
-    "functional formulas": of_formulas(lambda text: "inside(glass_0, refrigerator_0)"),
-    "a goal section": of_formulas(lambda text: f"(:goal {text})"),
-    "in for inside": of_formulas(lambda text: text.replace("inside", "in").replace("open", "opened")),
+    "functional formulas": of_formulas(functional, reads=True),
+    "a goal section": of_formulas(lambda text: f"(:goal {text})", reads=True),
+    "in for inside": of_formulas(lambda text: text.replace("inside", "in").replace("open", "opened"), reads=True),
+    "closed": of_formulas(lambda text: re.sub(r"\(not \(open (\w+)\)\)", r"(closed \1)", text), reads=True),
+    "a parenthesis too many": of_formulas(lambda text: f"{text})", reads=True),
+    "a parenthesis too few": of_formulas(lambda text: text[:-1], reads=True),
+    "formulas in a list": of_formulas(lambda text: [bddl.format(part) for part in conjuncts(text)], reads=True),
+    "formulas as lists": of_formulas(lambda text: [nested(part) for part in conjuncts(text)], reads=True),
+    "formulas in backticks": of_formulas(lambda text: f"`{text}`", reads=True),
     "actions of the wire": of_flows(lambda key, numbers: own(key, numbers)),
     "names as primitives": of_flows(lambda key, numbers: own(Primitive(key).name, numbers)),
     "names as actions": of_flows(lambda key, numbers: paper(Primitive(key).name, numbers)),
@@ -304,8 +391,19 @@ FORMS: dict[str, Form] = {
     "nested limits": of_flows(lambda key, numbers: own(key, [numbers] if len(numbers) == 2 else numbers)),
     "one parameter": of_flows(lambda key, n: {"primitive": key, "parameter": n[0] if len(n) == 1 else n or None}),
     "steps numbered": of_flows(lambda key, numbers: {"step": 1, "comment": "so", **own(key, numbers)}),
-    "numbers elsewhere": of_flows(lambda key, n: {"primitive": key, **({"distance": n} if n else {})}, reads=False),
-    "named numbers": of_flows(lambda key, n: own(key, {"value": n}) if n else own(key, []), reads=False),
+    "numbers elsewhere": of_flows(lambda key, n: {"primitive": key, **({"distance": n} if n else {})}),
+    "named numbers": of_flows(lambda key, n: own(key, {"value": n}) if n else own(key, [])),
+    "a range by its ends": of_flows(lambda key, n: own(key, {"from": n[0], "to": n[1]} if len(n) == 2 else n)),
+    "ID and value": of_flows(lambda key, n: {"id": key, "value": n[0] if len(n) == 1 else n or None}),
+    "action and value": of_flows(lambda key, n: {"action": Primitive(key).name, "value": n}),
+    "ID, name and parameters": of_flows(lambda key, n: {"id": key, "name": Primitive(key).name, "parameters": n}),
+    "calls": of_flows(lambda key, n: f"{Primitive(key).name}({', '.join(map(str, n))})"),
+    "calls without quotes": Form(lambda right, _: re.sub(r'"(\w+\([^"()]*\))"', r"\1", calls(right)), kinds=FLOWS),
+    "a name and a number": of_flows(
+        lambda key, n: f"{Primitive(key).name} {n[0]}" if len(n) == 1 else paper(str(key), n)
+    ),
+    "another number": of_flows(lambda key, n: {"primitive": key, "speed": 0.4}, reads=False),
+    "two numbers": of_flows(lambda key, n: {"primitive": key, "distance": 0.4, "value": 0.5}, reads=False),
     "a quotient": Form(lambda right, _: json.dumps(right).replace("0.71", "0.05/0.07"), False, (4,)),
     "112 kB of opening thoughts": instead("<think>" * 16_000 + "DRAFT"),
     "200,000 braces": instead("{" * 200_000),

@@ -118,7 +118,7 @@ def read_pictures(annotations: Path, folder: Path, half: Half | None, only: Sequ
     try:
         entries = tomllib.loads(read_bounded_text(index))["pictures"]
         known = [str(entry["id"]) for entry in entries]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise NoPictures(f"{index} is no index of pictures ({error!r}); give the folder that has one") from error
     for name in only:
         if name not in known:

@@ -20,10 +20,13 @@ from executor.cli.options import (
     MaxTime,
     MaxTokens,
     Maybe,
+    Models,
+    ModelSeed,
     PhotoInputs,
     Read,
     ReplaceResults,
     ResultsFolder,
+    Temperature,
 )
 from executor.cli.output import print_json, say, tell_progress
 from executor.system.files import write_json
@@ -50,6 +53,9 @@ class Options(CommonOptions):
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
+    models: Models = ()
+    temperature: Temperature = None
+    model_seed: ModelSeed = None
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
@@ -189,18 +195,19 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
         spent: Receives the model's usage, once it is asked.
         counted: Prints the usage on failure.
     """
-    from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, tell_kept
+    from executor.cli.evolution_setup import connect_model, report_spending_on_error, tell_kept
     from executor.photo.output import CONVERSATION, EXCHANGES, prepared
     from executor.photo.perception import model_detector
     from executor.reports.run_folder import kept_aside
     from llm import Conversation
+    from llm.client.recording import is_replay, recording_of
     from llm.structured.conversation import Spending
 
     model = connect_model(options, None)
     if options.model is None or model is None:
         return None
     name, names = options.model, wanted_names(options.photo_inputs)
-    replayed = Path(name.removeprefix(REPLAY)) if name.startswith(REPLAY) else None
+    replayed = recording_of(name)[0] if is_replay(name) else None
 
     def detect(picture: Photograph) -> Detections:
         """Prepare the folder, since requests cost from here on; the inputs have been found usable."""

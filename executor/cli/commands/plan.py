@@ -6,16 +6,33 @@ Exit code 0 when the plan is proved and feasible, else 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, check
-from executor.cli.options import CommonOptions, FullSize, KeepSizes, Maybe, OptionalSentence, RobotName, SceneName
+from executor.cli.options import (
+    CommonOptions,
+    FullSize,
+    KeepSizes,
+    MaxCost,
+    MaxTime,
+    MaxTokens,
+    Maybe,
+    Models,
+    ModelSeed,
+    OptionalSentence,
+    RobotName,
+    SceneName,
+    Temperature,
+)
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
     from executor.records import Event
     from executor.rollouts.feasibility import Feasibility
+    from llm import Proposal
+    from llm.structured.conversation import Spending
     from oag import Report, Scene, Task
     from oag.planning import NoPlan
     from oag.sizes import Sizing
@@ -40,6 +57,17 @@ class Options(CommonOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
+    model: Maybe[str] = None
+    """Language model that plans a sentence, such as openai:gpt-5.2 or replay:FILE; by default none does.
+    replay:FILE,openai:gpt-5.2 goes on with the model where the recording ends."""
+    models: Models = ()
+    temperature: Temperature = None
+    model_seed: ModelSeed = None
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
+    record: Maybe[Path] = None
+    """With --model: new file for what the model answers; --model replay:FILE repeats it."""
 
 
 _KNOWN = ("flow/unfilled", "context/goal-gap", "task/scaled")
@@ -52,6 +80,9 @@ def execute(options: Options) -> int:
     expected = 'one of them, such as "put the glass into the refrigerator" or --goal "(open refrigerator_0)"'
     check(bool(options.query or options.goal), "plan:", missing, expected)
     check(not (options.query and options.goal), "plan:", both, expected)
+    for name, value in (("--record", options.record), ("--models", " ".join(options.models))):
+        check(not value or options.model is not None, name, value, "--model with it")
+    check(options.model is None or options.goal is None, "--model", options.model, "a sentence, not --goal")
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed
@@ -72,9 +103,11 @@ def execute(options: Options) -> int:
             listen=tell_notes,
         )
         tell_warnings(require_valid(scene))
+    spending = _spending(options)
     with counting("planning, and proving the plan", quiet=quiet):
-        made = _planned(options, scene, Sizing(options.seed, options.keep_sizes))
+        made = _planned(options, scene, Sizing(options.seed, options.keep_sizes), spending)
     head: dict[str, object] = {"query": options.query} if options.goal is None else {"goal": options.goal}
+    head |= {} if spending is None else {"usage": spending.to_json()}
     if isinstance(made, NoPlan):
         if quiet:
             print_json({"ok": False, "exit_code": FAILED, **head, "refusal": made.to_json()})
@@ -84,6 +117,8 @@ def execute(options: Options) -> int:
     task, report, notes = made
     if not quiet:
         tell_notes(notes)
+        if spending is not None:
+            tell(f"  {spending.total()}")
         say(report.text(without=_KNOWN if report else ()))
     found = None
     if report:
@@ -106,7 +141,30 @@ def execute(options: Options) -> int:
     return code
 
 
-def _planned(options: Options, scene: Scene, sizing: Sizing) -> tuple[Task, Report, tuple[str, ...]] | NoPlan:
+def _spending(options: Options) -> Spending | None:
+    """Return the typed model with its usage, None without one; nothing is sent yet."""
+    if options.model is None:
+        return None
+    from executor.cli.evolution_setup import connect_model, spending_of
+    from executor.cli.inputs import refuse_existing
+
+    if options.record is not None:
+        refuse_existing(options.record, force=False, option="--record")
+    return spending_of(connect_model(options, options.record), quiet=options.json)
+
+
+def _proposed_by_model(options: Options, scene: Scene, sizing: Sizing, spending: Spending) -> Proposal:
+    from executor.cli.evolution_setup import report_spending_on_error
+    from llm import ModelProposer
+
+    proposer = ModelProposer(spending.model, name=options.model or "", sizing=sizing, listen=spending.add_round)
+    with report_spending_on_error(spending, quiet=options.json):
+        return proposer.propose(options.query, scene)
+
+
+def _planned(
+    options: Options, scene: Scene, sizing: Sizing, spending: Spending | None
+) -> tuple[Task, Report, tuple[str, ...]] | NoPlan:
     """Return the plan of a sentence or a goal with its report and notes, or why a goal has none."""
     from llm import propose
     from oag import compose, plan
@@ -114,7 +172,11 @@ def _planned(options: Options, scene: Scene, sizing: Sizing) -> tuple[Task, Repo
     from oag.sizes import planned_resizings
 
     if options.goal is None:
-        proposal = propose(options.query, scene, sizing=sizing)
+        proposal = (
+            propose(options.query, scene, sizing=sizing)
+            if spending is None
+            else _proposed_by_model(options, scene, sizing, spending)
+        )
         graph = compose(proposal.task, scene=scene)
         return graph.task, graph.verify(), proposal.notes
     made = plan(scene, options.goal, sizing=sizing)

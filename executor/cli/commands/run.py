@@ -29,6 +29,8 @@ from executor.cli.options import (
     MaxTime,
     MaxTokens,
     Maybe,
+    Models,
+    ModelSeed,
     PhotoInputs,
     Read,
     ReplaceResults,
@@ -36,6 +38,7 @@ from executor.cli.options import (
     RobotName,
     Sentence,
     Size,
+    Temperature,
     Video,
 )
 from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
@@ -60,7 +63,11 @@ class Options(CommonOptions):
     """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
-    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
+    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does.
+    replay:FILE,openai:gpt-5.2 goes on with the model where the recording ends."""
+    models: Models = ()
+    temperature: Temperature = None
+    model_seed: ModelSeed = None
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
@@ -106,7 +113,7 @@ def execute(options: Options) -> int:
 
 def _run(options: Options) -> int:
     """Run the whole chain and return the exit code; everything finished is on disk when it returns."""
-    from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, spending_of, tell_kept
+    from executor.cli.evolution_setup import connect_model, report_spending_on_error, spending_of, tell_kept
     from executor.cli.execution import check_limit, check_seed
     from executor.cli.inputs import robot_asked_for
     from executor.reports.run_folder import RunFolder
@@ -114,6 +121,7 @@ def _run(options: Options) -> int:
     from executor.scenes.validation import require_valid
     from executor.sim.render.frames import check_size
     from llm import propose
+    from llm.client.recording import is_replay
     from oag.sizes import Sizing
 
     check_seed(options.seed)
@@ -124,6 +132,7 @@ def _run(options: Options) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
+    check(not options.models or options.model is not None, "--models", " ".join(options.models), "--model with it")
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
     scene = scene_for(
@@ -139,7 +148,7 @@ def _run(options: Options) -> int:
         propose(options.query, scene, sizing=sizing)  # Raises before a folder is made.
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     # A recording that is replayed is read before its folder is prepared for other results.
-    replayed = connect_model(options, None) if (options.model or "").startswith(REPLAY) else None
+    replayed = connect_model(options, None) if is_replay(options.model or "") else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
     tell_kept(folder.kept_aside)
     same = not options.resume or folder.query in (None, options.query)
@@ -170,6 +179,7 @@ def _prove_and_execute(
         folder: The run's folder.
         spending: The proposing model and its usage; None for the offline planner.
     """
+    from executor.cli.evolution_setup import sampling_arguments
     from executor.cli.execution import command_line, results_writer
     from executor.rollouts.run_record import RunRecord
     from oag import compose
@@ -192,6 +202,7 @@ def _prove_and_execute(
             seed=options.seed,
             out=options.out,
             model=options.model,
+            **sampling_arguments(options),
             image=[] if options.model is None else list(options.image),
             keep_sizes=options.keep_sizes,
             full_size=options.full_size,
@@ -301,13 +312,15 @@ def _evolve_plan(record: RunRecord, options: Options, folder: RunFolder) -> RunR
 
 def _judge_options(options: Options) -> JudgeOptions:
     """Return the judges' options: the model that plans, with pictures where they are available."""
-    from executor.cli.evolution_setup import NO_VIEWS, PICTURES, REPLAY
+    from executor.cli.evolution_setup import NO_VIEWS, PICTURES
     from executor.system import vulkan
+    from llm.client.recording import recording_of
 
     model = options.model
     if model is None:
         return JudgeOptions(memory=options.memory)
-    kept = model.startswith(REPLAY) and (Path(model.removeprefix(REPLAY)).parent / PICTURES).is_dir()
+    recording, _ = recording_of(model)
+    kept = recording is not None and (recording.parent / PICTURES).is_dir()
     if kept or (options.video and vulkan.find_renderer()):
         return JudgeOptions(model=model, memory=options.memory)
     tell("the model judges by measurements alone: there are no pictures to show it", style="yellow")

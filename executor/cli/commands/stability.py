@@ -18,10 +18,13 @@ from executor.cli.options import (
     MaxTime,
     MaxTokens,
     Maybe,
+    Models,
+    ModelSeed,
     ReplaceFile,
     RobotName,
     SceneName,
     Sentence,
+    Temperature,
 )
 from executor.cli.output import counting, print_json, say, tell
 
@@ -42,6 +45,9 @@ class Options(CommonOptions):
     scene: SceneName
     model: Maybe[str] = None
     """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
+    models: Models = ()
+    temperature: Temperature = None
+    model_seed: ModelSeed = None
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None

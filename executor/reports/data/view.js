@@ -30,6 +30,7 @@ const drawn = drawnNames.length ? {
 } : null;
 if (drawn) at("drawn").append(drawn.name, drawn.low, drawn.high);
 at("words").addEventListener("input", refresh);
+at("filters").addEventListener("submit", (event) => event.preventDefault());
 at("more").addEventListener("click", () => { state.count += 5 * PAGE_ROWS; fill(); });
 
 at("table").tBodies[0].addEventListener("click", chooseRow);

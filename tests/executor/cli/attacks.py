@@ -73,6 +73,14 @@ def renamed(name: str) -> str:
     return scene().replace("glass_0", json.dumps(name)[1:-1])
 
 
+def said_by_a_model(words: str) -> str:
+    """Return the text of a conversation in which all that others write holds some words."""
+    entry = {"kind": "round", "module": 1, "number": 1, "reply": words, "accepted": True}
+    entry["findings"] = [{"code": words, "message": words}]
+    head = {"schema": "scene2demo/conversation/1", "model": words, "query": words, "scene": words, "version": words}
+    return json.dumps({**head, "entries": [entry]})
+
+
 def link(name: str, target: str) -> Callable[[Path], object]:
     """Return what puts a link into the folder `out`."""
 
@@ -186,6 +194,8 @@ ATTACKS = (
     Attack("run: pictures elsewhere", link("frames", "."), RUN),
     Attack("replay: deep", text("x.jsonl", f'{{"schema": {DEEP}\n'), (*RUN, "--model", "replay:x.jsonl")),
     Attack("replay: garbage", text("x.jsonl", bytes(range(256)) * 4000), (*RUN, "--model", "replay:x.jsonl")),
+    Attack("conversation: deep", text("c.json", f'{{"schema": {DEEP}'), ("conversation", "c.json")),
+    Attack("conversation: escapes", text("c.json", said_by_a_model(ESCAPE)), ("conversation", "c.json")),
     Attack("picture: garbage", text("p.png", b"\x89PNG\r\n\x1a\n" + b"\xff" * 1000),
            (*RUN, "--model", "replay:x.jsonl", "--image", "p.png")),
     Attack("memory: dotted keys", memory(f"{DOTTED} = 1"), EVOLVE, fast=True),

@@ -307,3 +307,13 @@ def test_a_drawn_scene_is_had_by_its_name(name: str, called: str, capsys: pytest
     query = next((one.query for one in families.rooms() if one.name == name), None)
     if query is not None:
         assert app.run(["plan", query, "--scene", name]) == 0
+
+
+@pytest.mark.parametrize("fact", ["(ontop glass_0 glass_0)", "(nextto glass_0 glass_0)", "(under glass_0 glass_0)"])
+def test_a_thing_that_is_related_to_itself_is_refused(fact: str) -> None:
+    scene = load_scene("kitchen_t1")
+    broken = replace(scene, facts=(*scene.facts, bddl.parse_formula(fact)))
+    predicate = fact[1:].split()[0]
+    assert [str(issue) for issue in issues(broken)] == [f"glass_0 is said to be {predicate} itself"]
+    denied = replace(scene, facts=(*scene.facts, bddl.parse_formula(f"(not {fact})")))
+    assert not any("itself" in str(issue) for issue in issues(denied))

@@ -151,15 +151,15 @@ def test_a_budget_admits_exactly_while_there_is_room(
         assert metered.usage.tokens == used
 
 
-def test_a_request_that_times_out_is_counted_each_time_it_was_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_that_times_out_is_sent_and_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     with ModelServer(Act(wait_s=20)) as server:
         metered = Metered(transport_to(server, monkeypatch, retries=2, timeout_s=0.2), price=PRICE)
         with pytest.raises(ModelTimeout) as caught:
             metered.complete(ASK)
-        assert len(server.seen) == 3 == caught.value.attempts
+        assert len(server.seen) == 1 == caught.value.attempts
     used = metered.usage
-    assert (used.requests, used.failures) == (3, 3)
-    assert "3 requests, 3 failed" in used.summary() and "at least $0.0000" in used.summary()
+    assert (used.requests, used.failures) == (1, 1)
+    assert "1 request, 1 failed" in used.summary() and "at least $0.0000" in used.summary()
 
 
 def test_what_was_sent_again_before_it_was_answered_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:

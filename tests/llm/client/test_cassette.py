@@ -75,8 +75,8 @@ def test_the_file_is_one_readable_exchange_a_line(tmp_path: Path) -> None:
     outcome_of(recorder, LOOK)
     lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     assert [sorted(line) for line in lines] == [
-        ["cassette", "digest", "reply", "request"],
-        ["cassette", "digest", "failure", "request"],
+        ["cassette", "digest", "made_by", "reply", "request"],
+        ["cassette", "digest", "failure", "made_by", "request"],
     ]
     assert "ein Glas für dich" in file.read_text(encoding="utf-8")
     assert lines[0]["request"]["messages"][0]["parts"][1]["image"] == LOOK.images[0].sha256

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,34 @@ def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.Mo
         [sys.executable, "-c", code, str(file)], cwd=ROOT, capture_output=True, text=True, timeout=600, check=True
     )
     assert done.stdout.split("\n") == ["here", "set()", ""]
+
+
+def test_modules_have_models_prices_and_sampling_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    profiles, file = tmp_path / "p.toml", tmp_path / "run.jsonl"
+    prices = (("small", 1.0), ("large", 100.0))
+    profiles.write_text(
+        "".join(f"[openai-compatible.models.{name}]\nprice = {{input = {p}, output = 0.0}}\n" for name, p in prices)
+    )
+    monkeypatch.setenv("SCENE2DEMO_PROFILES", str(profiles))
+    how = {"models": {5: "openai-compatible:large"}, "temperature": 0.2, "seed": 7}
+    with ModelServer(replies("{}")) as server:
+        monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
+        model = connect("openai-compatible:small", record=file, **how)  # type: ignore[arg-type]
+        first, second = model.complete(ASK), model.complete(replace(ASK, module=5))
+    assert [seen.body["model"] for seen in server.seen] == ["small", "large"]
+    assert [(seen.body["temperature"], seen.body["seed"]) for seen in server.seen] == [(0.2, 7)] * 2
+    assert model.usage.cost_usd == pytest.approx(((first.input_tokens or 0) + 100 * (second.input_tokens or 0)) / 1e6)
+    # The key in the recording is the digest of what was sent.
+    assert first.request_sha256 in file.read_text() and first.request_sha256 != ASK.digest()
+    again = connect(f"replay:{file}", temperature=0.2, seed=7)
+    assert again.complete(ASK).text == "{}" and again.usage.recorded == 1
+    with pytest.raises(CassetteError, match=r"temperature: recorded 0\.2"):
+        connect(f"replay:{file}").complete(ASK)
+
+
+def test_a_model_without_a_temperature_says_so() -> None:
+    with pytest.raises(ModelConfigError, match="takes no temperature"):
+        connect("openai:gpt-5.2", temperature=0.2)
 
 
 def test_what_is_missing_is_said_before_anything_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,7 +63,7 @@ def test_servers_of_ones_own_decide_about_their_models() -> None:
         ("olama", ("ollama:",), "a model is named provider:model"),
         ("qwen:", (), "no model of qwen is named. Listed: qwen:qwen3-vl-plus"),
         ("openai-compatible:", (), "Name one, such as openai-compatible:my-model"),
-        ("", (), "Listed: openai:, gemini:, qwen:, vllm:, ollama:, openai-compatible:"),
+        ("", (), "Listed: openai:, gemini:, qwen:, vllm:, llama-cpp:, ollama:, openai-compatible:"),
         ("\x1b[31m\nqwen", (), "a model is named provider:model"),
     ],
 )

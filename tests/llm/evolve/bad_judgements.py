@@ -53,9 +53,9 @@ def generate(seed: int) -> BadJudgement:
 
 
 def cut(chance: random.Random, right: Right) -> Made:
-    """The text ends early."""
+    """The text ends early; only the last brace is missing where all the rest is there."""
     text = json.dumps(right)
-    return text[: chance.randint(1, len(text) - 1)], JSON_CODES
+    return text[: chance.randint(1, len(text) - 2)], JSON_CODES
 
 
 def no_json(chance: random.Random, right: Right) -> Made:
@@ -64,9 +64,9 @@ def no_json(chance: random.Random, right: Right) -> Made:
 
 
 def python_text(chance: random.Random, right: Right) -> Made:
-    """The answer is Python, or holds constants that JSON lacks."""
+    """The answer is a call in Python, or holds constants that JSON lacks."""
     if chance.random() < 0.5:
-        return repr(right).replace('"', "'"), JSON_CODES
+        return repr(right).replace(": ", "="), JSON_CODES
     ending = chance.choice(["NaN}", "Infinity}", "9" * 4400 + "}"])
     return json.dumps({**right, "extra": 0})[:-2] + ending, {"answer/broken-json"}
 
@@ -103,7 +103,7 @@ def field_of_another_type(chance: random.Random, right: Right) -> Made:
 def steering_text(chance: random.Random, right: Right) -> Made:
     """A text holds signs that steer a terminal, or that cannot be seen."""
     texts = [key for key, value in right.items() if isinstance(value, str)]
-    right[chance.choice(texts)] = "fine" + chance.choice(["\x1b[2J", "\u202e", "\x00", "\u200b"]) + "."
+    right[chance.choice(texts)] = "fine" + chance.choice(["\x1b[2J", "\u202e", "\x00", "\u2066"]) + "."
     return right, {"answer/field"}
 
 
@@ -121,14 +121,14 @@ def another_step(chance: random.Random, right: Right) -> Made:
 def no_step(chance: random.Random, right: Right) -> Made:
     """There is no such step."""
     key = "step" if "step" in right else "root_cause_step"
-    right[key] = chance.choice([0, -1, 1001, 10**9, "5", True])
+    right[key] = chance.choice([0, -1, 1001, 10**9, "five", True])
     return right, {"answer/field"}
 
 
 def another_word(chance: random.Random, right: Right) -> Made:
     """A judgement is none of the three words."""
     key = chance.choice(["motion_verified", "state_reached"])
-    right[key] = chance.choice(["maybe", "", "PROVED", "yes, but", "true", None, 1])
+    right[key] = chance.choice(["maybe", "", "PROVED", "yes, but", "perhaps", None, 1])
     return right, {"answer/field"}
 
 

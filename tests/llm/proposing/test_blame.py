@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import bddl
+import llm
 import oag
 from llm.client.transport import ChatReply, ChatRequest
 from llm.proposing import model_proposer
@@ -129,3 +130,35 @@ def test_every_kind_of_fix_is_known() -> None:
     assert listed is not None
     kinds = set(re.sub(r"\s+", " ", listed[1]).split(", "))
     assert kinds == {*model_proposer._BY_FIX, *model_proposer._NOT_OFFERED}
+
+
+def test_a_subtask_that_no_condition_fits_goes_back_to_module_2() -> None:
+    """Module 3 was asked until its rounds were used up, and the run ended."""
+    right = right_answers("T1")
+    walk = {**right[2]["sub_tasks"][0], "task_activity_name": "go_to_refrigerator", "task_detail_message": "It drives."}
+    entries = [walk, *right[2]["sub_tasks"]]
+    extra = {"sub_tasks": [{**entry, "sub_task": number} for number, entry in enumerate(entries, start=1)]}
+    near = [{"sub_task": 1, "init": "(not (open refrigerator_0))", "goal": "(visited refrigerator_0)"}]
+    conditions = {"sub_tasks": near + [{**entry, "sub_task": entry["sub_task"] + 1} for entry in right[3]["sub_tasks"]]}
+    script = Script(right, {2: [Wrong(extra, "visited")], 3: [Wrong(conditions, None)]})
+    asked: list[int] = []
+
+    class Asked:
+        def complete(self, request: ChatRequest) -> ChatReply:
+            asked.append(module_of(request))
+            if asked.count(2) == 2:
+                script._given.pop(3, None)
+            return script.complete(request)
+
+    proposal = ModelProposer(Asked(), cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
+    assert oag.compose(proposal.task).verify() and len(proposal.task.subtasks) == 4
+    assert asked == [1, 2, 3, 3, 3, 2, 3, 4, 5]
+    assert proposal.conversation is not None and "UNDECIDED" in proposal.conversation.story()
+
+
+def test_a_decomposition_that_is_confirmed_leaves_the_fault_with_module_3() -> None:
+    right = right_answers("T1")
+    script = Script(right, {3: [Wrong(altered(right[3], ("sub_tasks", 0, "goal"), "(visited table_0)"), None)]})
+    with pytest.raises(llm.AnswersRefused) as caught:
+        ModelProposer(script, cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
+    assert caught.value.module == 3 and [module_of(request) for request in script.asked].count(2) == 3

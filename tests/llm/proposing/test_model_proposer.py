@@ -85,7 +85,7 @@ SLIPS = {
     "a field too few": (1, altered(T1[1], ("task_name",), ...), "answer/field"),
     "an invented object in the name": (1, altered(T1[1], ("task_name",), "put glass_9 away"), "did you mean glass_0?"),
     "an invented object in the goal": (1, altered(T1[1], ("goal",), "(inside glas_0 refrigerator_0)"), "glass_0"),
-    "an unreadable goal": (1, altered(T1[1], ("goal",), "(inside glass_0 refrigerator_0"), "bddl/syntax"),
+    "an unreadable goal": (1, altered(T1[1], ("goal",), "(inside glass_0 ...)"), "bddl/syntax"),
     "a contradictory goal": (
         1,
         altered(T1[1], ("goal",), "(and (open refrigerator_0) (not (open refrigerator_0)))"),
@@ -113,10 +113,14 @@ SLIPS = {
     "two subtasks of one number": (2, altered(T1[2], (*SECOND, "sub_task"), 1), "answer/numbering"),
     "a dropped subtask": (2, without_subtask(T1, 2, 3), 'insert "close refrigerator_0" at the end'),
     "a dropped opening": (2, without_subtask(T1, 2, 0), 'insert "open refrigerator_0" before T1'),
-    "an invented predicate": (3, altered(T1[3], (*SECOND, "init"), "(on glass_0 table_0)"), "ontop"),
-    "a formula with a parenthesis too few": (
+    "an invented predicate": (
         3,
-        altered(T1[3], (*SECOND, "goal"), "(not (open table_0)"),
+        altered(T1[3], (*SECOND, "init"), "(hovering glass_0 table_0)"),
+        "bddl/unknown-predicate",
+    ),
+    "a formula with two parentheses too few": (
+        3,
+        altered(T1[3], (*SECOND, "goal"), "(not (open table_0"),
         "bddl/syntax",
     ),
     "a contradictory condition": (

@@ -85,7 +85,7 @@ def test_what_is_not_asked_for_is_left_out() -> None:
 WRONG = {
     "no object": (1, "text"),
     "a number for a text": (1, altered(RIGHT[1], ("goal",), 3)),
-    "a list for a text": (1, altered(RIGHT[1], ("goal",), ["(open a)"])),
+    "a list for a text": (1, altered(RIGHT[1], ("goal",), ["(open a)", 3])),
     "a text that steers a terminal": (1, altered(RIGHT[1], ("task_name",), "put \x1b[2J away")),
     "half a surrogate": (1, altered(RIGHT[1], ("task_message_detail",), "\ud800")),
     "right-to-left marks": (1, altered(RIGHT[1], ("task_name",), "put \u202e away")),
@@ -98,7 +98,7 @@ WRONG = {
     "an empty condition": (3, altered(RIGHT[3], ("sub_tasks", 0, "init"), "")),
     "an infinite factor": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), float("inf"))),
     "a factor below zero": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), -1.0)),
-    "a factor as a text": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), "0.71")),
+    "a factor as a text": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), "0.05/0.07")),
     "a huge integer": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), 10**400)),
     "no flow": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [])),
     "a flow that is too long": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [1] * (MOST_ACTIONS + 1))),
