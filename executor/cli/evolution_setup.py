@@ -11,7 +11,7 @@ from typing import Any, Protocol, Self
 from executor.cli.errors import BadOption
 from executor.cli.options import JudgeOptions
 from executor.cli.output import tell, tell_progress
-from executor.reports.run_folder import EXCHANGES, kept_aside, unused_path
+from executor.reports.run_folder import EXCHANGES, USAGE, kept_aside, unused_path
 from executor.rollouts.evolution_record import AttemptFrames, Evolution
 from executor.rollouts.evolve import evolve
 from executor.sim.render.cameras import VIEWS
@@ -89,6 +89,8 @@ class EvolutionSetup:
         if self._out is not None and self.teams:
             path = unused_path(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
             write_json(path, [team.conversation.to_json() for team in self.teams])
+            if self.spending is not None:
+                write_json(self._out / USAGE, self.spending.to_json())
 
     def judges(
         self, task: str, scene: Scene, *, views: tuple[str, ...] | None = None, look_back: int | None = None
@@ -270,6 +272,8 @@ def connect_model(
         resume, same_start: As for `llm.connect`.
     """
     if options.model is None:
+        if options.models:
+            raise BadOption("--models", " ".join(options.models), "--model with it")
         return None
     budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
     model = connect(

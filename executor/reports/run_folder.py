@@ -4,6 +4,7 @@ proposal.json     what was proposed, in the paper's names
 exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
 conversation.json with a model: every round of questions, with what was wrong with each answer
 conversations.json  with a model that judges: every round of critiques and revisions
+usage.json        with a model: requests, tokens and cost, in all and by round
 certificate.json  the evidence for the verdict on task.json: `scene2demo recheck certificate.json --task task.json`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
@@ -41,12 +42,13 @@ from executor.system.progress import OnProgress
 from executor.system.vulkan import RendererNotFound
 from llm.errors import LlmError
 
-EXCHANGES = "exchanges.jsonl"
+EXCHANGES, USAGE = "exchanges.jsonl", "usage.json"
 FILES = (
     "proposal.json",
     EXCHANGES,
     "conversation.json",
     "conversations.json",
+    USAGE,
     "certificate.json",
     "scene.json",
     "task.json",
@@ -166,6 +168,11 @@ class RunFolder:
     def write_conversation(self, conversation: object) -> None:
         """Write the rounds of questions to a model."""
         write_json(self.path / "conversation.json", conversation)
+
+    def write_usage(self, usage: object) -> None:
+        """Write what the models took; without room for it, nothing."""
+        with suppress(OSError):
+            write_json(self.path / USAGE, usage)
 
     @property
     def video(self) -> Path:

@@ -115,7 +115,9 @@ def issues(scene: Scene) -> tuple[Issue, ...]:
     stated = {(literal.atom.label, literal.value) for fact in scene.facts for literal in bddl.literals(fact) or ()}
     itself = [label for label, value in sorted(stated) if value and len(label) == 3 and label[1] == label[2]]
     if itself:
-        return tuple(Issue(name, f"is said to be {predicate} itself") for predicate, name, _ in itself)
+        return tuple(
+            Issue(name, f"cannot be {predicate} itself, as the facts have it") for predicate, name, _ in itself
+        )
     placed, found = {**upright, **fallen}, tuple(derive_support_relations(upright, fallen.values()))
     return (
         *_quaternions_swapped(scene.objects.values()),

@@ -10,7 +10,7 @@ import bddl
 _NUMBER = re.compile(r"[-+]?(?:\d{1,15}\.?\d{0,15}|\.\d{1,15})(?:[eE][-+]?\d{1,2})?")
 _NUMBERED = re.compile(r"(?:sub[ _-]?task|step|t)?[ _#-]*(\d{1,4})", re.IGNORECASE)
 # Longest formula, and most levels of a list, that are read in another form than that of BDDL.
-_LONGEST_FORMULA = 2_000
+_LONGEST_FORMULA = 1_000
 _DEEPEST_LIST = 12
 _PARENTHESES: frozenset[bddl.Slip] = frozenset({"missing-parenthesis", "extra-parenthesis"})
 # Slips of form, which leave one meaning. Misspelt words, wrong counts and swapped arguments go back as findings.

@@ -157,13 +157,17 @@ def _run(options: Options) -> int:
         model = replayed or connect_model(options, folder.exchanges, resume=options.resume)
         spending = spending_of(model, quiet=options.json)
         with report_spending_on_error(spending, quiet=options.json):
-            if spending is None:
-                proposal = propose(options.query, scene, sizing=sizing)
-            else:
-                proposal = _propose_with_model(spending, options, scene, folder, images)
-            if options.resume:
-                folder.clear()
-            record = _prove_and_execute(options, proposal, scene, folder, spending)
+            try:
+                if spending is None:
+                    proposal = propose(options.query, scene, sizing=sizing)
+                else:
+                    proposal = _propose_with_model(spending, options, scene, folder, images)
+                if options.resume:
+                    folder.clear()
+                record = _prove_and_execute(options, proposal, scene, folder, spending)
+            finally:
+                if spending is not None and spending.rounds:
+                    folder.write_usage(spending.to_json())
     return _finish(record, folder, options)
 
 

@@ -90,6 +90,8 @@ def test_rounds_with_seconds_tokens_and_cost_are_in_text_json_and_report(
         assert entry["seconds"] > 0 and not entry["recorded"]
         assert entry["cost_usd"] == pytest.approx((2 * entry["input_tokens"] + 10 * entry["output_tokens"]) / 1e6)
     assert priced["cost_usd"] == pytest.approx(sum(entry["cost_usd"] for entry in priced["rounds"]))
+    kept = json.loads((tmp_path / "json" / "usage.json").read_text())
+    assert {**kept, "elapsed_s": 0.0} == {**priced, "elapsed_s": 0.0}
     assert priced["price"] == {"input": 2.0, "output": 10.0, "date": "2026-11-01"}
     assert "list prices of 2026-11-01" in (tmp_path / "json" / "report.html").read_text()
 
