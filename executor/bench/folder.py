@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -141,6 +142,24 @@ class BenchFolder:
         if not whole:
             raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it again")
         return found
+
+    def replay(self, name: str) -> Path:
+        """Return where `bench replay` puts a unit that was run again, unless it is told otherwise."""
+        return self.path / "replays" / Path(name).name
+
+    def commands(self, result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield what can be done with a unit's result -> the command; nothing for a baseline's."""
+        if result["setting"].get("baseline") is not None:
+            return
+        if result["family"] != "T7":
+            again = ["bench", "replay", str(self.path), result["name"]]
+            yield "run it again, with video and report", shlex.join(["scene2demo", *again])
+            return
+        wish = [str(result.get("query", "QUERY")), "--scene", f"t7-{result['seed']}", "--keep-sizes"]
+        if result["ended"] == "refused":
+            yield "see why the wish is refused", shlex.join(["scene2demo", "plan", *wish])
+        else:
+            yield "the same wish, with video and report", shlex.join(["scene2demo", "run", *wish, "--out", "FOLDER"])
 
     def _not_one(self, why: str) -> NotABench:
         return NotABench(f"{self.path} is not a benchmark's folder: {why}")

@@ -11,9 +11,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from pathlib import Path
 from statistics import fmean, median
 from typing import Any
+from urllib.parse import quote
 
 from bddl.terminal import pluralize
 from executor.bench.any_task import wish_rows
@@ -21,6 +21,7 @@ from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
 from executor.campaign.rate import Rate
 from executor.records import describe_peaks
+from executor.reports.episode import measured_facts
 from executor.reports.html import render
 from executor.reports.page import versions
 from executor.scenes.generators.families import FAMILIES
@@ -287,7 +288,8 @@ def _spread(values: Sequence[float]) -> dict[str, float] | None:
 DASH = "-"
 SCALE_ROW = "  scale of what is taken"
 FOOTNOTE = (
-    "SR / Subtask-Level Score in percent. The paper's rows are as printed: its simulator, its scenes. "
+    "Success rate / subtask-level score (mean success of the subtasks) in percent. "
+    "The paper's rows are as printed: its simulator, its scenes. "
     "Rows that begin with 'here' were measured by this program; below each is by how much what is taken was scaled, "
     "1 being its own size."
 )
@@ -413,7 +415,7 @@ def write_results(folder: BenchFolder) -> list[Cell]:
     """Write summary and report of everything in a folder, and return its cells."""
     cells = [Cell(series, folder.results(series)) for series in folder.series()]
     write_json(folder.path / "summary.json", bench_json(cells))
-    write_text(folder.path / "report.html", bench_page(cells, folder.path))
+    write_text(folder.path / "report.html", bench_page(cells, folder))
     return cells
 
 
@@ -431,12 +433,12 @@ def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
     }
 
 
-def bench_page(cells: Sequence[Cell], folder: Path) -> str:
+def bench_page(cells: Sequence[Cell], folder: BenchFolder) -> str:
     """Return the whole page as text.
 
     Args:
         cells: The results.
-        folder: Folder of the benchmark, for the commands that replay units.
+        folder: The benchmark's folder; what was run again in it is linked and shown.
     """
     return render(
         "bench.html",
@@ -446,11 +448,22 @@ def bench_page(cells: Sequence[Cell], folder: Path) -> str:
         cells=cells,
         number=number,
         detail_rows=detail_rows,
-        failed=[(result, _replay_command(result, folder)) for cell in cells for result in cell.failed],
+        units=[_shown_unit(folder, result) for cell in cells for result in cell.results],
+        view=shlex.join(["scene2demo", "view", str(folder.path)]),
         versions=versions(),
     )
 
 
-def _replay_command(result: Result, folder: Path) -> str:
-    name = result["name"]
-    return shlex.join(["scene2demo", "bench", "replay", str(folder), name, "--out", f"replay-{name}"])
+def _shown_unit(folder: BenchFolder, result: Result) -> dict[str, object]:
+    """Return what the page shows of a unit: its result, and where its report and video lie, seen from the page."""
+    replay = folder.replay(result["name"])
+    address = {name: f"replays/{quote(replay.name)}/{name}" for name in ("report.html", "video.mp4")}
+    there = {name.partition(".")[0]: address[name] for name in address if (replay / name).is_file()}
+    return {
+        "result": result,
+        "succeeded": _succeeded(result),
+        "measured": measured_facts((result.get("failure") or {}).get("measurements", {})),
+        "commands": list(folder.commands(result)),
+        "report": there.get("report"),
+        "video": there.get("video"),
+    }

@@ -152,12 +152,30 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
+class FailedEpisode:
+    """An episode in which a policy did not succeed.
+
+    Attributes:
+        policy, seed: Which.
+        kind: Kind of its failure.
+        video: Address of its video, as seen from the page; empty without one.
+    """
+
+    policy: str
+    seed: int
+    kind: str
+    video: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class EvaluationReport:
     """Content of an evaluation's page.
 
     Attributes:
         trainings: Policies that differ only in their seed, as rows.
         losses, successes: Curves over the steps of training.
+        failed: The failures, policy by policy.
+        view: Command that shows all episodes; empty where no results are kept.
     """
 
     what: str
@@ -166,7 +184,8 @@ class EvaluationReport:
     tests: Sequence[PairedTest]
     losses: Sequence[Curve]
     successes: Sequence[Curve]
-    failed: Sequence[tuple[str, int, str]]
+    failed: Sequence[FailedEpisode]
+    view: str = ""
 
 
 def evaluation_page(report: EvaluationReport) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -18,11 +19,13 @@ from PIL import Image
 from bddl.terminal import pluralize
 from executor.records import action_text, number_text, readable
 from executor.sim.render.frames import Picture
-from oag.measurements import measurements_json
+from executor.system.files import plain
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+REPORT = "report.html"
+"""Name of a page beside the results that it is about."""
 _FILES = resources.files(__package__)
 
 
@@ -43,8 +46,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    own = (style, script, policy, value_text, data_uri, size_px)
-    functions = (*own, pluralize, readable, action_text, measurements_json)
+    functions = (style, script, policy, data_uri, size_px, pluralize, readable, action_text)
     found.globals |= {function.__name__: function for function in functions}
     return found
 
@@ -55,7 +57,7 @@ def style(*names: str) -> str:
 
 
 def script(name: str) -> str:
-    """Return a script of this package: "episode", "view"."""
+    """Return a script of this package: "episode", "run", "view"."""
     return (_FILES / "data" / f"{name}.js").read_text(encoding="utf-8")
 
 
@@ -93,6 +95,11 @@ def value_text(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(value_text(entry) for entry in value) or "none"
     return "none" if value is None else number_text(value)
+
+
+def script_json(data: object) -> str:
+    """Return data as JSON that cannot end the script element which it stands in."""
+    return json.dumps(plain(data), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def data_uri(data: bytes, kind: str) -> str:

@@ -1,8 +1,7 @@
 """The report of a run as one HTML file that needs no network: styles, pictures, graph and video are inside.
 
-Sections: the plan (verdict, certificate in words, findings); subtasks and steps with evidence and pictures; the
-failure; the evolution (attempts side by side, failed step, revision, outcome); peak loads, model usage, how to
-repeat the run.
+It is a view of one episode (`executor.reports.episode`): the failure, the video with its steps and curves. Behind it
+are the evolution, the proof (certificate in words, findings), the graph, peak loads, model usage, and how to repeat it.
 """
 
 from __future__ import annotations
@@ -15,36 +14,30 @@ from functools import partial
 from importlib import metadata
 from pathlib import Path
 from textwrap import dedent
+from urllib.parse import quote
 
 from executor.records import Rollout, StepRecord, action_text, describe_peaks, readable
+from executor.reports.episode import (
+    Clip,
+    EpisodeDetail,
+    EpisodeRow,
+    Strip,
+    episode_values,
+    reading_views,
+    subtask_views,
+)
 from executor.reports.graph_picture import graph_picture
-from executor.reports.html import jpeg, render
+from executor.reports.html import data_uri, jpeg, render
+from executor.reports.series import MOTION_COLUMNS, MotionPlots, recorded_plots
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, shown_step
-from executor.rollouts.run_record import RunRecord
+from executor.rollouts.rollout import failure_of
+from executor.rollouts.run_record import RunRecord, reading_json, subtask_json
 from executor.sim.render.frames import SPEED, Frames, key_samples
 from oag import Action, Report, recheck
 from oag.model.actions import ActionFlow
 from oag.progression import Grade, Obligation, producer_place
 from oag.revision import Attempt
 from oag.task_definition import step_place, subtask_place
-
-Strip = tuple[str, Sequence[tuple[bytes, str]]]
-"""A row of pictures: its label, and JPEG files with their alternative texts."""
-
-_FAILURE_MEANINGS = {
-    "unreachable": "No posture of the robot brings the hand where the step needs it.",
-    "timeout": "The step took longer than a primitive may.",
-    "no-collision-free-path": "The goal of the motion can be reached, but every path found touches something.",
-    "grasp-missed": "The fingers closed without holding the target.",
-    "too-wide-for-gripper": "The target does not fit between the fingers.",
-    "slipped": "What was gripped slid out of the fingers while the robot moved.",
-    "stalled": "The robot did not arrive where it was sent: something held it back.",
-    "dropped": "The object left the hand before it was to be let go.",
-    "unexpected-contact": "Something touched that was not to touch.",
-    "side-effect": "The step changed something that was not its to change.",
-    "precondition": "The step began in a state in which it cannot work.",
-    "goal-not-reached": "All steps ran, but the state afterwards is not the goal.",
-}
 
 _OUTCOMES = {
     "succeeded": ("succeeded in simulation", "good"),
@@ -55,13 +48,16 @@ _OUTCOMES = {
 _DISTRIBUTIONS = ("scene2demo", "sapien", "numpy", "scipy", "example-robot-data", "av")
 
 
-def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | None = None) -> str:
+def report_page(
+    record: RunRecord, frames: Frames | None = None, mp4: Path | None = None, files: Sequence[Path] = ()
+) -> str:
     """Return the whole page as text.
 
     Args:
         record: The run's record.
         frames: Pictures of its samples, when there are any.
         mp4: The video to embed, when there is one.
+        files: Files beside the page, to link.
     """
     rollout = record.rollout
     detours = () if rollout is None else rollout.detour_notes
@@ -73,13 +69,11 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
         heading=record.query or readable(record.graph.task.name),
         outcome=_OUTCOMES[record.outcome],
         notes=list(dict.fromkeys((*record.notes, *map(str, record.sizes), *detours))),
-        video=None if mp4 is None else mp4.read_bytes(),
-        speed=SPEED,
         graph=graph_picture(record.graph, rollout),
         versions=versions(),
         **({"evolution": None} | evolution),
         **_plan(record.report),
-        **({} if rollout is None else _happened(rollout, frames)),
+        **({"episode": None} if rollout is None else _happened(record, rollout, frames, mp4, files)),
     )
 
 
@@ -103,22 +97,40 @@ def _place(report: Report, obligation: Obligation) -> str:
     return f"{subtask_place(report.task, obligation.subtask)}, {'start' if obligation.kind == 'init' else 'goal'}"
 
 
-def _happened(rollout: Rollout, frames: Frames | None) -> dict[str, object]:
+def _happened(
+    record: RunRecord, rollout: Rollout, frames: Frames | None, mp4: Path | None, files: Sequence[Path]
+) -> dict[str, object]:
     steps = [step for subtask in rollout.subtasks for step in subtask.steps]
-    failed = next((step for step in steps if step.failure is not None), None)
-    before = [] if failed is None else [s for s in rollout.subtasks[failed.subtask].steps if s.step < failed.step]
-    return {
-        "with_frames": frames is not None,
-        "pictures": {(step.subtask, step.step): frame_strips(rollout, step, frames) for step in steps},
-        "records": {record.index: record for record in rollout.subtasks},
-        "steps": len(steps),
-        "failed": failed,
-        "before": before[-1] if before else None,
-        "short": next((r for r in rollout.subtasks if not all(reading.satisfied for reading in r.readings)), None),
-        "failure_meanings": _FAILURE_MEANINGS,
-        "reached": sum(subtask.succeeded for subtask in rollout.subtasks),
-        "peaks": list(describe_peaks(asdict(rollout.peaks))),
-    }
+    failure = None if rollout.succeeded else failure_of(rollout)
+    kind, message = ("", "") if failure is None else (failure.kind.value, failure.message)
+    detail = EpisodeDetail(
+        EpisodeRow(rollout.task.name, record.query or "", "", rollout.seed, record.outcome, kind),
+        message,
+        clips=[] if mp4 is None else [Clip("overview, head and wrist cameras", mp4, SPEED)],
+        subtasks=subtask_views(record.report, list(map(subtask_json, rollout.subtasks)), rollout.inserted),
+        goal=tuple(reading_views(map(reading_json, rollout.goal_readings))),
+        plots=_curves(rollout),
+        files=files,
+        pictures=() if rollout.succeeded or not steps else frame_strips(rollout, _worth_seeing(steps), frames),
+    )
+    values = episode_values(
+        detail, lambda file: quote(file.name), lambda file: data_uri(file.read_bytes(), "video/mp4")
+    )
+    peaks = list(describe_peaks(asdict(rollout.peaks)))
+    return {**values, "headed": False, "scene_address": "", "steps": len(steps), "peaks": peaks}
+
+
+def _worth_seeing(steps: Sequence[StepRecord]) -> StepRecord:
+    """Return the step that failed, or the last one where none did."""
+    return next((step for step in steps if step.failure is not None), steps[-1])
+
+
+def _curves(rollout: Rollout) -> MotionPlots | None:
+    motion = rollout.trajectory
+    if not len(motion.time_s):
+        return None
+    columns = {name: getattr(motion, name) for name in MOTION_COLUMNS}
+    return recorded_plots(columns, motion.object_poses, motion.joint_positions, rollout.task, rollout.scene)
 
 
 def frame_strips(rollout: Rollout, step: StepRecord, frames: Frames | None) -> list[Strip]:

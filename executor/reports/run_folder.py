@@ -31,6 +31,7 @@ from bddl.errors import Scene2DemoError
 from executor.data.episode import Episode
 from executor.data.formats.robomimic import write_robomimic
 from executor.records import Rollout, captions_of
+from executor.reports.html import REPORT
 from executor.reports.page import report_page
 from executor.rollouts.evolution_record import FOLDER, Evolution, draw_attempts
 from executor.rollouts.run_record import RunRecord, evolution_json, rollout_json, write_pairs
@@ -56,7 +57,7 @@ FILES = (
     "pairs.jsonl",
     "episode.hdf5",
     "video.mp4",
-    "report.html",
+    REPORT,
 )
 WORDS = (EXCHANGES, "conversation.json", "conversations.json")
 """Those of them that hold a model's answers."""
@@ -229,7 +230,8 @@ class RunFolder:
     def write_report(self, record: RunRecord, frames: Frames | None) -> None:
         """Write the page, with the video in it when there is one."""
         video = self.video if self.video.exists() else None
-        write_text(self.path / "report.html", report_page(record, frames, video))
+        files = [self.path / name for name in self.written() if name != REPORT]
+        write_text(self.path / REPORT, report_page(record, frames, video, files))
 
 
 def kept_aside(recording: Path) -> Path | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.geometry import Array, transform_from_quaternion
+from executor.sim.robot.description import drives
 from oag import Scene, SceneObject, Task
 
 MOST_POINTS = 400
@@ -57,7 +58,7 @@ def motion_plots(
     scene: Scene,
     object_ids: Sequence[str],
     joint_names: Sequence[str],
-    drives: Sequence[Sequence[float]] = (),
+    gains: Sequence[Sequence[float]] = (),
 ) -> MotionPlots:
     """Return the curves of a motion.
 
@@ -66,18 +67,45 @@ def motion_plots(
         task, scene: What was executed, and where.
         object_ids: Movable objects, in the order of `object_poses`.
         joint_names: Joints of the articulated objects, in the order of `joint_positions`.
-        drives: Stiffness, damping and largest force of each joint of the robot; without them no force is drawn.
+        gains: Stiffness, damping and largest force of each joint of the robot; without them no force is drawn.
     """
     count = len(arrays["time_s"])
     rows = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int)) if count else np.arange(0)
     return MotionPlots(
         _numbers(arrays["time_s"][rows]),
-        tuple(_plots({name: arrays[name][rows] for name in _USED}, task, scene, object_ids, joint_names, drives)),
+        tuple(_plots({name: arrays[name][rows] for name in _USED}, task, scene, object_ids, joint_names, gains)),
         [(float(x), float(y)) for x, y in arrays["robot_qpos"][rows, :2].round(_DECIMALS)],
     )
 
 
-_USED = ("robot_qpos", "robot_qvel", "robot_target", "eef_pose", "object_poses", "joint_positions", "subtask")
+MOTION_COLUMNS = ("time_s", "robot_qpos", "robot_qvel", "robot_target", "eef_pose", "subtask")
+"""Arrays of a motion that curves are drawn of, beside those of things."""
+_USED = (*MOTION_COLUMNS[1:], "object_poses", "joint_positions")
+
+
+def recorded_plots(
+    columns: Mapping[str, NDArray[Any]],
+    poses: Mapping[str, NDArray[Any]],
+    joints: Mapping[str, NDArray[Any]],
+    task: Task,
+    scene: Scene,
+) -> MotionPlots:
+    """Return the curves of a motion whose things have an array each.
+
+    Args:
+        columns: `MOTION_COLUMNS`, with N samples each.
+        poses: Movable object -> (N, 7) poses.
+        joints: Articulated object -> (N, J) joints.
+        task, scene: What was executed, and where.
+    """
+    count = len(columns["time_s"])
+    things = np.stack(list(poses.values()), axis=1) if poses else np.zeros((count, 0, 7))
+    hinges = np.concatenate(list(joints.values()), axis=1) if joints else np.zeros((count, 0))
+    names = [
+        name if one.shape[1] == 1 else f"{name} {k + 1}" for name, one in joints.items() for k in range(one.shape[1])
+    ]
+    arrays = {**columns, "object_poses": things, "joint_positions": hinges}
+    return motion_plots(arrays, task, scene, list(poses), names, drives(scene.robot.model))
 
 
 def _plots(
@@ -86,14 +114,14 @@ def _plots(
     scene: Scene,
     object_ids: Sequence[str],
     joint_names: Sequence[str],
-    drives: Sequence[Sequence[float]],
+    gains: Sequence[Sequence[float]],
 ) -> Iterator[Plot]:
     qpos, joints, robot = samples["robot_qpos"], samples["joint_positions"], scene.robot.model
     yield Plot("distance", "m", _distances(samples, task, scene, object_ids))
     fingers = qpos[:, robot.fingers]
     yield Plot("gripper opening", "mm", {"opening": _numbers(1000.0 * fingers.sum(axis=1))})
-    if drives:
-        stiffness, damping, most = np.asarray(drives, float)[robot.fingers].T
+    if gains:
+        stiffness, damping, most = np.asarray(gains, float)[robot.fingers].T
         error_m, speed_m_s = (
             samples["robot_target"][:, robot.fingers] - fingers,
             samples["robot_qvel"][:, robot.fingers],

@@ -140,7 +140,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "samples": len(rollout.trajectory.time_s),
         "penetration": asdict(rollout.penetration),
         "peaks": asdict(rollout.peaks),
-        "goal_readings": [_reading_json(reading) for reading in rollout.goal_readings],
+        "goal_readings": [reading_json(reading) for reading in rollout.goal_readings],
         "subtasks": [subtask_json(record) for record in rollout.subtasks],
         "scaled": [change.to_json() for change in scaled_objects(rollout.scene)],
         "scene": rollout.scene.to_json(),
@@ -166,7 +166,7 @@ def subtask_json(record: SubtaskRecord) -> dict[str, object]:
             }
             for step in record.steps
         ],
-        "readings": [_reading_json(reading) for reading in record.readings],
+        "readings": [reading_json(reading) for reading in record.readings],
         "moved_m": dict(record.moved_m),
         "state_hash": record.state_hash,
         "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
@@ -177,7 +177,8 @@ def _failure_json(failure: Failure | None) -> dict[str, Any] | None:
     return None if failure is None else failure.to_json()
 
 
-def _reading_json(reading: GoalReading) -> dict[str, object]:
+def reading_json(reading: GoalReading) -> dict[str, object]:
+    """Return a reading as plain data."""
     return {
         "literal": reading.literal,
         "wanted": reading.wanted,

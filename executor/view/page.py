@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
-from executor.reports.html import render
-from executor.system.files import plain
-from executor.view.records import EpisodeDetail, EpisodeRow, Listing, NothingToView
+from executor.reports.episode import EpisodeRow
+from executor.reports.html import REPORT, render, script_json
+from executor.view.records import Listing, NothingToView
 
 _KINDS = {
     "rollout.json": "a run",
@@ -47,22 +44,24 @@ def listing_of(path: Path) -> Listing:
             from executor.view import policies
 
             return policies.EvaluationListing(path) if known == "evaluation.json" else policies.SetListing(path)
+    if (path / REPORT).is_file():
+        raise NothingToView(f"{path} has no episode, since nothing was executed; its page is {path / REPORT}")
     expected = ", ".join(f"{file} ({kind})" for file, kind in _KINDS.items())
     raise NothingToView(f"{path} has nothing to view: expected a folder with {expected}, or a scene's name or file")
 
 
-def viewer_page(listing: Listing, rows: Sequence[EpisodeRow], details: Mapping[str, object] | None = None) -> str:
+def viewer_page(listing: Listing, rows: Sequence[EpisodeRow], details: Mapping[str, str] | None = None) -> str:
     """Return the page.
 
     Args:
         listing: What is shown.
         rows: Its table.
-        details: Episode -> what `detail_json` gives; None where a server gives them.
+        details: Episode -> its section; None where a server gives them.
     """
     table = [[getattr(row, name) for name in COLUMNS] for row in rows]
     data = {
         "columns": COLUMNS,
-        "rows": plain(table),
+        "rows": table,
         "details": details,
         "command": listing.selection_command,
     }
@@ -71,36 +70,6 @@ def viewer_page(listing: Listing, rows: Sequence[EpisodeRow], details: Mapping[s
 
 
 COLUMNS = tuple(EpisodeRow.__dataclass_fields__)
-
-
-def script_json(data: object) -> str:
-    """Return data as JSON that cannot end the script element which it stands in."""
-    return json.dumps(plain(data), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def detail_json(detail: EpisodeDetail, link: Callable[[Path], str]) -> dict[str, Any]:
-    """Return an episode's details as the page reads them.
-
-    Args:
-        detail: The episode.
-        link: Returns the link to one of its files.
-    """
-    shown = {name: value for name, value in asdict(detail).items() if name not in ("clips", "files", "plots", "scene")}
-    clips = [
-        {"name": clip.name, "src": link(clip.file), "speed": clip.speed, "begin_s": clip.begin_s}
-        for clip in detail.clips
-    ]
-    found = plain(
-        {
-            **shown,
-            "clips": clips,
-            "files": [[file.name, link(file)] for file in detail.files],
-            "plots": None if detail.plots is None else detail.plots.to_json(),
-            "scene": detail.scene is not None,
-        }
-    )
-    assert isinstance(found, dict)
-    return found
 
 
 def link_from(page: Path) -> Callable[[Path], str]:

@@ -15,18 +15,11 @@ from executor.data.formats.export import open_set
 from executor.data.formats.lerobot import EPISODES, LINES, VIDEO_PATHS, picture_key
 from executor.data.formats.table import read_metadata_lines
 from executor.data.views import footage_path
-from executor.reports.html import value_text
+from executor.reports.episode import Clip, EpisodeDetail, EpisodeRow, StepView, SubtaskView, measured_facts
 from executor.reports.series import motion_plots
 from executor.system.extras import require
 from executor.system.files import read_json
-from executor.view.records import (
-    Clip,
-    EpisodeDetail,
-    EpisodeRow,
-    NothingToView,
-    StepView,
-    SubtaskView,
-)
+from executor.view.records import NothingToView
 from oag import Scene, Task
 
 EVALUATION = "evaluation.json"
@@ -48,10 +41,10 @@ class EvaluationListing:
         """Return everything about an episode; it has a video where `evaluate --videos` drew one."""
         for row, outcome, clips in self._episodes():
             if row.name == name:
-                measured = [(key.replace("_", " "), value_text(one)) for key, one in outcome["measured"].items()]
-                measured += [(f"monitor: {kind}", f"{at:.1f} s") for kind, at in outcome["monitors"].items()]
+                measured = measured_facts(outcome["measured"])
+                measured += [(f"{kind} at", f"{at:.1f} s") for kind, at in outcome["monitors"].items()]
                 failure = (row.failure, "") if row.failure else None
-                step = StepView("acts", 0.0, row.simulated_s, failure, measured)
+                step = StepView("the policy", 0.0, row.simulated_s, failure, measured)
                 subtask = SubtaskView(row.task, "", bool(outcome["success_once"]), [step])
                 return EpisodeDetail(row, clips=clips, subtasks=[subtask], files=[clip.file for clip in clips])
         raise NothingToView(f"{self.path} has no episode {name!r}")

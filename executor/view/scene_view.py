@@ -28,6 +28,21 @@ def scene_page(scene: Scene) -> str:
         MissingExtra: trimesh is not installed.
         AssetError: An object cannot be built.
     """
+    drawn = scene_meshes(scene)
+    middle = np.array([*drawn.bounds.mean(axis=0)[:2], -_THICK_M / 2.0])
+    drawn.apply_transform(_UPRIGHT)
+    drawn.camera_transform = _UPRIGHT @ _looking_at(middle, float(np.linalg.norm(drawn.extents)))
+    viewer = require("trimesh.viewer.notebook", "sim")
+    return str(viewer.scene_to_html(drawn))
+
+
+def scene_meshes(scene: Scene) -> Any:
+    """Return the things of a scene, a floor, and a box for the robot's base as a scene of trimesh, z up.
+
+    Raises:
+        MissingExtra: trimesh is not installed.
+        AssetError: An object cannot be built.
+    """
     trimesh = require("trimesh", "sim")
     drawn = trimesh.Scene()
     for name, thing in scene.objects.items():
@@ -46,10 +61,7 @@ def scene_page(scene: Scene) -> str:
     drawn.add_geometry(_colored(box(size).apply_translation(middle), _FLOOR), node_name="floor")
     base = transform(rotation_z(scene.robot.yaw_rad), (*scene.robot.position[:2], _ROBOT_M[2] / 2.0))
     drawn.add_geometry(_colored(box(_ROBOT_M).apply_transform(base), _ROBOT), node_name="robot")
-    drawn.apply_transform(_UPRIGHT)
-    drawn.camera_transform = _UPRIGHT @ _looking_at(middle, float(np.linalg.norm(drawn.extents)))
-    viewer = require("trimesh.viewer.notebook", "sim")
-    return str(viewer.scene_to_html(drawn))
+    return drawn
 
 
 def _looking_at(middle: Array, distance_m: float) -> Array:

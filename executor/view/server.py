@@ -1,14 +1,13 @@
 """A small server for the page on this machine alone: it gives episodes, their files, and scenes, and takes nothing.
 
 /                     the page
-/episode/NAME         details as JSON
+/episode/NAME         the section about an episode
 /file/NAME/FILE       one of the files that the details list, in parts where a browser asks for parts of a video
 /scene/NAME           the scene as a page of its own
 """
 
 from __future__ import annotations
 
-import json
 import mimetypes
 import re
 from collections.abc import Callable
@@ -21,8 +20,8 @@ from typing import IO
 from urllib.parse import quote, unquote, urlsplit
 
 from bddl.files import open_input
-from executor.view.page import detail_json
-from executor.view.records import EpisodeDetail, Listing, NothingToView
+from executor.reports.episode import EpisodeDetail, episode_section
+from executor.view.records import Listing, NothingToView
 from executor.view.scene_view import scene_page
 
 HOST = "127.0.0.1"
@@ -86,9 +85,11 @@ class _Handler(BaseHTTPRequestHandler):
             raise NothingToView(f"there is no page {path}")
         detail = self.server.detail(parts[1])
         if parts[0] == "episode" and len(parts) == 2:
-            files, start = _files(detail), f"/file/{quote(parts[1], safe='')}"
-            described = detail_json(detail, lambda file: f"{start}/{files.index(file)}/{quote(file.name)}")
-            return self._send(json.dumps(described).encode(), "application/json")
+            files, name = _files(detail), quote(parts[1], safe="")
+            section = episode_section(
+                detail, lambda file: f"/file/{name}/{files.index(file)}/{quote(file.name)}", f"/scene/{name}"
+            )
+            return self._send(section.encode(), "text/html; charset=utf-8")
         if parts[0] == "scene" and len(parts) == 2 and detail.scene is not None:
             return self._send(scene_page(detail.scene).encode(), "text/html; charset=utf-8")
         if parts[0] == "file" and len(parts) == 4 and parts[2].isdecimal():

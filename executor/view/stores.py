@@ -8,39 +8,26 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-import bddl
 from bddl.files import open_input
 from executor.data.formats.store_reader import joint_names
 from executor.data.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.data.units import DemoUnit
 from executor.data.views import footage_path
-from executor.records import action_text
-from executor.reports.html import value_text
-from executor.reports.series import MotionPlots, motion_plots
+from executor.reports.episode import Clip, EpisodeDetail, EpisodeRow, reading_views, subtask_views
+from executor.reports.series import MotionPlots, motion_plots, recorded_plots
 from executor.sim.render.frames import SPEED
-from executor.sim.robot.description import drives
 from executor.system.extras import require
 from executor.system.files import read_json, write_text
-from executor.view.records import (
-    Clip,
-    EpisodeDetail,
-    EpisodeRow,
-    NothingToView,
-    StepView,
-    SubtaskView,
-    command,
-)
+from executor.view.records import NothingToView, command
 from oag import Scene, Task, compose
-from oag.progression import producer_place
 
 INDEX = "view.jsonl"
 ROLLOUT = "rollout.json"
@@ -93,18 +80,18 @@ class StoreListing:
             robot = meta["robot"]["drives"]
             plots = motion_plots(episode.arrays, task, scene, meta["object_ids"], joint_names(episode), robot)
         clips = [Clip(file.stem, file) for file in sorted(folder.glob("*.mp4"))]
-        verdict, subtasks = _subtasks(task, scene, meta["subtasks"])
+        report = compose(task, scene=scene).verify()
         again = command("replay", self.path, "--only", f"episode={name}")
         return EpisodeDetail(
             row,
             str((meta.get("failure") or {}).get("message") or ""),
-            verdict,
+            report.verdict.value.lower(),
             clips,
-            subtasks,
-            plots,
-            sorted(path for path in folder.iterdir() if path.is_file()),
-            [("the same motion again", again)] if episode.succeeded and episode.has_samples else [],
-            scene,
+            subtask_views(report, meta["subtasks"], inserted_by(meta)),
+            plots=plots,
+            files=sorted(path for path in folder.iterdir() if path.is_file()),
+            commands=[("the same motion again", again)] if episode.succeeded and episode.has_samples else [],
+            scene=scene,
         )
 
 
@@ -212,27 +199,35 @@ class RunListing:
         for folder in self._folders():
             row = self._row(folder)
             if row.name == name:
-                return _run_detail(folder, row)
+                return run_detail(folder, row)
         raise NothingToView(f"{self.path} has no run {name!r}")
 
 
-def _run_detail(folder: Path, row: EpisodeRow) -> EpisodeDetail:
+def run_detail(folder: Path, row: EpisodeRow) -> EpisodeDetail:
+    """Return everything about the run in a folder, under a row of its listing."""
     rollout = read_json(folder / ROLLOUT)
     scene = Scene.from_json(rollout["scene"])
     task = Task.from_json(read_json(folder / "task.json"), scene=scene)
     video = folder / "video.mp4"
-    verdict, subtasks = _subtasks(task, scene, rollout["subtasks"])
+    report = compose(task, scene=scene).verify()
     return EpisodeDetail(
         row,
         str((rollout["failure"] or {}).get("message") or ""),
-        verdict,
-        [Clip("overview, head and wrist", video, SPEED)] if video.is_file() else [],
-        subtasks,
+        report.verdict.value.lower(),
+        [Clip("overview, head and wrist cameras", video, SPEED)] if video.is_file() else [],
+        subtask_views(report, rollout["subtasks"], inserted_by(rollout)),
+        tuple(reading_views(rollout["goal_readings"])),
         _recorded_plots(folder / "episode.hdf5", task, scene),
         sorted(path for path in folder.iterdir() if path.is_file()),
         [("check the proof", command("recheck", folder / "certificate.json", "--task", folder / "task.json"))],
         scene,
     )
+
+
+def inserted_by(record: Mapping[str, Any]) -> set[int]:
+    """Return the indices of the subtasks that a rollout inserted into its plan."""
+    spans = ((int(one["first"]), int(one["count"])) for one in record.get("detours") or ())
+    return {index for first, count in spans for index in range(first, first + count)}
 
 
 def _recorded_plots(path: Path, task: Task, scene: Scene) -> MotionPlots | None:
@@ -242,63 +237,28 @@ def _recorded_plots(path: Path, task: Task, scene: Scene) -> MotionPlots | None:
     with require("h5py", "data").File(path) as file:
         demo = file["data/demo_0"]
         count = len(demo["actions_absolute"])
-        poses, joints = dict(demo.get("object_poses", {})), dict(demo.get("joint_positions", {}))
-        arrays = {
+        columns = {
             "time_s": demo["time_s"][:count],
             "subtask": demo["subtask"][:count],
             "robot_qpos": demo["obs/robot_qpos"][:],
             "robot_qvel": demo["obs/robot_qvel"][:],
             "robot_target": demo["actions_absolute"][:],
             "eef_pose": demo["obs/eef_pos"][:],
-            "object_poses": np.stack([pose[:count] for pose in poses.values()], axis=1)
-            if poses
-            else np.zeros((count, 0, 7)),
-            "joint_positions": np.concatenate([one[:count] for one in joints.values()], axis=1)
-            if joints
-            else np.zeros((count, 0)),
         }
-        names = [f"{name} {k}" for name, one in joints.items() for k in range(one.shape[1])]
-        return motion_plots(arrays, task, scene, list(poses), names, drives(scene.robot.model))
+        poses, joints = dict(demo.get("object_poses", {})), dict(demo.get("joint_positions", {}))
+        return recorded_plots(
+            columns,
+            {name: pose[:count] for name, pose in poses.items()},
+            {name: one[:count] for name, one in joints.items()},
+            task,
+            scene,
+        )
 
 
 def _query(folder: Path) -> str:
     with suppress(OSError, ValueError):
         return str(read_json(folder / "proposal.json").get("query") or "")
     return ""
-
-
-def _subtasks(task: Task, scene: Scene, records: Sequence[Mapping[str, Any]]) -> tuple[str, tuple[SubtaskView, ...]]:
-    """Return the verdict on a plan, and its subtasks: executed steps with measurements, each beside its proof."""
-    report = compose(task, scene=scene).verify()
-    needs: dict[tuple[int, int], list[tuple[str, str]]] = {}
-    for obligation in report.obligations:
-        if obligation.kind == "precondition" and report.trace is not None and obligation.step is not None:
-            links = [(link.condition.text(), producer_place(report.trace, link.producer)) for link in obligation.links]
-            needs.setdefault((obligation.subtask, obligation.step), []).extend(links)
-    views = []
-    for number, subtask in enumerate(task.subtasks):
-        record = records[number] if number < len(records) else None
-        steps = [] if record is None else list(record["steps"])
-        shown = [_step(step, needs.get((number, index), ())) for index, step in enumerate(steps)]
-        for index, action in list(enumerate(subtask.flow or ()))[len(steps) :]:
-            text = action_text(action.primitive.name, action.to_json())
-            shown.append(StepView(text, None, None, needs=needs.get((number, index), ())))
-        succeeded = None if record is None else bool(record["succeeded"])
-        views.append(SubtaskView(subtask.name.replace("_", " "), bddl.format(subtask.goal), succeeded, shown))
-    return report.verdict.value.lower(), tuple(views)
-
-
-def _step(step: Mapping[str, Any], needs: Sequence[tuple[str, str]]) -> StepView:
-    failure = step["failure"] or {}
-    measured = {**(step.get("measurements") or {}), **(failure.get("measurements") or {})}
-    return StepView(
-        action_text(step["primitive"], step["action"]),
-        step["start_s"],
-        step["end_s"],
-        (str(failure["kind"]), str(failure["message"])) if failure else None,
-        [(name.replace("_", " "), value_text(value)) for name, value in measured.items()],
-        needs,
-    )
 
 
 def _plain_name(name: str) -> str:

@@ -7,7 +7,7 @@ Source: docs/semantics.md, Verdicts and Proposition 1'.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
@@ -270,12 +270,16 @@ class Report:
 
     def __str__(self) -> str:
         """Return the report for a person."""
+        return self.text()
+
+    def text(self, without: Collection[str] = ()) -> str:
+        """Return the report for a person, without the findings of some codes."""
         lines = [
             f"{self.verdict.value}  {self._head()}",
             f"  goal    {bddl.format(self.task.goal)} ({self.goal_source})",
         ]
         lines.extend(f"  {'rests' if index == 0 else '':7} {text}" for index, text in enumerate(self.assumptions))
-        blocks = ["\n".join(lines), *(str(finding) for finding in self.findings)]
+        blocks = ["\n".join(lines), *(str(finding) for finding in self.findings if finding.code not in without)]
         whole = ((index, fix) for index, fix in enumerate(self.fixes) if fix.cause is None)
         blocks.extend(f"all of it together\n  fix     {self._number(index)}{fix}" for index, fix in whole)
         return "\n\n".join(blocks)

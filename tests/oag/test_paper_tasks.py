@@ -45,6 +45,7 @@ def test_a_right_plan_warns_of_nothing_and_notes_the_weak_pick_goal(name: str) -
     report = verify(task_json(name), name)
     assert {finding.severity for finding in report.diagnostics} == {"note"}
     (gap,) = [finding for finding in report.diagnostics if finding.code == "context/goal-gap"]
+    assert str(gap) in str(report) and str(gap) not in report.text(without=("context/goal-gap",))
     pick = gap.subtask
     assert pick == {"T1": 1, "T2": 1, "T3": 0, "T4": 0}[name]
     held = next(part for part in bddl.conjuncts(report.regressed_goals[pick]) if "gripper" in bddl.format(part))

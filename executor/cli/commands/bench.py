@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 class Options(CommonOptions):
     """Measure success rates over many episodes, and print them beside the paper's main table.
 
-    Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT --out OTHER` shows
-    one unit as a video.
+    Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT` shows one
+    unit as a video.
     """
 
     families: tyro.conf.Positional[
@@ -103,17 +104,17 @@ def execute(options: Options) -> int:
     if options.json:
         print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
     else:
-        print_cells(cells, {series.family for series in asked}, setting)
-        say(f"results in {folder.path}: summary.json, report.html, units/")
+        print_cells(cells, {series.family for series in asked}, setting, folder)
+        shown = f"scene2demo view {folder.path} shows each episode"
+        say(f"results in {folder.path}: report.html, summary.json, units/; {shown}")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
     return code
 
 
-def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
-    """Print the main table, and the details of the requested cells."""
+def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting, folder: BenchFolder) -> None:
+    """Print the main table, and the details of the requested cells of a folder."""
     from executor.bench.tables import detail_rows
-    from executor.cli.execution import command_line
     from executor.scenes.generators.families import FAMILIES
 
     if families & set(FAMILIES):
@@ -129,8 +130,8 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
             say(f"  failed: {result['name']}  {message}", style="red")
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
-        if cell.failed and cell.series.family in FAMILIES:
-            say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
+        for _, command in islice(folder.commands(cell.failed[0]) if cell.failed else (), 1):
+            say(f"  to see one: {command}")
 
 
 def _print_main_table(cells: Sequence[Cell]) -> None:

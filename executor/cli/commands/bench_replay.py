@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from executor.cli.errors import DONE, FAILED, BadOption
-from executor.cli.options import CommonOptions, Read, ReplaceResults, ResultsFolder, Size, Video
+from executor.cli.options import CommonOptions, Maybe, Read, ReplaceResults, Size, Video
 from executor.cli.output import print_json, say, tell
 from executor.system.files import write_json
 
@@ -23,7 +23,8 @@ class Options(CommonOptions):
     """The benchmark's folder."""
     unit: tyro.conf.Positional[str]
     """The unit's name, as the report lists it, or the beginning of it."""
-    out: ResultsFolder
+    out: Maybe[Path] = None
+    """Folder for the results; by default `replays/UNIT` in the benchmark's, whose report then shows them."""
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
@@ -35,6 +36,7 @@ def execute(options: Options) -> int:
     Return 0 when they were, whether the unit succeeded or not, else 1.
     """
     from executor.bench.folder import BenchFolder
+    from executor.bench.tables import write_results
     from executor.bench.work import replay
     from executor.cli.execution import command_line, print_summary, results_writer, summary_json
     from executor.reports.run_folder import RunFolder
@@ -42,15 +44,14 @@ def execute(options: Options) -> int:
     from executor.sim.render.frames import check_size
 
     check_size(options.size)
-    recorded = BenchFolder(options.folder).find(options.unit)
+    bench = BenchFolder(options.folder)
+    recorded = bench.find(options.unit)
     if recorded["setting"].get("baseline") is not None:
         raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
     if recorded["family"] == "T7":
-        sentence = command_line("run", recorded.get("query", "QUERY"), scene=f"t7-{recorded['seed']}", out="FOLDER")
-        raise BadOption(
-            "UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 is shown by: {sentence} --keep-sizes"
-        )
-    folder = RunFolder.prepare(options.out, force=options.force)
+        sentence = next(command for _, command in bench.commands(recorded))
+        raise BadOption("UNIT", recorded["name"], f"a unit of T1 to T6; a wish of T7 is shown by: {sentence}")
+    folder = RunFolder.prepare(options.out or bench.replay(recorded["name"]), force=options.force)
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")
     with folder.filling(), results_writer(options.size, video=options.video, quiet=options.json) as studio:
@@ -77,6 +78,8 @@ def execute(options: Options) -> int:
         if again.story is not None:
             write_json(folder.path / "evolution.json", evolution_json(again.story))
         record = studio.finish(record, folder)
+    if options.out is None:
+        write_results(bench)
     code = FAILED if again.same is False else DONE
     if options.json:
         found = {"unit": recorded["name"], "same_states": again.same, "comparison": again.verdict}

@@ -9,6 +9,7 @@ from itertools import count as counter
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
 
 import tyro
 
@@ -83,7 +84,7 @@ def execute(options: Options) -> int:
         check_drawable()
     if options.out is not None:
         _make(options.out)
-    drawn: list[str] = []
+    drawn: dict[tuple[str, int], Path] = {}
     with ExitStack() as stack:
         show = stack.enter_context(bar("evaluating", len(actors) * options.episodes, quiet=options.json))
         acted = counter(1)
@@ -100,11 +101,16 @@ def execute(options: Options) -> int:
             if scene_renderer is not None and options.out is not None:
                 folder = options.out / f"{actors.index(actor):02d}-{outcome.seed:06d}-{outcome.failure}"
                 rate_hz = actor.record.rate_hz
-                drawn.append(str(draw_video(scene_renderer(), footage, folder, options.size, rate_hz)))
+                video = draw_video(scene_renderer(), footage, folder, options.size, rate_hz)
+                drawn[actor.name, outcome.seed] = video
 
         found = evaluate(actors, kind, seeds, show_outcome, keep_states=options.videos)
-    judged = _judged(kind, actors, found)
-    results = {"version": version, **_results_json(kind, actors, judged, found), "videos": drawn}
+    judged = _judged(kind, actors, found, drawn, options.out)
+    results = {
+        "version": version,
+        **_results_json(kind, actors, judged, found),
+        "videos": list(map(str, drawn.values())),
+    }
     code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
     # Print before writing: results of hours are shown even if the disk is full by now.
     if options.json:
@@ -116,6 +122,8 @@ def execute(options: Options) -> int:
     if options.out is not None:
         write_json(options.out / RESULTS, results)
         write_text(options.out / PAGE, evaluation_page(judged))
+        if not options.json:
+            tell(f"results in {options.out}: {PAGE}, {RESULTS}; scene2demo view {options.out} shows each episode")
     return code
 
 
@@ -218,15 +226,20 @@ def _judged(
     kind: EpisodeKind,
     actors: Sequence[Policy],
     found: Mapping[str, Sequence[EpisodeOutcome]],
+    drawn: Mapping[tuple[str, int], Path],
+    out: Path | None,
 ) -> EvaluationReport:
+    from executor.cli.execution import command_line
     from executor.learn.scores import (
         EvaluationReport,
+        FailedEpisode,
         PolicyScore,
         by_training,
         paired_tests,
         success_curve,
     )
 
+    addresses = {} if out is None else {key: quote(str(video.relative_to(out))) for key, video in drawn.items()}
     scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
     trained = {
         actor.name: (f"{actor.record.key_without_seed} {actor.step} {actor.execute}", actor.record.seed)
@@ -246,7 +259,13 @@ def _judged(
             for folder, by_step in folders.items()
             if len(by_step) > 1
         ),
-        failed=[(name, one.seed, one.failure) for name, all_of in found.items() for one in all_of if one.failure],
+        failed=[
+            FailedEpisode(name, one.seed, one.failure, addresses.get((name, one.seed), ""))
+            for name, all_of in found.items()
+            for one in all_of
+            if one.failure
+        ],
+        view="" if out is None else command_line("view", out),
     )
 
 

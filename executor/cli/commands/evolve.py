@@ -224,11 +224,12 @@ def _write(
     )
     with folder.filling():
         record = RunRecord(graph, graph.verify(), command=command, spending=spending, stopped=stopped)
-        folder.write_report(folder.write_evolution(record, evolution), None)
+        record = folder.write_evolution(record, evolution)
         try:
             folder.write_episode(evolution.rollout, None)
         except MissingExtra as missing:
             tell(f"no dataset: {missing}", style="yellow")
+        folder.write_report(record, None)
 
 
 def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:

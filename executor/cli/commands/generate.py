@@ -367,7 +367,7 @@ def finished(
         say(f"{'made now':11} {tally.made}, {numbers['kept_an_hour']} demonstrations an hour, {cost}")
     for kind, count in tally.kinds.most_common():
         say(f"{'failed':11} {count} x {kind}")
-    say(f"{'store':11} {store.path}")
+    say(f"{'store':11} {store.path}; scene2demo view {store.path} shows each episode")
     if interrupted or tally.stopped_by:
         why = "interrupted" if interrupted else f"stopped: {tally.stopped_by} is used up"
         tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")

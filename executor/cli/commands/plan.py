@@ -70,6 +70,10 @@ class Options(CommonOptions):
     """With --model: new file for what the model answers; --model replay:FILE repeats it."""
 
 
+_KNOWN = ("flow/unfilled", "context/goal-gap", "task/scaled")
+"""Notes of every proved plan: geometry fills in numbers and judges by what later subtasks need; sizes come first."""
+
+
 def execute(options: Options) -> int:
     """Print the verdict as soon as there is one, and what was planned for each subtask."""
     missing, both = "a sentence is missing", "a sentence and a goal are given"
@@ -115,7 +119,7 @@ def execute(options: Options) -> int:
         tell_notes(notes)
         if spending is not None:
             tell(f"  {spending.total()}")
-        say(str(report))
+        say(report.text(without=_KNOWN if report else ()))
     found = None
     if report:
         with counting("going through the plan by geometry, subtask by subtask", quiet=quiet) as on_progress:

@@ -248,9 +248,10 @@ class _Keeper:
         command = command_line("rollout", options.task, scene=options.scene, seed=done.seed, **given)
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
         with folder.filling():
-            folder.write_report(folder.write_rollout(record), None)
+            ran = folder.write_rollout(record)
             if self._dataset:
                 folder.write_episode(done, None)
+            folder.write_report(ran, None)
 
 
 def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-// One episode: videos, steps and curves on one time axis with one cursor.
+// One episode: videos, steps and curves on one time axis with one cursor. The section itself is plain HTML.
 "use strict";
 const SVG = "http://www.w3.org/2000/svg";
 const COLORS = ["--accent", "--bad", "--good", "--warn", "--soft", "--c6", "--c7"];
@@ -22,7 +22,6 @@ function drawing(tag, attributes, text) {
 }
 
 const seconds = (value) => value === null || value === undefined ? "" : value.toFixed(1) + " s";
-const badge = (words, tone) => element("span", { class: "badge " + tone }, words);
 
 // The time of an episode: whoever shows it listens, whoever is used to choose it sets it.
 class Clock {
@@ -34,27 +33,46 @@ class Clock {
   }
 }
 
-function durationOf(detail) {
-  const times = detail.plots ? detail.plots.time_s : [];
-  const ends = detail.subtasks.flatMap((part) => part.steps.map((step) => step.end_s || 0));
-  return Math.max(times.length ? times[times.length - 1] : 0, ...ends, detail.row.simulated_s || 0, 0.001);
+function openEpisode(section) {
+  const clock = new Clock(Number(section.dataset.duration));
+  playVideos(section, clock);
+  const cursor = section.querySelector(".timeline .cursor");
+  if (cursor) clock.listen((now) => { cursor.style.left = 100 * now / clock.duration + "%"; });
+  section.addEventListener("click", (event) => {
+    const chosen = event.target.closest("[data-at]");
+    if (!chosen) return;
+    event.preventDefault();
+    clock.set(Number(chosen.dataset.at));
+    if (!chosen.matches(".to-step")) return;
+    const step = section.querySelector("#" + chosen.hash.slice(1));
+    step.open = true;
+    step.scrollIntoView({ block: "nearest" });
+  });
+  const scene = section.querySelector("details.scene");
+  if (scene) scene.addEventListener("toggle", () => {
+    if (scene.open && !scene.querySelector("iframe")) scene.append(element("iframe", { src: scene.dataset.src, title: "the scene in 3-D" }));
+  });
+  const motion = JSON.parse(section.querySelector("script.motion").textContent);
+  if (motion) section.querySelector(".plots").append(...[...motion.plots.map((plot) => plotOf(plot, motion.time_s, clock)), pathOf(motion, clock)].filter(Boolean));
+  clock.set(Number(section.dataset.from));
 }
 
-function videosOf(clips, clock) {
-  if (!clips.length) return null;
-  const videos = clips.map((clip) => element("video", { src: clip.src, muted: true, playsinline: true, preload: "auto" }));
-  videos.forEach((video) => { video.muted = true; });
-  const timeOf = (video, clip) => (video.currentTime - clip.begin_s) * clip.speed;
+function playVideos(section, clock) {
+  const videos = [...section.querySelectorAll(".videos video")], player = section.querySelector(".player");
+  if (!player) return;
+  const clips = videos.map((video) => ({ speed: Number(video.dataset.speed), begin_s: Number(video.dataset.begin) }));
+  videos.forEach((video) => { video.controls = false; video.muted = true; });
+  const placeOf = (k, now) => clips[k].begin_s + now / clips[k].speed;
   const slider = element("input", { type: "range", min: 0, max: clock.duration, step: 0.05, value: 0, "aria-label": "time" });
   const label = element("span", { class: "soft time" }, seconds(0));
   const button = element("button", { type: "button" }, "Play");
+  player.append(...(videos.length ? [button] : []), slider, label);
   slider.addEventListener("input", () => clock.set(Number(slider.value)));
   button.addEventListener("click", () => { if (videos[0].paused) start(); else stop(); });
   clock.listen((now, source) => {
     slider.value = now;
     label.textContent = seconds(now);
-    if (source === "video") return;
-    videos.forEach((video, k) => { video.currentTime = clips[k].begin_s + now / clips[k].speed; });
+    if (source !== "video") videos.forEach((video, k) => { video.currentTime = placeOf(k, now); });
   });
   function start() {
     if (clock.now >= clock.duration - 0.1) clock.set(0);
@@ -65,56 +83,14 @@ function videosOf(clips, clock) {
   function stop() { videos.forEach((video) => video.pause()); button.textContent = "Play"; }
   function follow() {
     if (videos[0].paused) { button.textContent = "Play"; return; }
-    const now = timeOf(videos[0], clips[0]);
+    const now = (videos[0].currentTime - clips[0].begin_s) * clips[0].speed;
     videos.forEach((video, k) => {
-      if (k && Math.abs(timeOf(video, clips[k]) - now) > 0.2 * clips[k].speed) video.currentTime = clips[k].begin_s + now / clips[k].speed;
+      if (k && Math.abs(video.currentTime - placeOf(k, now)) > 0.2) video.currentTime = placeOf(k, now);
     });
     clock.set(now, "video");
     // A file of a data set goes on with the next episode.
     if (now >= clock.duration) stop(); else requestAnimationFrame(follow);
   }
-  const figures = videos.map((video, k) => element("figure", {}, video, element("figcaption", { class: "soft" }, clips[k].name)));
-  return element("div", { class: "card sticky" }, element("div", { class: "videos" }, ...figures),
-    element("div", { class: "row" }, button, slider, label));
-}
-
-function timelineOf(detail, clock) {
-  const bar = element("div", { class: "timeline", role: "img", "aria-label": "steps over time" });
-  detail.subtasks.forEach((part, k) => part.steps.forEach((step, number) => {
-    if (step.end_s === null || step.start_s === null) return;
-    const left = 100 * step.start_s / clock.duration, width = 100 * (step.end_s - step.start_s) / clock.duration;
-    const block = element("button", {
-      type: "button", class: "block " + (step.failure ? "bad" : k % 2 ? "odd" : "even"),
-      style: `left:${left}%;width:${Math.max(width, 0.3)}%`, title: `${k + 1}.${number + 1} ${step.text}`,
-      onclick: () => { clock.set(step.start_s); const opened = document.getElementById(`step-${k}-${number}`); if (opened) { opened.open = true; opened.scrollIntoView({ block: "nearest" }); } },
-    });
-    bar.append(block);
-  }));
-  const cursor = element("i", { class: "cursor" });
-  clock.listen((now) => { cursor.style.left = 100 * now / clock.duration + "%"; });
-  bar.append(cursor);
-  return bar;
-}
-
-function stepsOf(detail, clock) {
-  return detail.subtasks.map((part, k) => {
-    const state = part.succeeded === null ? badge("not run", "quiet") : part.succeeded ? badge("reached", "good") : badge("failed", "bad");
-    const steps = part.steps.map((step, number) => element("details", { class: "step", id: `step-${k}-${number}`, open: Boolean(step.failure) },
-      element("summary", {}, element("span", { class: "name" }, `${number + 1}. ${step.text}`),
-        step.failure ? badge(step.failure[0], "bad") : null,
-        step.start_s === null ? null : element("button", { type: "button", class: "time", title: "show this moment",
-          onclick: (event) => { event.preventDefault(); clock.set(step.start_s); } }, `${step.start_s.toFixed(1)} to ${seconds(step.end_s)}`)),
-      step.failure && step.failure[1] ? element("p", {}, step.failure[1]) : null,
-      element("div", { class: "columns" }, facts("measured", step.measurements), facts("proved", step.needs))));
-    return element("div", { class: "part" }, element("div", { class: "row" }, element("h3", {}, `${k + 1}. ${part.name}`), state),
-      part.goal ? element("code", {}, part.goal) : null, ...steps);
-  });
-}
-
-function facts(heading, rows) {
-  if (!rows || !rows.length) return null;
-  return element("div", {}, element("h4", {}, heading),
-    element("table", {}, element("tbody", {}, ...rows.map(([name, value]) => element("tr", {}, element("td", {}, name), element("td", {}, value))))));
 }
 
 function plotOf(plot, times, clock) {
@@ -175,23 +151,3 @@ function pathOf(plots, clock) {
   return element("figure", { class: "plot path" }, element("figcaption", {}, `path of the base from above, ${size.toFixed(2)} m wide`), picture);
 }
 
-function episodeView(detail, sceneAddress) {
-  const clock = new Clock(durationOf(detail)), row = detail.row;
-  const plots = detail.plots ? detail.plots.plots.map((plot) => plotOf(plot, detail.plots.time_s, clock)).filter(Boolean) : [];
-  const tone = row.ended === "succeeded" ? "good" : "bad";
-  const views = element("div", {}, videosOf(detail.clips, clock), timelineOf(detail, clock),
-    plots.length ? element("div", { class: "plots" }, ...plots, pathOf(detail.plots, clock)) : null);
-  const made = element("div", { class: "episode" },
-    element("h2", {}, row.task),
-    element("div", { class: "row" }, detail.verdict ? badge(detail.verdict, detail.verdict === "proved" ? "good" : "warn") : null, badge(row.ended, tone),
-      row.failure ? badge(row.failure, "bad") : null, element("span", { class: "soft" }, `${row.name}${row.seed === null ? "" : ", seed " + row.seed}${row.simulated_s ? ", " + seconds(row.simulated_s) + " simulated" : ""}`)),
-    detail.message ? element("p", {}, detail.message) : null,
-    element("div", { class: "beside" }, views, element("div", {}, ...stepsOf(detail, clock))),
-    detail.scene && sceneAddress ? element("details", { class: "card", ontoggle: (event) => {
-      if (event.target.open && !event.target.querySelector("iframe")) event.target.append(element("iframe", { src: sceneAddress, title: "the scene in 3-D" }));
-    } }, element("summary", {}, "The scene in 3-D")) : null,
-    detail.commands.length ? element("div", { class: "card" }, ...detail.commands.flatMap(([what, line]) => [element("p", { class: "soft" }, what), element("pre", {}, line)])) : null,
-    detail.files.length ? element("p", { class: "row files" }, ...detail.files.map(([name, address]) => element("a", { href: address, download: true }, name))) : null);
-  clock.set(0);
-  return made;
-}

@@ -1,6 +1,7 @@
 // The table of episodes: filters, order, selection, and the details of one.
 "use strict";
 const PAGE_ROWS = 60;
+const badge = (words, tone) => element("span", { class: "badge " + tone }, words);
 const data = JSON.parse(document.getElementById("data").textContent);
 const rows = data.rows.map((values) => Object.fromEntries(data.columns.map((name, k) => [name, values[k]])));
 const at = (id) => document.getElementById(id);
@@ -93,14 +94,17 @@ function chooseRow(event) {
 async function open() {
   const name = decodeURIComponent(location.hash.slice(1)), section = at("detail");
   section.hidden = !name;
-  at("overview").hidden = Boolean(name) && rows.length === 1;
+  at("overview").hidden = Boolean(name);
   if (!name) { section.replaceChildren(); return; }
   const back = rows.length > 1 ? element("button", { type: "button", onclick: () => { location.hash = ""; at("overview").scrollIntoView(); } }, "Back to the table") : null;
   section.replaceChildren(element("p", { class: "soft", role: "status" }, "reading"));
   try {
-    const detail = data.details ? data.details[name] : await fetched(name);
-    if (!detail) throw new Error(`There is no episode ${name}.`);
-    section.replaceChildren(...[back, episodeView(detail, data.details ? "" : "/scene/" + encodeURIComponent(name))].filter(Boolean));
+    const text = data.details ? data.details[name] : await fetched(name);
+    if (!text) throw new Error(`There is no episode ${name}.`);
+    const holder = element("div");
+    holder.innerHTML = text;
+    section.replaceChildren(...[back, holder].filter(Boolean));
+    openEpisode(holder.querySelector(".episode"));
   } catch (problem) {
     section.replaceChildren(...[back, element("p", { class: "card bad" }, String(problem.message || problem))].filter(Boolean));
   }
@@ -110,7 +114,7 @@ async function open() {
 async function fetched(name) {
   const answer = await fetch("/episode/" + encodeURIComponent(name));
   if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}: ${new DOMParser().parseFromString(await answer.text(), "text/html").body.textContent.trim()}`);
-  return answer.json();
+  return answer.text();
 }
 
 window.addEventListener("hashchange", open);

@@ -19,6 +19,7 @@ import pytest
 
 from benchmarks.baselines import __main__ as baselines
 from executor.bench.folder import BenchFolder, NotABench
+from executor.bench.tables import write_results
 from executor.bench.units import BenchSetting, Series
 from executor.campaign import engine, versions
 from executor.cli import app
@@ -166,13 +167,49 @@ def test_the_report_lists_every_failure_with_the_command_that_shows_it(run_bench
     run_bench("--seed", SEED, "--episodes", 7)
     page = Page((tmp_path / "b" / "report.html").read_text())
     text = " ".join(page.words)
-    assert not page.addresses, "the page must not need anything beside it"
+    failed = {f"#T3-{seed:06d}-planned" for seed in (14003, 14004, 14005, 14006)}
+    assert set(page.addresses) == failed, "links lead to what failed; nothing was run again that could be shown"
     for seed in (14003, 14004, 14005, 14006):
-        assert f"bench replay {tmp_path / 'b'} T3-{seed:06d}-planned --out replay-T3-{seed:06d}-planned" in text
+        assert f"bench replay {tmp_path / 'b'} T3-{seed:06d}-planned" in text
     assert "the fingers closed on <nothing> & stayed shut" in text
     assert "no room could be made of this seed" in text and "status 11" in text
     assert "LIFT_EEF_DOWN 0.3" in text
     assert "3 of 7, 42.9 %" in text and "M4 RoboGen (Primitive)" in text
+
+
+def test_what_was_run_again_is_linked_and_shown(run_bench: Bench, tmp_path: Path) -> None:
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    folder = BenchFolder(tmp_path / "b")
+    name = "T3-014003-planned"
+    folder.replay(name).mkdir(parents=True)
+    for file in ("report.html", "video.mp4"):
+        (folder.replay(name) / file).write_text("made again")
+    write_results(folder)
+    page = Page((tmp_path / "b" / "report.html").read_text())
+    shown = [address for address in page.addresses if not address.startswith("#")]
+    assert set(shown) == {f"replays/{name}/report.html", f"replays/{name}/video.mp4"}
+    assert all((tmp_path / "b" / address).is_file() for address in shown)
+
+
+@pytest.mark.parametrize(
+    ("family", "ended", "baseline", "expected"),
+    [
+        ("T1", "failed", None, "bench replay b T1-000003-planned"),
+        ("T7", "failed", None, "run 'pick up the mug' --scene t7-3 --keep-sizes --out FOLDER"),
+        ("T7", "refused", None, "plan 'pick up the mug' --scene t7-3 --keep-sizes"),
+        ("T3", "failed", "unchecked", ""),
+    ],
+)
+def test_only_what_works_is_offered(family: str, ended: str, baseline: str | None, expected: str) -> None:
+    result = {
+        "name": f"{family}-000003-planned",
+        "family": family,
+        "seed": 3,
+        "query": "pick up the mug",
+        "ended": ended,
+    }
+    commands = list(BenchFolder(Path("b")).commands(result | {"setting": {"baseline": baseline}}))
+    assert [command for _, command in commands] == [f"scene2demo {expected}"] * bool(expected)
 
 
 def test_the_terminal_shows_the_table(

@@ -33,7 +33,15 @@ from executor.learn.evaluation import (
     run_episode,
 )
 from executor.learn.observations import subtask_of
-from executor.learn.scores import Curve, EvaluationReport, by_training, evaluation_page, loss_curve
+from executor.learn.scores import (
+    Curve,
+    EvaluationReport,
+    FailedEpisode,
+    PolicyScore,
+    by_training,
+    evaluation_page,
+    loss_curve,
+)
 from executor.rollouts.rollout import RunConditions, rollout
 from llm import propose
 from tests.executor.learn.conftest import KITCHEN, PLAN
@@ -149,6 +157,16 @@ def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
 
 
 @pytest.mark.slow
+def test_the_page_shows_what_failed_and_the_video_that_there_is() -> None:
+    score = PolicyScore(Rate(1, 3), Rate(1, 3), {"lost": 2}, {}, 9.0)
+    failed = [FailedEpisode("<act>", 900, "lost", "00-000900-lost/global.mp4"), FailedEpisode("<act>", 901, "lost")]
+    report = EvaluationReport("open it", {"<act>": score}, [], [], [], [], failed, "scene2demo view r")
+    page = evaluation_page(report)
+    assert page.count("<video") == 1 and page.count("00-000900-lost/global.mp4") == 2
+    assert "seed 901" in page and "<act>" not in page and "scene2demo view r" in page
+    assert "With --videos" not in page and "With --videos" in evaluation_page(replace(report, failed=failed[1:]))
+
+
 def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alone() -> None:
     unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
     assert unit.stances == 2 and unit.to_json()["stances"] == 2

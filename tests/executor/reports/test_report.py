@@ -16,10 +16,12 @@ import pytest
 
 import oag
 from executor.cli.execution import summary_lines
+from executor.learn.evaluation import FAILURES
 from executor.records import FailureKind, Peaks, Rollout
+from executor.reports.episode import FAILURE_MEANINGS
 from executor.reports.graph_picture import graph_picture
 from executor.reports.html import style, value_text
-from executor.reports.page import _FAILURE_MEANINGS, report_page
+from executor.reports.page import report_page
 from executor.reports.run_folder import RunFolder
 from executor.rollouts.run_record import RunRecord
 from executor.scenes import library
@@ -81,13 +83,16 @@ def test_it_is_well_formed_and_needs_no_network(failed: bool, tmp_path: Path) ->
     rollout = invented_rollout(failed=failed)
     video = tmp_path / "video.mp4"
     video.write_bytes(b"moving pictures")
-    page = report_page(record_of(rollout, query="do it"), grey_frames(rollout), video)
+    page = report_page(record_of(rollout, query="do it"), grey_frames(rollout), video, [Path("task.json"), video])
     parsed = outline(page)
     for tag, attributes in parsed.elements:
         assert tag not in ("link", "iframe", "object", "embed", "base")
-        for name in ("src", "href", "poster", "data", "srcset"):
-            assert (attributes.get(name) or "data:").startswith(("data:", "#"))
-    assert not re.search("http(?!-equiv)", re.sub(r"data:[^'\"]*", "", page))
+        for name in ("src", "poster", "data", "srcset"):
+            assert (attributes.get(name) or "data:").startswith("data:")
+    links = [str(attributes["href"]) for tag, attributes in parsed.elements if "href" in attributes]
+    # Links lead to a place in the page, or to a file beside it.
+    assert {link for link in links if not link.startswith("#step-")} == {"task.json", "video.mp4"}
+    assert not re.search("http(?!-equiv)", re.sub(r"data:[^'\"]*", "", page).replace("http://www.w3.org/2000/svg", ""))
     assert not re.search(r"url\(\s*['\"]?(?!#)|@import", page)
     sources = [a["src"] for tag, a in parsed.elements if tag == "video"]
     assert base64.b64decode(str(sources[0]).partition(",")[2]) == b"moving pictures"
@@ -97,7 +102,8 @@ def test_words_from_outside_cannot_become_markup() -> None:
     rollout = invented_rollout(failed=True)
     page = report_page(record_of(rollout, query="<script>alert(1)</script>", notes=("<img src=x>",)))
     parsed = outline(page)
-    assert [tag for tag, _ in parsed.elements].count("script") == 1
+    scripts = [attributes.get("type") for tag, attributes in parsed.elements if tag == "script"]
+    assert scripts == ["application/json", None, None]
     assert not [tag for tag, _ in parsed.elements if tag == "img"]
     assert "<script>alert(1)</script>" in "".join(parsed.words)
     assert "the fingers closed on nothing <where> the glass should be" in "".join(parsed.words)
@@ -110,11 +116,14 @@ def test_the_library_of_templates_is_loaded_with_the_first_page() -> None:
 
 
 def test_a_failure_is_told_first_with_its_numbers() -> None:
-    words = " ".join(outline(report_page(record_of(invented_rollout(failed=True)))).words)
-    assert words.index("Why it failed") < words.index("What happened")
-    story = words[words.index("Why it failed") : words.index("The object-action graph")]
-    for part in ("GRASP failed at", "grasp-missed", "opening m", "0.0004", "step 4 of subtask", "after CONVERGE"):
+    parsed = outline(report_page(record_of(invented_rollout(failed=True))))
+    words = " ".join(" ".join(parsed.words).split())
+    assert words.index("Why it failed") < words.index("1. open refrigerator")
+    story = words[words.index("Why it failed") : words.index("1. open refrigerator")]
+    for part in ("GRASP failed at", "grasp-missed", "opening [m]", "0.0004", "step 4 of subtask", "after CONVERGE"):
         assert part in story
+    opened = [found.get("id") for tag, found in parsed.elements if tag == "details" and "open" in found]
+    assert "step-1-3" in opened and not {"step-0-0", "step-1-2"} & set(opened)
 
 
 def test_a_success_has_no_failure_story_and_lists_every_step() -> None:
@@ -122,19 +131,22 @@ def test_a_success_has_no_failure_story_and_lists_every_step() -> None:
     words = " ".join(parsed.words)
     assert "Why it failed" not in words
     assert words.count("planned in") == 12
-    assert [a for tag, a in parsed.elements if tag == "details" and "step" in str(a.get("class"))]
+    steps = [found for tag, found in parsed.elements if tag == "details" and str(found.get("id")).startswith("step-")]
+    assert len(steps) == 12 and not any("open" in found for found in steps)
 
 
-def test_each_step_shows_at_most_six_pictures_a_view() -> None:
-    rollout = invented_rollout()
-    page = report_page(record_of(rollout), grey_frames(rollout))
-    for step in page.split('<details class="step"')[1:]:
-        for strip in step.split("</details>")[0].split('<div class="strip">')[1:]:
-            assert 1 <= strip.count("<img") <= 6
+def test_what_failed_is_shown_by_at_most_six_pictures_a_view() -> None:
+    """Everything else is in the video, one click away from its step."""
+    for failed in (False, True):
+        rollout = invented_rollout(failed=failed)
+        page = report_page(record_of(rollout), grey_frames(rollout))
+        strips = page.split('<div class="strip">')[1:]
+        assert len(strips) == 2 * failed
+        assert all(1 <= strip.count("<img") <= 6 for strip in strips)
 
 
 def test_pictures_have_their_place_before_they_are_loaded() -> None:
-    rollout = invented_rollout()
+    rollout = invented_rollout(failed=True)
     pictures = [
         attributes
         for tag, attributes in outline(report_page(record_of(rollout), grey_frames(rollout))).elements
@@ -159,7 +171,7 @@ def test_one_is_singular() -> None:
     alone = record_of(
         replace(rollout, task=replace(rollout.task, subtasks=rollout.task.subtasks[:1]), subtasks=rollout.subtasks[:1])
     )
-    assert "<b>1 of 1</b><span>subtask reached</span>" in report_page(alone)
+    assert "1 of 1 subtask reached, 7 steps" in " ".join(report_page(alone).split())
     assert any("1 of 1 subtask," in line for line, _ in summary_lines(alone, RunFolder(Path("r"))))
 
 
@@ -170,7 +182,7 @@ def test_the_summary_says_what_was_scaled() -> None:
 
 def test_a_plan_that_did_not_run_still_has_a_report() -> None:
     words = " ".join(outline(report_page(record_of(None, query="never"))).words)
-    assert "not executed" in words and "What happened" not in words
+    assert "not executed" in words and "1. open refrigerator" not in words
     assert "goal/not-reached" in words  # Two of the four subtasks are missing from this task on purpose.
 
 
@@ -188,7 +200,7 @@ def test_the_reproduction_block_has_command_seed_hash_and_versions() -> None:
 
 
 def test_every_kind_of_failure_has_its_meaning() -> None:
-    assert set(_FAILURE_MEANINGS) == {kind.value for kind in FailureKind}
+    assert set(FAILURE_MEANINGS) == {kind.value for kind in FailureKind} | set(FAILURES)
 
 
 def test_the_graph_has_a_box_a_step_and_an_arrow_an_edge() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,12 +20,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.cli.app import run
+from executor.reports.episode import episode_section
+from executor.reports.html import script_json
 from executor.reports.run_folder import RunFolder
 from executor.reports.series import MOST_POINTS, motion_plots
 from executor.rollouts.run_record import RunRecord
 from executor.scenes import library
 from executor.system.files import read_json, write_json
-from executor.view.page import detail_json, link_from, listing_of, script_json, viewer_page
+from executor.view.page import link_from, listing_of, viewer_page
 from executor.view.records import Listing, NothingToView
 from executor.view.scene_view import scene_page
 from executor.view.server import ViewServer
@@ -68,6 +72,12 @@ def get(server: ViewServer, path: str, **headers: str) -> tuple[HTTPResponse, by
     body = answer.read()
     connection.close()
     return answer, body
+
+
+def links_of(section: str) -> dict[str, str]:
+    """Return the links of an episode's files by their names."""
+    _, _, files = section.partition("<p class='row files'>")
+    return {name: address for address, name in re.findall(r"<a href='([^']*)'>([^<]*)</a>", files)}
 
 
 def test_a_store_s_table_is_read_once_and_again_where_it_changed(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +151,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
 @given(st.data())
 def test_distances_are_those_of_brute_force(data: st.DataObject) -> None:
     scene = library.load("kitchen_t1")
-    parts = [
+    parts: list[dict[str, Any]] = [
         {"target": "glass_0", "support_init": "table_0", "support_goal": "refrigerator_0"},
         {"target": "refrigerator_0", "support_init": None, "support_goal": None},
     ]
@@ -192,8 +202,8 @@ def test_the_server_gives_the_page_details_and_parts_of_files(store: Path) -> No
         assert answer.status == 200 and row.name in body.decode()
         assert "connect-src" not in answer.headers["Content-Security-Policy"]
         answer, body = get(server, f"/episode/{row.name}")
-        assert answer.status == 200 and json.loads(body)["row"]["name"] == row.name
-        links = dict(json.loads(body)["files"])
+        assert answer.status == 200 and row.name in body.decode()
+        links = links_of(body.decode())
         content = (store / "units" / row.name / "samples.xz").read_bytes()
         assert get(server, links["samples.xz"])[1] == content
         answer, body = get(server, links["samples.xz"], Range="bytes=5-9")
@@ -256,8 +266,15 @@ def test_words_of_a_store_cannot_end_the_script(store: Path) -> None:
 def test_a_page_links_files_from_where_it_lies(store: Path, tmp_path: Path) -> None:
     listing = listing_of(store)
     (row,) = listing.rows()
-    links = dict(detail_json(listing.detail(row.name), link_from(tmp_path / "pages" / "a.html"))["files"])
+    links = links_of(episode_section(listing.detail(row.name), link_from(tmp_path / "pages" / "a.html")))
     assert links["samples.xz"] == f"../store/units/{row.name}/samples.xz"
+
+
+def test_an_episode_s_section_opens_what_failed_alone(finished_run: Path) -> None:
+    section = episode_section(listing_of(finished_run).detail("run"), link_from(finished_run / "page.html"))
+    opened = re.findall(r"<details class='step' id='(step-[0-9-]+)' open>", section)
+    assert opened == ["step-1-3"] and section.index("Why it failed") < section.index("class='beside'")
+    assert "&lt;where&gt;" in section and "<where>" not in section
 
 
 def test_a_scene_is_a_page_of_its_own() -> None:
@@ -282,6 +299,8 @@ def test_the_command_writes_pages(store: Path, tmp_path: Path, capsys: pytest.Ca
         (["{empty}"], "has nothing to view"),
         (["kitchen_t9"], "there is no scene 'kitchen_t9'"),
         (["kitchen_t1", "--port", "70000"], "--port"),
+        (["kitchen_t1", "--rerun"], "a folder with episodes"),
+        (["{empty}", "--episode", "a"], "--out or --rerun beside it"),
     ],
 )
 def test_what_cannot_be_viewed_is_one_message(
@@ -289,3 +308,29 @@ def test_what_cannot_be_viewed_is_one_message(
 ) -> None:
     assert run(["view", *(word.format(empty=tmp_path) for word in words)]) == 2
     assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_some_episodes_of_a_folder_are_written(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (name,) = (row.name for row in listing_of(store).rows())
+    for count in range(3):
+        shutil.copytree(store / "units" / name, store / "units" / f"{name}{count}")
+    page = tmp_path / "page.html"
+    assert run(["view", str(store), "--out", str(page), "--episode", f"{name}1"]) == 0
+    assert f"{name}1" in page.read_text() and f"{name}2" not in page.read_text()
+    assert run(["view", str(store), "--out", str(page), "--episode", "nothing", "--force"]) == 2
+    assert f"such as {name}," in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_recording_without_rerun_names_its_extra(
+    store: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert run(["view", str(store), "--rerun"]) == 2
+    assert "pip install -e '.[rerun]'" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_recording_is_written(store: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra is not installed by the set-up")
+    assert run(["view", str(store), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 0
+    assert (tmp_path / "a.rrd").read_bytes()[:3] == b"RRF"
+    assert run(["view", str(store), "--rerun", "--out", str(tmp_path / "a.rrd")]) == 2
