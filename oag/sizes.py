@@ -87,6 +87,11 @@ def longest_motion_m(primitive: Primitive, robot: RobotPose) -> float | None:
     return round(2 * _STRETCHED_M * robot.scale, 2) if primitive in _SIDEWAYS else None
 
 
+def farthest_m(robot: RobotPose) -> float:
+    """Return how far [m] a base may move while one point stays within the arm's reach: from one side to the other."""
+    return round(2 * _STRETCHED_M * robot.scale, 2)
+
+
 @dataclass(frozen=True, slots=True)
 class Sizing:
     """Rule for the sizes of the objects that a plan handles.

@@ -33,7 +33,7 @@ from oag.certificate.check_plan import (
     with_values,
 )
 from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Fact, Primitive, Value, fact_text, generalisations
-from oag.primitives.table import Clause, Context, Effect, Needed, effect, library_sha, requirements, with_consequences
+from oag.primitives.table import Clause, Context, Effect, Needed, Rows, library_sha, requirements, with_consequences
 
 # Kind of the place where a plan without a flow ends.
 _NO_FLOW = "no-flow"
@@ -167,13 +167,13 @@ def check_search(
     require(all(len(state) == len(facts) for state in states), "a state of a search has too few or too many values")
     start = tuple(map(read, facts))
     require(start == tuple(search["start"]) and start in states, "the start is not among the states of the search")
-    legal = _legal(context, objects)
+    legal, rows = _legal(context, objects), Rows(context)
     for state in states:
         known = dict(zip(facts, state, strict=True))
         require(truth_of(goal, known.get, objects) is False, f"a state of the search may meet the goal: {known}")
         for primitive in legal:
             if truth_of(requirements(primitive, context, known[HAND]), known.get, objects) is not False:
-                after = _after(known, effect(primitive, context, known[HAND]))
+                after = _after(known, rows.written(primitive, known[HAND], None, known.get))
                 require(after in states, f"{primitive.name} leads out of the states of the search")
 
 

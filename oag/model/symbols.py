@@ -101,6 +101,12 @@ def _category_words(category: str) -> list[str]:
     return category.lower().split(".", 1)[0].replace("-", "_").split("_")
 
 
+def is_known(category: str) -> bool:
+    """Decide whether a category has a word of a known kind; the kind of any other is a guess from its size."""
+    known = _ARTICULATED | _SUPPORT | _ITEM
+    return any(word in known or word.removesuffix("s") in known for word in _category_words(category))
+
+
 @lru_cache(maxsize=4096)
 def kind_of(category: str, smaller_side_m: float) -> Kind:
     """Decide the kind of an object from its category, and from its size where the category is not known.

@@ -43,7 +43,7 @@ from oag.progression import (
     RootFailure,
     Step,
     Trace,
-    compile_subtask,
+    compile_plan,
     producer_place,
 )
 from oag.sizes import planned_resizings
@@ -312,7 +312,7 @@ class Explainer:
         """Return the alternatives to a condition on which a step would run, each with whether it may hold there."""
         if condition is None or obligation.kind != "precondition":
             return {}
-        rows = compile_subtask(self.task.subtasks[obligation.subtask], self.scene).rows
+        rows = compile_plan(self.task.subtasks, self.scene)[obligation.subtask].rows
         step = self.trace.steps[obligation.time // 2]
         clauses = rows.row(step.primitive, step.hand)[0]
         others = next((clause for clause in clauses if condition in clause), ())
