@@ -39,8 +39,9 @@ from oag.model.symbols import (
     has_boards,
     held_by,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import View, Window, assume_true, contradictions, facts_of, start_state, step, truth_of
-from oag.primitives.table import NAVIGATION, RESTING, Needed, needed, placement_of
+from oag.primitives.table import NAVIGATION, Needed, needed, placement_of
 from oag.progression import CompiledSubtask, Trace, compile_plan, facts_read
 from oag.task import SimpleTask, Task, chosen_scene, subtask_place
 from oag.wellformed import check

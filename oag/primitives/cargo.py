@@ -66,7 +66,7 @@ def carriage_of(
         placed: The facts that goals of the plan place their targets by.
     """
     names = tuple(objects)
-    resting = {fact for fact, value in stated.items() if value is True and len(fact) == 3 and fact[0] in RESTING}
+    resting: set[Fact] = {f for f, value in stated.items() if value is True and len(f) == 3 and f[0] in RESTING}
     resting |= set(placed)
     for relation in RESTING:
         if stated.get((relation, ANY, ANY)) is not False:
@@ -119,7 +119,7 @@ def closed(resting: Iterable[Fact]) -> set[Fact]:
         for relation, thing, place in found:
             if relation == "inside":
                 inside.setdefault(thing, set()).add(place)
-        implied = {
+        implied: set[Fact] = {
             ("inside", thing, outer) for _, thing, place in found for outer in inside.get(place, ()) if outer != thing
         }
         new = implied - found

@@ -34,8 +34,9 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, scene_facts, truth_of
-from oag.primitives.table import RESTING, needed
+from oag.primitives.table import needed
 from oag.progression import (
     Assumption,
     CausalLink,

@@ -41,8 +41,9 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import View, assume_true, contradictions
-from oag.primitives.table import NAVIGATION, RESTING, Placement
+from oag.primitives.table import NAVIGATION, Placement
 from oag.rewriting import (
     Variant,
     negated_variants,
