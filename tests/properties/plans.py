@@ -49,7 +49,9 @@ class Case:
     @property
     def loose(self) -> bool:
         """Whether it is open what carries what: then an answer may be left open that the oracle has."""
-        return any(fact[0] in ("ontop", "inside") for fact in self.unknown)
+        carrying = any(fact[2] in ITEMS and self.known.get(fact) is not False for fact in RESTING_FACTS)
+        carrying = carrying or any(part.place is not None and part.place[1] in ITEMS for part in self.parts)
+        return carrying and any(fact[0] in ("ontop", "inside") for fact in self.unknown)
 
     def scene(self) -> oag.Scene:
         """The same start as a scene."""

@@ -41,6 +41,9 @@ def check_verdict(case: FormulaCase) -> None:
         return
     verdict, grades = decided(case.starts(), case.parts, case.goal, KINDS)
     event(verdict)
+    if case.loose:
+        assert report.verdict.value in (verdict, "CONDITIONAL"), str(report)
+        return
     assert (report.verdict.value, graded(report)) == (verdict, grades), str(report)
 
 
@@ -55,7 +58,7 @@ def check_exact_mode(case: FormulaCase) -> None:
 def check_counterexample(case: FormulaCase, flips: list[bool]) -> None:
     """2: from the returned start, whatever it leaves out, the oracle takes the same way and stops at the same place."""
     report = judged(case)
-    if report is None or report.verdict is not oag.Verdict.REFUTED:
+    if report is None or report.verdict is not oag.Verdict.REFUTED or case.loose:
         return
     found = report.counterexample
     assert found is not None
@@ -94,7 +97,7 @@ def shows(world: World, state: dict[Fact, Value]) -> bool:
 def check_assumptions(case: FormulaCase) -> None:
     """7: with what is assumed of the start the plan is proved; with any one of it left out it is not."""
     report = judged(case)
-    if report is None or report.verdict is not oag.Verdict.CONDITIONAL:
+    if report is None or report.verdict is not oag.Verdict.CONDITIONAL or case.loose:
         return
     assert report.trace is not None
     assumed = [a for a in report.trace.assumptions if a.condition is not None]
@@ -119,7 +122,7 @@ def verdict_with(case: FormulaCase, facts: dict[Fact, bool]) -> str:
 def check_conditions_can_hold(case: FormulaCase) -> None:
     """What a CONDITIONAL plan rests on can all be so at once, and each alternative that is named can be so."""
     report = judged(case)
-    if report is None or report.verdict is not oag.Verdict.CONDITIONAL:
+    if report is None or report.verdict is not oag.Verdict.CONDITIONAL or case.loose:
         return
     starts, trace = case.starts(), report.trace
     assert trace is not None and decided(starts, case.parts, case.goal, KINDS)[0] == "CONDITIONAL", str(report)
@@ -144,7 +147,7 @@ def check_monotone(case: FormulaCase) -> None:
         for value in (False, True):
             more = replace(case, known={**case.known, fact: value}, unknown=tuple(u for u in case.unknown if u != fact))
             after = judged(more)
-            if after is not None and report.verdict is not oag.Verdict.CONDITIONAL:
+            if (after is not None and report.verdict is not oag.Verdict.CONDITIONAL) or case.loose:
                 assert after.verdict is report.verdict, str(after)
     for fact in list(case.known)[:2]:
         known = {other: value for other, value in case.known.items() if other != fact}
