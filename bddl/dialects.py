@@ -391,8 +391,6 @@ _COLLECTIONS: Mapping[str, Callable[[Iterable[str]], Any]] = {
     "free_text": frozenset,
 }
 PROFILES = _read_profiles()
-# The mistakes that the reference implementation lets pass.
-REFERENCE_TOLERATES = PROFILES["behavior-compat"].tolerated
 
 
 def find_profile(name: str | Profile) -> Profile:

@@ -45,6 +45,7 @@ from oag.verify.verify import Report, Verdict
 if TYPE_CHECKING:
     from oag.measurements import clopper_pearson
     from oag.normal_form import canonical, canonical_digest
+    from oag.planning import NoPlan, Planned, plan, repair
     from oag.revision import (
         Admission,
         Attempt,
@@ -82,12 +83,14 @@ __all__ = [
     "Iteration",
     "Kind",
     "MissingScene",
+    "NoPlan",
     "NoSuchSubtask",
     "Node",
     "OagError",
     "ObjectActionGraph",
     "Obligation",
     "ParameterKind",
+    "Planned",
     "Primitive",
     "RecheckResult",
     "RecordError",
@@ -116,7 +119,9 @@ __all__ = [
     "kind_of",
     "parameter_kind",
     "parameter_problem",
+    "plan",
     "recheck",
+    "repair",
     "same_flow",
     "to_dot",
     "to_drawing",
@@ -130,6 +135,7 @@ _PLACES = {
     for module, names in {
         "oag.measurements": "clopper_pearson",
         "oag.normal_form": "canonical canonical_digest",
+        "oag.planning": "NoPlan Planned plan repair",
         "oag.revision": "Admission Attempt Critique Hindsight History Iteration Revision Tolerance admissible "
         "change_between same_flow",
     }.items()

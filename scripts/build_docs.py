@@ -57,8 +57,8 @@ def command_page() -> str:
         "This page is generated from the option classes in `executor/cli` by `scripts/build_docs.py`.",
         "Every command also takes `--help`, `--json` (print one JSON object) and `--debug` (show the traceback of an "
         "unexpected error).",
-        "| exit code | meaning |\n|---|---|\n| 0 | done |\n| 1 | the work ran and failed: a refuted plan, a failed "
-        "rollout |\n| 2 | bad input or misuse, with one message |\n| 3 | the disk is full |\n| 130 | ended by Ctrl-C |",
+        "| exit code | meaning |\n|---|---|\n"
+        + "\n".join(f"| {code} | {meaning} |" for code, meaning in _EXIT_CODES.items()),
         "| environment variable | effect |\n|---|---|\n"
         + "\n".join(f"| `{name}` | {effect} |" for name, effect in _ENVIRONMENT.items()),
     ]
@@ -67,6 +67,14 @@ def command_page() -> str:
     return "\n\n".join(parts) + "\n"
 
 
+_EXIT_CODES = {
+    0: "done",
+    1: "the work ran and failed: a refuted plan, a failed rollout",
+    2: "bad input or misuse, with one message",
+    3: "the disk is full",
+    130: "ended by Ctrl-C",
+    141: "nothing reads the output any more, as after `head`",
+}
 _ENVIRONMENT = {
     "SCENE2DEMO_CACHE": "Folder for generated meshes; by default `~/.cache/scene2demo`.",
     "SCENE2DEMO_ASSETS": "Folder for imported assets; by default `~/.local/share/scene2demo/assets`.",
@@ -76,14 +84,13 @@ _ENVIRONMENT = {
 
 
 def _command_names() -> Iterator[tuple[str, ...]]:
-    from executor.cli.app import TWO_WORDS, commands, second_words
+    from executor.cli.app import commands, second_words
 
     for name, options in commands().items():
         if seconds := second_words(options):
             yield from ((name, second) for second in seconds)
         else:
-            words = tuple(name.split("-"))
-            yield words if words in TWO_WORDS else (name,)
+            yield tuple(name.split(" "))
 
 
 def _help(*words: str) -> str:
@@ -105,7 +112,7 @@ def _command(words: tuple[str, ...], text: str) -> Iterator[str]:
     usage, _, description = head.partition("\n\n")
     operands = re.split(r" (?=\[?--)", re.sub(r" \[[\w -]*OPTIONS\]| \[-h\]", "", " ".join(usage.split())))[0]
     name = f"scene2demo {' '.join(words)}"
-    for typed in ("usage: ", name, f"scene2demo {'-'.join(words)}"):
+    for typed in ("usage: ", name):
         operands = operands.removeprefix(typed)
     yield f"## {name}{operands}\n{' '.join(description.split())}"
     rows = [row for panel in panels for row in _options(panel)]

@@ -76,7 +76,7 @@ def command_lines(page: Path) -> Iterator[str]:
 def test_every_command_of_a_page_is_one_that_the_program_reads(page: Path) -> None:
     for line in command_lines(page):
         words = shlex.split(re.sub(r" \[[^\]]*\]|  #.*|\s*$", "", line).replace("$SLURM_ARRAY_TASK_ID", "1"))[1:]
-        words = ["-".join(words[:2]), *words[2:]] if tuple(words[:2]) in TWO_WORDS else words
+        words = [" ".join(words[:2]), *words[2:]] if tuple(words[:2]) in TWO_WORDS else words
         with contextlib.redirect_stderr(io.StringIO()) as told:
             try:
                 parse_command(words)

@@ -1,38 +1,26 @@
-"""The model library, the geometry of a scene object, and the resistance of its doors and drawers.
+"""The model library: ranges of all models, and the geometry of a scene object.
 
 Models come from their families in `executor.assets.families`; a file there may bring models of its own. A scene object
 without a model is built by the family of its category. A model `imported/NAME` is an imported asset.
-
-Doors and drawers resist with dry friction, and refrigerators with a gasket over the first degrees. Both are given as
-forces at the handle, perpendicular to its path, as a spring balance would read. The handle's lever turns them into
-joint torques. The friction is constant over the whole range, whatever the joint carries. The engine's own friction
-coefficient is zero, because it multiplies the load in the joint: the same 0.3 asks 42 N of one door and 2 N of another.
-A gasket pulls with its full force where the door is shut. The force fades to zero at `GASKET_REACH_M` of the handle's
-path.
-
-Source of the ranges: readings of a spring balance at household doors and drawers; 22 N is the maximum that the ADA's
-rule 404.2.9 allows for an interior door. A refrigerator resists with friction and gasket together.
 """
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
-
-import numpy as np
+from typing import TypeVar
 
 from bddl import near_names
+from bddl.errors import Scene2DemoError
 from executor.assets import families
 from executor.assets.asset_geometry import scaled
 from executor.assets.families import appliances, furniture, items
-from executor.assets.families import appliances as cold_storage
-from executor.assets.families import furniture as cabinets
 from executor.assets.families.casework import HANDLE_PARAMETERS, HINGE
 from executor.assets.importers.store import PREFIX, imported_asset
-from executor.assets.model import Asset, Handle, Joint
+from executor.assets.model import Asset
 from executor.assets.parameters import (
     SAME_AS_WIDTH,
     AssetError,
@@ -41,60 +29,17 @@ from executor.assets.parameters import (
     ModelEntry,
     NumericParameter,
     Range,
-    number,
 )
+from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE, with_resistance
 from oag import Kind, SceneObject, kind_of
-
-HANDLE_FORCE = NumericParameter("handle_force_n", 15.0, 10.0, 30.0)
-GASKET_FORCE = NumericParameter("gasket_force_n", 10.0, 5.0, 15.0)
-MOST_FORCE_N = 200.0
-"""Largest force of either in a scene; this robot cannot open that, and fails by stalling or slipping."""
-
-GASKET_REACH_M = 0.03  # Handle travel at which rubber and magnet have come loose; some 3 degrees.
-_HAS_GASKET = ("refrigerator", "fridge", "freezer")
-
-
-def with_resistance(obj: SceneObject, asset: Asset) -> Asset:
-    """Return an asset with the joint resistance that an object specifies; joints without a handle stay as they are.
-
-    Args:
-        obj: Its parameters `handle_force_n` and `gasket_force_n` [N] apply to each of its handles. By default the
-            friction is 15 N, and the gasket 10 N for refrigerators and freezers, and 0 for others.
-        asset: The object's geometry.
-
-    Raises:
-        AssetError: One of the parameters is not a number from 0 to 200.
-    """
-    if not asset.handles:
-        return asset
-    gasket_n = GASKET_FORCE.default if any(word in obj.category.lower() for word in _HAS_GASKET) else 0.0
-    force_n = number(obj, HANDLE_FORCE.name, HANDLE_FORCE.default, 0.0, MOST_FORCE_N)
-    gasket_n = number(obj, GASKET_FORCE.name, gasket_n, 0.0, MOST_FORCE_N)
-    handle_of = {handle.joint: handle for handle in asset.handles}
-
-    def resisting(joint: Joint) -> Joint:
-        if joint.name not in handle_of:
-            return joint
-        lever = lever_of(joint, handle_of[joint.name])
-        return replace(joint, friction=force_n * lever, gasket=gasket_n * lever, gasket_reach=GASKET_REACH_M / lever)
-
-    return replace(asset, joints=tuple(resisting(joint) for joint in asset.joints))
-
-
-def lever_of(joint: Joint, handle: Handle) -> float:
-    """Return a handle's travel per unit of its joint: [m/rad] for a hinge, 1 for a slide."""
-    if joint.kind == "prismatic":
-        return 1.0
-    return float(np.linalg.norm(np.cross(joint.axis, handle.position_m)))
-
 
 _HANDLE = (*HANDLE_PARAMETERS, HANDLE_FORCE)
 _COLD = "electric_refrigerator.n.01"
 _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT = (0.66, 0.74), (0.56, 0.68), (1.40, 1.70)
-_FRIDGE = (cold_storage.SHELVES, cold_storage.HANDLE_HEIGHT, *_HANDLE, GASKET_FORCE)
+_FRIDGE = (appliances.SHELVES, appliances.HANDLE_HEIGHT, *_HANDLE, GASKET_FORCE)
 _BASE_LENGTH, _BASE_HEIGHT, _NARROW, _WIDE = (0.56, 0.66), (0.72, 0.90), (0.42, 0.60), (0.80, 1.10)
-_SHELVES = (cabinets.SHELVES, *_HANDLE)
-_DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *_HANDLE)
+_SHELVES = (furniture.SHELVES, *_HANDLE)
+_DESK = (furniture.SIDE, furniture.DESK_DRAWERS, furniture.PEDESTAL_WIDTH, *_HANDLE)
 _RACKS = (appliances.RACKS, *_HANDLE)
 _TOP = (furniture.TOP_THICKNESS,)
 _BEAR_LENGTH, _BEAR_HEIGHT = (Range(ratio, ratio, of_width=True) for ratio in (items.BEAR_LENGTH, items.BEAR_HEIGHT))
@@ -117,34 +62,34 @@ def _entry(
 
 # fmt: off
 _ENTRIES = (
-    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", cold_storage.refrigerator,
-           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT,
+    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", appliances.refrigerator,
+           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, appliances.CLASSIC_HANDLE_HEIGHT,
            HANDLE_FORCE, GASKET_FORCE),
     _entry("tumbler", "water_glass", "water_glass.n.02", items.water_glass,
            SAME_AS_WIDTH, (0.060, 0.080), (0.09, 0.14)),
     _entry("red_apple", "apple", "apple.n.01", items.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
     _entry("porcelain_bowl", "bowl", "bowl.n.01", items.bowl, SAME_AS_WIDTH, (0.14, 0.20), (0.05, 0.07)),
-    _entry("fridge_one_door", "refrigerator", _COLD, cold_storage.fridge_one_door,
+    _entry("fridge_one_door", "refrigerator", _COLD, appliances.fridge_one_door,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, (1.15, 1.45), HINGE, *_FRIDGE),
-    _entry("fridge_top_freezer", "refrigerator", _COLD, cold_storage.fridge_top_freezer,
+    _entry("fridge_top_freezer", "refrigerator", _COLD, appliances.fridge_top_freezer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_freezer_drawer", "refrigerator", _COLD, cold_storage.fridge_freezer_drawer,
+    _entry("fridge_freezer_drawer", "refrigerator", _COLD, appliances.fridge_freezer_drawer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_side_by_side", "refrigerator", _COLD, cold_storage.fridge_side_by_side,
+    _entry("fridge_side_by_side", "refrigerator", _COLD, appliances.fridge_side_by_side,
            _FRIDGE_LENGTH, (0.80, 0.95), _FRIDGE_HEIGHT, *_FRIDGE),
-    _entry("cabinet_one_door", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_one_door,
+    _entry("cabinet_one_door", "bottom_cabinet", "cabinet.n.01", furniture.cabinet_one_door,
            _BASE_LENGTH, _NARROW, _BASE_HEIGHT, HINGE, *_SHELVES),
-    _entry("cabinet_two_doors", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_two_doors,
+    _entry("cabinet_two_doors", "bottom_cabinet", "cabinet.n.01", furniture.cabinet_two_doors,
            _BASE_LENGTH, _WIDE, _BASE_HEIGHT, *_SHELVES),
-    _entry("cabinet_drawers", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_drawers,
-           _BASE_LENGTH, _NARROW, _BASE_HEIGHT, cabinets.DRAWERS, *_HANDLE),
-    _entry("cabinet_drawers_doors", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_drawers_doors,
+    _entry("cabinet_drawers", "bottom_cabinet", "cabinet.n.01", furniture.cabinet_drawers,
+           _BASE_LENGTH, _NARROW, _BASE_HEIGHT, furniture.DRAWERS, *_HANDLE),
+    _entry("cabinet_drawers_doors", "bottom_cabinet", "cabinet.n.01", furniture.cabinet_drawers_doors,
            _BASE_LENGTH, _WIDE, _BASE_HEIGHT, *_SHELVES),
-    _entry("nightstand", "nightstand", "stand.n.04", cabinets.nightstand,
-           (0.40, 0.50), (0.40, 0.55), (0.50, 0.62), cabinets.BELOW, *_HANDLE),
-    _entry("wardrobe_two_doors", "wardrobe", "wardrobe.n.01", cabinets.wardrobe,
-           (0.58, 0.68), (0.85, 1.10), (1.50, 1.90), cabinets.WARDROBE_SHELVES, *_HANDLE),
-    _entry("desk_with_drawers", "desk_with_drawers", "desk.n.01", cabinets.desk_with_drawers,
+    _entry("nightstand", "nightstand", "stand.n.04", furniture.nightstand,
+           (0.40, 0.50), (0.40, 0.55), (0.50, 0.62), furniture.BELOW, *_HANDLE),
+    _entry("wardrobe_two_doors", "wardrobe", "wardrobe.n.01", furniture.wardrobe,
+           (0.58, 0.68), (0.85, 1.10), (1.50, 1.90), furniture.WARDROBE_SHELVES, *_HANDLE),
+    _entry("desk_with_drawers", "desk_with_drawers", "desk.n.01", furniture.desk_with_drawers,
            (0.60, 0.75), (1.00, 1.40), (0.68, 0.76), *_DESK),
     _entry("microwave_side_hinge", "microwave", "microwave.n.02", appliances.microwave,
            (0.42, 0.50), (0.46, 0.56), (0.27, 0.33), *_HANDLE),
@@ -191,43 +136,84 @@ _ENTRIES = (
            _BEAR_LENGTH, (0.090, 0.150), _BEAR_HEIGHT, items.FUR),
 )
 # fmt: on
+_FAMILIES: Mapping[str, Builder] = {
+    "apple": items.apple,
+    "bear": items.teddy_bear,
+    "book": items.book,
+    "bottle": items.bottle,
+    "bowl": items.bowl,
+    "box": items.carton,
+    "cabinet": furniture.cabinet,
+    "can": items.can,
+    "counter": furniture.cabinet,
+    "countertop": furniture.cabinet,
+    "cup": items.cup,
+    "desk": furniture.table,
+    "die": items.die,
+    "dishwasher": appliances.dishwasher,
+    "floor": furniture.floor,
+    "fridge": appliances.refrigerator,
+    "glass": items.water_glass,
+    "microwave": appliances.microwave,
+    "mug": items.mug,
+    "nightstand": furniture.nightstand,
+    "orange": items.orange,
+    "oven": appliances.oven,
+    "plate": items.plate,
+    "refrigerator": appliances.refrigerator,
+    "shelf": furniture.shelf,
+    "table": furniture.table,
+    "wall": furniture.wall,
+    "wardrobe": furniture.wardrobe,
+}
+
+
+class NameTaken(Scene2DemoError, ValueError):
+    """Two files of the library give one name."""
+
+    def __init__(self, kind: str, name: str, first: str, second: str) -> None:
+        advice = "expected a name of its own: rename or remove it"
+        super().__init__(f"{second}: the {kind} {name!r} is given by {first} already; {advice}")
+
+
+_Given = TypeVar("_Given")
+
+
+def _with_added(kind: str, own: Mapping[str, _Given], added: Iterable[tuple[str, str, _Given]]) -> Mapping[str, _Given]:
+    """Return what this file and the files of `families` give by name.
+
+    Args:
+        kind: What a name stands for, for the error.
+        own: What this file gives.
+        added: File, name and what it stands for.
+
+    Raises:
+        NameTaken: A name is given twice.
+    """
+    given, givers = dict(own), dict.fromkeys(own, __file__)
+    for file, name, one in added:
+        if name in given:
+            raise NameTaken(kind, name, givers[name], file)
+        given[name], givers[name] = one, file
+    return MappingProxyType(given)
+
+
 # A module of `families` may declare models of its own (`MODELS`), and builders of categories (`FAMILIES`).
 _MODULES = [import_module(f"{families.__name__}.{found.name}") for found in pkgutil.iter_modules(families.__path__)]
-_ADDED = [entry for module in _MODULES for entry in getattr(module, "MODELS", ())]
-LIBRARY: Mapping[str, ModelEntry] = MappingProxyType({entry.model: entry for entry in (*_ENTRIES, *_ADDED)})
+LIBRARY = _with_added(
+    "model",
+    {entry.model: entry for entry in _ENTRIES},
+    ((str(module.__file__), entry.model, entry) for module in _MODULES for entry in getattr(module, "MODELS", ())),
+)
 """Every model by its name."""
-FAMILIES: Mapping[str, Builder] = MappingProxyType(
-    {
-        "apple": items.apple,
-        "bear": items.teddy_bear,
-        "book": items.book,
-        "bottle": items.bottle,
-        "bowl": items.bowl,
-        "box": items.carton,
-        "cabinet": cabinets.cabinet,
-        "can": items.can,
-        "counter": cabinets.cabinet,
-        "countertop": cabinets.cabinet,
-        "cup": items.cup,
-        "desk": furniture.table,
-        "die": items.die,
-        "dishwasher": appliances.dishwasher,
-        "floor": furniture.floor,
-        "fridge": cold_storage.refrigerator,
-        "glass": items.water_glass,
-        "microwave": appliances.microwave,
-        "mug": items.mug,
-        "nightstand": cabinets.nightstand,
-        "orange": items.orange,
-        "oven": appliances.oven,
-        "plate": items.plate,
-        "refrigerator": cold_storage.refrigerator,
-        "shelf": furniture.shelf,
-        "table": furniture.table,
-        "wall": furniture.wall,
-        "wardrobe": cabinets.wardrobe,
-        **{word: build for module in _MODULES for word, build in getattr(module, "FAMILIES", {}).items()},
-    }
+FAMILIES = _with_added(
+    "category's word",
+    _FAMILIES,
+    (
+        (str(module.__file__), word, build)
+        for module in _MODULES
+        for word, build in getattr(module, "FAMILIES", {}).items()
+    ),
 )
 """Last known word of a category -> builder of its objects without a model."""
 # All their lengths scale with the extent, so that building them at their final size differs by rounding only.

@@ -21,7 +21,7 @@ from io import StringIO
 from operator import or_
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, TextIO, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TextIO, Union, get_args, get_origin, get_type_hints
 
 import tyro
 
@@ -30,12 +30,13 @@ import executor.cli.commands
 from executor.cli.options import Read
 
 TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
-"""Commands of two words whose first word is a command with positional arguments of its own."""
+"""Commands of two words whose first word is a command with positional arguments of its own; their files are called
+`assets_import.py` and so on."""
 
 _ORDER = (
     *("run", "plan", "rollout", "evolve", "bench", "generate", "dataset", "replay", "train", "evaluate"),
-    *("bench-replay", "bench-photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
-    *("assets-import", "bddl"),
+    *("bench replay", "bench photo", "verify", "graph", "recheck", "doctor", "scenes", "photo", "assets"),
+    *("assets import", "bddl"),
 )
 """Commands in the order of the help; others follow by name."""
 
@@ -44,12 +45,42 @@ _OF_ALL = ("--help",)
 _OF_THE_PROGRAM = ("--help", "--version")
 
 
+class CommandFiles(NamedTuple):
+    """What the files in `commands/` give.
+
+    Attributes:
+        options: Name of a command, as typed -> its class `Options`.
+        broken: Name of a command whose file cannot be loaded -> the message about it.
+    """
+
+    options: dict[str, type]
+    broken: dict[str, str]
+
+
 @cache
+def load_commands() -> CommandFiles:
+    """Load all files of commands; one that cannot be loaded is left out, so that the others work."""
+    files = {_name_of(found.name): found.name for found in pkgutil.iter_modules(executor.cli.commands.__path__)}
+    options: dict[str, type] = {}
+    broken: dict[str, str] = {}
+    for name in [name for name in _ORDER if name in files] + sorted(set(files) - set(_ORDER)):
+        try:
+            options[name] = import_module(f"executor.cli.commands.{files[name]}").Options
+        except Exception as error:
+            problem = f"cannot be loaded, so that `{name}` is left out: {type(error).__name__}: {error}"
+            broken[name] = f"the command file {files[name]}.py {problem}"
+    return CommandFiles(options, broken)
+
+
 def commands() -> dict[str, type]:
-    """Return the options of each command: class `Options` of each file in `commands/`, `_` in its name being `-`."""
-    files = {found.name.replace("_", "-"): found.name for found in pkgutil.iter_modules(executor.cli.commands.__path__)}
-    names = [name for name in _ORDER if name in files] + sorted(set(files) - set(_ORDER))
-    return {name: import_module(f"executor.cli.commands.{files[name]}").Options for name in names}
+    """Return the options of each command that can be loaded, by its name as typed."""
+    return load_commands().options
+
+
+def _name_of(file: str) -> str:
+    """Return the name of a file's command: of two words for those of `TWO_WORDS`, else with `-` for `_`."""
+    words = tuple(file.split("_"))
+    return " ".join(words) if words in TWO_WORDS else "-".join(words)
 
 
 def second_words(options: type) -> dict[str, type]:
@@ -83,9 +114,8 @@ def find_mistake(arguments: Sequence[str]) -> str:
     if first not in known:
         if first.startswith("-"):
             return _no_such(f"scene2demo has no option {first} before a command", first, _OF_THE_PROGRAM)
-        spoken = [name for name in known if tuple(name.split("-")) not in TWO_WORDS]
-        return _no_such(f"there is no command {first!r}", first, spoken)
-    command, options = " ".join(first.split("-")) if tuple(first.split("-")) in TWO_WORDS else first, known[first]
+        return _no_such(f"there is no command {first!r}", first, [name for name in known if " " not in name])
+    command, options = first, known[first]
     if seconds := second_words(options):
         if not rest or rest[0].startswith("-"):
             return ""  # The parser lists them.
@@ -207,7 +237,14 @@ def run(arguments: list[str]) -> int:
         print(f"scene2demo {installed_version('scene2demo') or '(not installed)'}")
         return 0
     if tuple(arguments[:2]) in TWO_WORDS:
-        arguments = ["-".join(arguments[:2]), *arguments[2:]]
+        arguments = [" ".join(arguments[:2]), *arguments[2:]]
+    elif arguments and tuple(arguments[0].split("-")) in TWO_WORDS:
+        arguments = [arguments[0].replace("-", " "), *arguments[1:]]
+    broken = load_commands().broken
+    if arguments and arguments[0] in broken:
+        return _refuse(broken[arguments[0]], "ImportError", as_json=as_json)
+    for problem in broken.values():
+        sys.stderr.write(f"scene2demo: {_legible(problem)}\n")
     try:
         with redirect_stderr(StringIO()):
             chosen = _parse(arguments)

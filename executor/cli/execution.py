@@ -56,6 +56,11 @@ def check_limit(limit: int) -> None:
     check(limit >= 0, "--limit", limit, "0 or more")
 
 
+def check_object(scene: Scene, object_id: str) -> None:
+    """Refuse an id that is none of a scene's objects; the error names near ones."""
+    _ = scene[object_id]
+
+
 def check_workers(workers: int) -> None:
     """Refuse fewer than one worker."""
     check(workers >= 1, "--workers", workers, "at least 1")

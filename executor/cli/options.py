@@ -116,6 +116,23 @@ Sentence = tyro.conf.Positional[
         ),
     ]
 ]
+OptionalSentence = tyro.conf.Positional[
+    Annotated[
+        str,
+        tyro.conf.arg(
+            help='What the robot is to do, such as "put the glass into the refrigerator".',
+            help_behavior_hint="",
+        ),
+        # Without quotes a shell passes the words one by one.
+        tyro.constructors.PrimitiveConstructorSpec(
+            nargs="*",
+            metavar="QUERY",
+            instance_from_str=" ".join,
+            is_instance=lambda value: isinstance(value, str),
+            str_from_instance=lambda value: [value],
+        ),
+    ]
+]
 MaxTokens = Annotated[Maybe[int], option_help("Most tokens that the model may use.")]
 MaxCost = Annotated[Maybe[float], option_help("Most US dollars that the model may cost, where its price is known.")]
 MaxTime = Annotated[Maybe[float], option_help("Most seconds that the model may take.")]
@@ -181,7 +198,7 @@ class PhotoInputs:
     camera_height_m: Maybe[float] = None
     """Without depth: how high above the floor the camera was."""
     find_more: Flag = False
-    """Search for what has no box, too: what stands out of the depths, or carries a thing; needed where no boxes are."""
+    """Also detect objects without a box, from depth; needed where no boxes are given."""
 
 
 @dataclass(frozen=True)

@@ -168,7 +168,8 @@ def render_views(
             "lights": asdict(look.lights),
             "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
             "views": {
-                camera.name: {**camera_json(camera, recording.size), "intrinsics": stage.intrinsics(camera.name)}
+                # The matrix that drew the pictures. It has single precision, so it is not bit for bit the computed one.
+                camera.name: camera_json(camera, recording.size, stage.intrinsics(camera.name))
                 for camera in look.cameras
             },
         }

@@ -52,12 +52,12 @@ class DrawnEpisode:
 
     @property
     def task(self) -> Task:
-        """The task."""
+        """The task that is executed, with the numbers of its plan."""
         return self.graph.task
 
     @property
     def scene(self) -> Scene:
-        """The concrete scene."""
+        """The scene as drawn for this episode, poses and sizes included."""
         return self.graph.scene
 
 

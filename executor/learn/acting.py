@@ -1,9 +1,9 @@
 """Policies at work: the protocol, trained policies of this program, and stock policies of LeRobot.
 
 A trained policy predicts a chunk of actions per query. Stock policies are trained by LeRobot's own trainer on an export
-(`dataset export --format lerobot`) and act by its own code. They get the environment's state under the names of a data
-set, and nothing else, so that they fit into one table with ours. LeRobot has to be installed beside this program, which
-it is in no environment that `make setup` makes.
+(`dataset export --format lerobot`), and LeRobot's code executes them. They observe the environment's state alone, under
+the names of a data set, so that one table compares them with trained policies. LeRobot is an extra installation:
+`make setup` does not install it.
 
 Source: lerobot 0.6, `rollout` of its `scripts/lerobot_eval.py`.
 """
@@ -71,17 +71,15 @@ class Policy(Protocol):
 class TrainedPolicy:
     """A trained policy that acts in one episode after the other.
 
-    Args:
-        name: Its name in results.
-        record: Its record.
-        network: Its network.
-        execute: Executed actions per chunk; by default those of its settings.
-        step: Step of training of its weights; by default the last.
-        folder: Its folder; by default its name.
+    All arguments but the network are attributes of the same names.
 
-    Attributes:
-        name, record, step, folder: As given.
-        execute: Executed actions per chunk; by default those of its settings.
+    Args:
+        name: Name in results.
+        record: What it was trained on, and how.
+        network: Predicts a chunk of actions from observations.
+        execute: Executed actions per chunk; by default those of the training's settings.
+        step: Step of training of its weights; by default the last.
+        folder: Folder of the record and the weights; by default the name.
     """
 
     def __init__(

@@ -143,7 +143,7 @@ class OutcomeWatch:
             self.succeeded_s = self.elapsed_s
 
     def outcome(self, seed: int) -> EpisodeOutcome:
-        """Return the outcome."""
+        """Return whether the episode of a seed succeeded, when, and otherwise why not, from all states so far."""
         once = self.succeeded_s is not None
         measured = {"nearest_m": round(float(self._nearest_m), 4), "most": round(self._most, 4)}
         failure = "" if once else self._failure()

@@ -108,7 +108,7 @@ class PhotoResult:
 
     @property
     def floor(self) -> FloorPlane:
-        """The floor."""
+        """The floor plane, as measured or as given by the camera's height."""
         return self.given.floor
 
 

@@ -53,7 +53,7 @@ HIGH_LIFTS_M = (0.15, 0.13, 0.105)
 """The same where a plan ends with the thing in the hand: as high as counts as picked up, and the arm's error more."""
 
 LOOKED_AT = 60  # Enough to find the obstacle.
-NAMED = 3
+MOST_NAMED_BLOCKERS = 3
 STANDOFF_M = 0.6  # The last part of a path, which the arm reaches over.
 
 
@@ -231,7 +231,7 @@ def explain_pick_failure(planner: Planner, item: str, goals: list[HandGoal], her
     if not reached:
         miss = nearest_miss(kinematics, candidates)
         return Failure(FailureKind.UNREACHABLE, miss.describe(item), (miss.added_to(found),))
-    found = replace(found, in_the_way=tuple(name for name, _ in blockers.most_common(NAMED)))
+    found = replace(found, in_the_way=tuple(name for name, _ in blockers.most_common(MOST_NAMED_BLOCKERS)))
     if not blockers:
         message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
         return Failure(FailureKind.UNREACHABLE, message, (found,))
@@ -279,5 +279,5 @@ def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:
     way = base_move(q, max(length_m - STANDOFF_M, 0.0), float(np.arctan2(offset[1], offset[0])))
     for row in segment(way[0], way[1]):
         if hits := planner.oracle.hits(row):
-            return tuple(f"{hit.mover} and {hit.other}" for hit in hits[:NAMED])
+            return tuple(f"{hit.mover} and {hit.other}" for hit in hits[:MOST_NAMED_BLOCKERS])
     return ()

@@ -61,20 +61,21 @@ OPENED_CLEARANCE_M = 0.002  # Of the fingers as they open.
 FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
 OPTION_COST = 0.03  # For each filling of open numbers after the preferred one.
 RESTARTS = 16  # Of the inverse kinematics.
-BATCH = 80  # Examined before a plan that is not comfortable is taken.
+CANDIDATES_PER_BATCH = 80  # Examined before a plan that is not comfortable is taken.
 MOST_CANDIDATES = 400
 """How many configurations over a spot are examined before given numbers count as infeasible."""
 
 MORE_CANDIDATES = 800
 """How many more where numbers are open, from the sides first on which the arm had room."""
 
-ENOUGH_MET = 12
+COLLISIONS_OF_TAKEN_SIDE = 12
 """After so many postures whose arm hit something, and none that did not, a side counts as taken."""
 
-EXPLAINED = 100
+EXPLAINING_CONFIGURATIONS = 100
 """How many configurations are examined to explain a failure, and of how many bases that have room."""
 
-MISSES, NAMED = 40, 3
+MISS_CANDIDATES = 40  # Base poses among which the nearest miss of an unreachable spot is searched.
+MOST_NAMED_BLOCKERS = 3  # Named in a failure, the most frequent first.
 UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
 
 
@@ -106,7 +107,7 @@ class PlacePlan:
         return self.entry[:3]
 
 
-class Sides:
+class HeadingStatistics:
     """Experience with each heading: a bowl near one edge of a table is reached over that edge alone."""
 
     def __init__(self) -> None:
@@ -123,7 +124,7 @@ class Sides:
     def is_taken(self, goal: HandGoal) -> bool:
         """Return whether the arm has hit something in all of many postures from this side."""
         side = _side(goal)
-        return side not in self._free and self._met[side] >= ENOUGH_MET
+        return side not in self._free and self._met[side] >= COLLISIONS_OF_TAKEN_SIDE
 
     def roomy_first(self, candidates: Iterable[BaseCandidate]) -> Iterator[BaseCandidate]:
         """Yield candidates in their order, but last those whose side counts as taken when their turn comes."""
@@ -180,7 +181,7 @@ class PlaceSearch:
         """
         goals, options = self._goals(), fill_options(moves, lowerings_m(self.regions))
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
-        blocked, sides = BlockedGoals(), Sides()
+        blocked, sides = BlockedGoals(), HeadingStatistics()
         room: dict[int, bool] = {}
 
         def has_room(goal: HandGoal) -> bool:
@@ -198,7 +199,7 @@ class PlaceSearch:
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
         more = itertools.islice(examine(sides.roomy_first(candidates)), more_count)
-        for plan in itertools.chain(best_first(first, BATCH), best_first(more, BATCH)):
+        for plan in itertools.chain(best_first(first, CANDIDATES_PER_BATCH), best_first(more, CANDIDATES_PER_BATCH)):
             fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
             if self.planner.oracle.is_path_free(fine, margin_m=CLEARANCE_M):
                 yield plan
@@ -219,16 +220,16 @@ class PlaceSearch:
             return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
         candidates = base_candidates(goals, self.q, TURNS_RAD)
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
-        standing = [c for c in itertools.islice(candidates, 20 * EXPLAINED) if floor.at(c.base)]
+        standing = [c for c in itertools.islice(candidates, 20 * EXPLAINING_CONFIGURATIONS) if floor.at(c.base)]
         if not standing:
             return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", (found,))
-        releases = itertools.islice(_releases(standing, solver, floor, BlockedGoals()), EXPLAINED)
+        releases = itertools.islice(_releases(standing, solver, floor, BlockedGoals()), EXPLAINING_CONFIGURATIONS)
         options = fill_options(moves, lowerings_m(self.regions))
         met = [self._met(release, options[0]) for _, (release, *_) in releases]
         if not met:
-            miss = nearest_miss(self.planner.kinematics, standing[:MISSES])
+            miss = nearest_miss(self.planner.kinematics, standing[:MISS_CANDIDATES])
             return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.describe('it')}", (miss.added_to(found),))
-        common = Counter(met).most_common(NAMED)
+        common = Counter(met).most_common(MOST_NAMED_BLOCKERS)
         found = replace(found, looked_at=len(met), in_the_way=dict(common))
         first, count = common[0]
         return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", (found,))
@@ -260,7 +261,7 @@ class PlaceSearch:
         releases: list[Array],
         options: list[tuple[Action, ...]],
         blocked: BlockedGoals,
-        sides: Sides,
+        sides: HeadingStatistics,
     ) -> PlacePlan | None:
         """Return the plan of the first free and reachable configuration over the spot, or None."""
         for release in releases:

@@ -63,7 +63,7 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
     """
     rollout = record.rollout
     detours = () if rollout is None else rollout.detour_notes
-    evolution = {} if record.evolution is None else _evolution(record.evolution, record.attempts)
+    evolution = {} if record.evolution is None else evolution_values(record.evolution, record.attempts)
     return render(
         "run.html",
         record=record,
@@ -133,17 +133,8 @@ def frame_strips(rollout: Rollout, step: StepRecord, frames: Frames | None) -> l
     return [(view, [shown(view, index) for index in samples]) for view in frames.views]
 
 
-def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
-    """Return the section about an episode's revisions; empty when there were none and nothing was given up.
-
-    Args:
-        evolution: The episode.
-        pictures: Pictures of its attempts.
-    """
-    return render("evolution.html", **_evolution(evolution, pictures))
-
-
-def _evolution(evolution: Evolution, pictures: AttemptPictures) -> dict[str, object]:
+def evolution_values(evolution: Evolution, pictures: AttemptPictures) -> dict[str, object]:
+    """Return the values of the template `evolution.html`, the section about an episode's revisions."""
     revised = [story for story in evolution.stories if len(story.records) > 1 or story.gave_up is not None]
     stories = []
     for story in revised:

@@ -183,7 +183,6 @@ def _reading_json(reading: GoalReading) -> dict[str, object]:
 
 
 EVOLUTION_SCHEMA, PAIR_SCHEMA = "scene2demo-evolution/2", "scene2demo-pair/1"
-SCHEMA_FILE = Path(__file__).with_name("evolution_pairs.schema.json")
 
 PictureFiles = Mapping[tuple[int, int], list[str]]
 """(Subtask, attempt) -> files of the failed step's pictures, relative to the folder of the pairs."""

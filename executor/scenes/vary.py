@@ -28,7 +28,7 @@ from pydantic import BeforeValidator, Field
 import bddl
 from bddl.errors import Scene2DemoError
 from executor.assets.footprint import EDGES
-from executor.assets.library import GASKET_FORCE, HANDLE_FORCE
+from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
 from oag import Scene, SceneObject
 from oag.model.codec import Document, expected

@@ -21,18 +21,17 @@ from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, held_by, overlap
 from oag.progression import Grade, Obligation
 from oag.task import SimpleTask, Task
 from oag.verify.edits import Fix
-from oag.verify.fix_candidates import Candidate, Mistake, form_candidates, numbered
-from oag.verify.fix_plans import (
+from oag.verify.fix_candidates import Candidate, Mistake, numbered
+from oag.verify.fix_conditions import (
     condition_candidates,
-    deletion_candidates,
     fact_candidates,
     goal_candidates,
-    insertion_candidates,
     object_candidates,
-    order_candidates,
     role_candidates,
-    step_candidates,
 )
+from oag.verify.fix_flows import step_candidates
+from oag.verify.fix_form import form_candidates
+from oag.verify.fix_subtasks import deletion_candidates, insertion_candidates, order_candidates
 from oag.verify.verify import Report, Verdict, verify
 
 # Most verifications for one mistake; in long plans, as many as follow this number of steps in all.

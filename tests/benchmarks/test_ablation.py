@@ -77,6 +77,7 @@ def test_what_was_said_before_a_resumption_is_kept(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["conversations.json", "conversations_2.json"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_the_views_are_compared_over_the_wire(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -183,10 +183,10 @@ def command(
 
 def commands() -> list[tuple[str, ...]]:
     """Return every command as typed, those of two words too."""
-    (listed,) = re.findall(r"\{([a-z,-]+)\}", command("--help").stdout)[:1]
+    (listed,) = re.findall(r"\{([a-z, -]+)\}", command("--help").stdout)[:1]
     found: list[tuple[str, ...]] = []
     for name in listed.split(","):
-        words = tuple(name.split("-")) if name in ("bench-replay", "bench-photo", "assets-import") else (name,)
+        words = tuple(name.split(" "))
         below = re.match(r"usage: scene2demo \S+ \[-h\] \{([a-z,-]+)\}", command(*words, "--help").stdout)
         found += [(*words, each) for each in below[1].split(",")] if below else [words]
     return found

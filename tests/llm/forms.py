@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm.evolve.judges import RevisedFlow, StepCritique
+from llm.evolve.model_inspector import StepCritique
+from llm.evolve.model_supervisor import RevisedFlow
 from llm.structured.schema import Answer, wire_schema
 from oag import Primitive
 from tests.llm.evolve.scripted_judges import critique_answer, revision_answer

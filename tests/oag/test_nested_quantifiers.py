@@ -128,6 +128,7 @@ def test_a_distinction_of_too_many_cases_is_given_up() -> None:
     assert found and found.certificate is None
 
 
+@pytest.mark.slow
 def test_a_checker_gives_up_a_forged_distinction_of_cases() -> None:
     goal = "(forall (?a - cup) (forall (?b - cup) (or (nextto ?a ?b) (not (nextto ?a ?b)))))"
     made = report(room(40), "(open drawer_0)").certificate

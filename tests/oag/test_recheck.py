@@ -198,6 +198,28 @@ def test_an_assumption_is_not_needed_for_what_a_step_wrote() -> None:
     assert "nothing needs it" in oag.recheck(forged).reason
 
 
+def test_an_assumption_that_dates_again_what_a_step_wrote_is_confirmed_and_not_to_be_bent() -> None:
+    """Taking the glass out writes that it is not inside; assuming the oven to be inside the glass says so again."""
+    objects = {
+        "oven_0": {"category": "oven", "bbox_extent": [0.6, 0.6, 1.0]},
+        "glass_0": {"category": "glass", "bbox_extent": [0.05, 0.05, 0.1]},
+    }
+    scene = oag.Scene.from_json({"objects": objects, "facts": ["(open oven_0)"], "closed": ["ontop"]})
+    held = {"target": "glass_0", "goal": "(inside glass_0 gripper)"}
+    taken = {**held, "init": "(and)", "flow": [17, 1, 2, 3, {"7": 0.2}, 6]}
+    asked = {**held, "init": "(and (not (inside glass_0 oven_0)) (inside oven_0 glass_0))", "flow": []}
+    task = oag.Task.from_json({"goal": "(inside glass_0 gripper)", "sub_tasks": [taken, asked]}, scene=scene)
+    report = oag.compose(task).verify()
+    assert report.verdict is oag.Verdict.CONDITIONAL and report.certificate is not None
+    data = json.loads(json.dumps(report.certificate.to_json()))
+    result = oag.recheck(data)
+    assert result, result.reason
+    (again,) = (link for link in data["links"] if link[3] == ["inside", "glass_0", "oven_0"])
+    assert again[-1] == 13
+    again[-1] = 12
+    assert not oag.recheck(rehashed(data)), "the earlier write is not the last one"
+
+
 def test_certificates_of_another_version_are_refused_by_name() -> None:
     data = certificate()
     data["schema"] = "scene2demo-certificate/1"

@@ -26,6 +26,12 @@ RESTING_FACTS: tuple[Fact, ...] = tuple(
     if support != item
 )
 FACTS: tuple[Fact, ...] = (*OPEN_FACTS, *RESTING_FACTS)
+# Places whose converse is not ruled out by the kinds of things; a step may write either of the two.
+CROSSED: tuple[Fact, ...] = (
+    ("ontop", "cup_0", "apple_0"),
+    *(("ontop", item, fixture) for item in ITEMS for fixture in FIXTURES),
+    *(("inside", "cup_0", fixture) for fixture in FIXTURES),
+)
 MOVES = (1, 2, 3, 4, 5, 6, 7, 9, 13, 17, 18, 19, 20)
 
 
@@ -235,13 +241,13 @@ def cases(draw: st.DrawFn, most_unknown: int = 5) -> Case:
 
 @st.composite
 def crossed_cases(draw: st.DrawFn) -> Case:
-    """A plan that asks, in one condition or in two, for a thing on another and not the other way round.
+    """A plan that asks, in one condition or in two, for a thing on or in another and not the other way round.
 
     What it asks for is unknown at first, and what it denies may be written by a step, or follow from what is assumed.
     """
     case = draw(cases(most_unknown=3))
-    pair = (("ontop", "cup_0", "apple_0"), ("ontop", "apple_0", "cup_0"))
-    wanted, denied = draw(st.permutations(pair))
+    relation, item, support = draw(st.sampled_from(CROSSED))
+    wanted, denied = draw(st.permutations(((relation, item, support), (relation, support, item))))
     unknown = {*case.unknown, wanted, *draw(st.sets(st.just(denied)))}
     literals: tuple[Literal, ...] = ((denied, False), (wanted, True))
     plan = list(case.parts)
@@ -252,7 +258,7 @@ def crossed_cases(draw: st.DrawFn) -> Case:
         else:
             plan[index] = replace(plan[index], goal=(*plan[index].goal, *group))
     known = {fact: value for fact, value in case.known.items() if fact not in unknown}
-    closed = tuple(name for name in case.closed if name != "ontop")
+    closed = tuple(name for name in case.closed if name != relation)
     return Case(known, tuple(sorted(unknown)), tuple(plan), case.goal, closed)
 
 

@@ -17,8 +17,8 @@ from executor.system.files import write_json
 class Options(CommonOptions):
     """Measure how good reconstructions from photographs are, on rooms that are known.
 
-    Rooms are drawn from a seed and seen by a camera; each track gives the reconstruction something else, and its title
-    says what of that is taken from the simulator. Goes on where an earlier run with the same folder ended.
+    Rooms are drawn from a seed and seen by a camera. Each track gives the reconstruction other inputs. Its title says
+    which inputs come from the simulator. Goes on where an earlier run with the same folder ended.
     """
 
     out: ResultsFolder

@@ -1,6 +1,6 @@
 """`scene2demo evolve`: execute a task file, revise the flows that fail, and report every attempt.
 
-Faults are typed as `pose:glass_0,size_m=0.02`, `navigation:left_m=0.15`, `grip:force_n=0.5`.
+`executor/cli/faults.py` reads the faults that are typed.
 Exit code 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
@@ -9,15 +9,15 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
+from executor.cli.faults import FaultOption
 from executor.cli.options import (
     CommonOptions,
     Episodes,
@@ -35,6 +35,7 @@ from executor.cli.output import print_json, say, tell, tell_notes
 from executor.system.files import json_text, read_json
 
 if TYPE_CHECKING:
+    from executor.cli.evolution_setup import EvolutionSetup
     from executor.reports.run_folder import RunFolder
     from executor.rollouts.evolution_record import Evolution
     from executor.sim.faults import Fault
@@ -63,110 +64,10 @@ class Options(CommonOptions):
     force: ReplaceResults = False
 
 
-_OBJECT = "object_id"
-_DRAWN_SIZE = "size_m"
-_DRAWN = ("pose", "navigation")
-
-
-class BadFault(Scene2DemoError, ValueError):
-    """The typed fault cannot be made."""
-
-    def __init__(self, text: str, problem: str) -> None:
-        super().__init__(f"--fault {text!r}: {problem}; {FORMS}")
-
-
-FORMS = (
-    "faults are pose:OBJECT,size_m=N (its direction drawn by the seed) or pose:OBJECT,dx_m=N,dy_m=N; "
-    "scale:OBJECT,factor=N; door:OBJECT,fraction=N; navigation:size_m=N or navigation:forward_m=N,left_m=N,yaw_deg=N; "
-    "grip:force_n=N"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class FaultOption:
-    """A fault as typed, before a seed draws what it leaves open.
-
-    Attributes:
-        text: As typed.
-        kind: The kind's word.
-        object_id: Its object; None for kinds without one.
-        numbers: Its numbers by name.
-    """
-
-    text: str
-    kind: str
-    object_id: str | None = None
-    numbers: Mapping[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def parse(cls, text: str) -> FaultOption:
-        """Parse a fault."""
-        from bddl import near_names
-        from executor.sim.faults import KINDS
-
-        kind, _, rest = text.partition(":")
-        if kind not in KINDS:
-            near = near_names(kind, sorted(KINDS))
-            hint = f", did you mean {' or '.join(near)}?" if near else ""
-            raise BadFault(text, f"there is no kind {kind!r}{hint}")
-        known = {f.name: f for f in fields(KINDS[kind])}
-        object_id, numbers = None, {}
-        for word in filter(None, (part.strip() for part in rest.split(","))):
-            name, equals, value = word.partition("=")
-            if not equals and _OBJECT in known and object_id is None:
-                object_id = word
-            elif name in known or (name == _DRAWN_SIZE and kind in _DRAWN):
-                numbers[name] = _number(text, name, value)
-            else:
-                legal = ", ".join(n for n in known if n != _OBJECT)
-                raise BadFault(text, f"{word!r} is not one of its numbers, which are {legal}")
-        words = cls(text, kind, object_id, numbers)
-        words.drawn(0)
-        return words
-
-    def drawn(self, seed: int) -> Fault:
-        """Return the fault of an episode."""
-        from executor.sim.faults import KINDS, NavigationOffset, PoseError
-
-        made = KINDS[self.kind]
-        if _OBJECT in {f.name for f in fields(made)} and self.object_id is None:
-            raise BadFault(self.text, "it is about an object, such as glass_0")
-        if _DRAWN_SIZE in self.numbers:
-            if len(self.numbers) > 1:
-                raise BadFault(self.text, f"{_DRAWN_SIZE} leaves the direction to the seed; give it alone")
-            size_m = self.numbers[_DRAWN_SIZE]
-            if self.kind == "navigation":
-                return NavigationOffset.drawn(size_m, seed)
-            return PoseError.drawn(self.object_id or "", size_m, seed)
-        given: dict[str, object] = {} if self.object_id is None else {_OBJECT: self.object_id}
-        given.update(self.numbers)
-        if self.kind == "navigation":
-            given = {"forward_m": 0.0, "left_m": 0.0, **given}
-        if self.kind == "pose" and self.numbers:
-            given = {"dx_m": 0.0, "dy_m": 0.0, **given}
-        missing = [f.name for f in fields(made) if f.name not in given and f.default is MISSING]
-        if missing:
-            raise BadFault(self.text, f"it needs {' and '.join(missing)}")
-        try:
-            return made(**given)  # type: ignore[arg-type]
-        except ValueError as problem:
-            raise BadFault(self.text, str(problem)) from problem
-
-
-def _number(text: str, name: str, value: str) -> float:
-    try:
-        number = float(value)
-    except ValueError:
-        raise BadFault(text, f"{name} is a number, not {value!r}") from None
-    if not -1e3 < number < 1e3:
-        raise BadFault(text, f"{name} is a number of metres, degrees, newtons or a fraction, not {value}")
-    return number
-
-
 def execute(options: Options) -> int:
     """Run the episodes, print their attempts, and return the exit code."""
-    from executor.cli.evolution_setup import stopped_message
-    from executor.cli.execution import check_limit, check_seed, refuse, task_to_run
+    from executor.cli.evolution_setup import EvolutionSetup, stopped_message
+    from executor.cli.execution import check_limit, check_object, check_seed, refuse, task_to_run
     from executor.rollouts.evolution_record import EvolutionInterrupted
     from oag import compose
     from oag.sizes import planned_resizings
@@ -179,7 +80,7 @@ def execute(options: Options) -> int:
     task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     for words in faults:
         if words.object_id is not None:
-            scene[words.object_id]  # Raises an error that lists the objects when it is none.
+            check_object(scene, words.object_id)
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:
@@ -191,16 +92,24 @@ def execute(options: Options) -> int:
     results: list[dict[str, Any]] = []
     last: Evolution | None = None
     interrupted, stopped = False, ""
-    spent: list[Spending] = []
+    kept, folders = _kept_and_folders(options, faults, graph.task)
+    setup = EvolutionSetup(
+        options.judged,
+        options.out,
+        force=options.force,
+        resume=options.resume,
+        pictures=options.pictures,
+        quiet=options.json,
+    )
     try:
-        for done, episode in _episodes(options, faults, graph, spent):
+        for done, episode in _episodes(options, faults, graph, setup, kept, folders):
             last, stopped = done, episode.get("stopped", "")
             results.append(episode)
             if not options.json and options.episodes > 1:
                 say(_headline(episode), style="green" if episode["succeeded"] else "red")
     except EvolutionInterrupted:
         interrupted = True
-    usage = spent[0].to_json() if spent else None
+    usage = None if setup.spending is None else setup.spending.to_json()
     good = not interrupted and all(episode["succeeded"] for episode in results)
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
@@ -209,8 +118,8 @@ def execute(options: Options) -> int:
         print_json({**head, **_summary_of(results), "episodes": results})
     else:
         _print(results, last, options)
-        for spending in spent:
-            say(spending.total())
+        if setup.spending is not None:
+            say(setup.spending.total())
         if stopped:
             tell(f"scene2demo: {stopped_message(stopped)}", style="red")
         elif interrupted:
@@ -218,8 +127,39 @@ def execute(options: Options) -> int:
     return code
 
 
+def _kept_and_folders(
+    options: Options, faults: tuple[FaultOption, ...], task: Task
+) -> tuple[dict[int, dict[str, Any]], dict[int, RunFolder]]:
+    """Return by seed the finished episodes that are kept, and the prepared folders of the others.
+
+    Raises:
+        BadOption: The folder to go on from has episodes of another experiment.
+    """
+    from executor.reports.run_folder import RunFolder, episode_folder
+
+    kept: dict[int, dict[str, Any]] = {}
+    folders: dict[int, RunFolder] = {}
+    if options.out is None:
+        return kept, folders
+    for seed in range(options.seed, options.seed + options.episodes):
+        path = episode_folder(options.out, seed)
+        drawn = tuple(words.drawn(seed) for words in faults)
+        found = _kept(path / "evolution.json", task, drawn, seed) if options.resume else None
+        if found is not None:
+            kept[seed] = found
+        else:
+            # An episode that was interrupted has no evolution.json, and is run again.
+            folders[seed] = RunFolder.prepare(path, force=options.force or options.resume)
+    return kept, folders
+
+
 def _episodes(
-    options: Options, faults: tuple[FaultOption, ...], graph: ObjectActionGraph, spent: list[Spending]
+    options: Options,
+    faults: tuple[FaultOption, ...],
+    graph: ObjectActionGraph,
+    setup: EvolutionSetup,
+    kept: Mapping[int, dict[str, Any]],
+    folders: Mapping[int, RunFolder],
 ) -> Iterator[tuple[Evolution | None, dict[str, Any]]]:
     """Yield the episodes in JSON form, in the order of seeds, each with its evolution; None where the result was kept.
 
@@ -229,41 +169,19 @@ def _episodes(
         options: The typed options.
         faults: Deliberate faults.
         graph: The proved plan.
-        spent: Receives the usage of the model, if there is one.
+        setup: Their judges.
+        kept: Finished episodes, by seed.
+        folders: Folders of the others, by seed.
 
     Raises:
-        BadOption: The folder to go on from has episodes of another experiment.
         EvolutionInterrupted: Ctrl-C.
     """
-    from executor.cli.evolution_setup import EvolutionSetup
     from executor.cli.execution import RolloutProgress
-    from executor.reports.run_folder import RunFolder, episode_folder
     from executor.rollouts.rollout import RunConditions
     from executor.rollouts.run_record import evolution_json
 
-    seeds = range(options.seed, options.seed + options.episodes)
-    kept: dict[int, dict[str, Any]] = {}
-    folders: dict[int, RunFolder] = {}
-    paths = {} if options.out is None else {seed: episode_folder(options.out, seed) for seed in seeds}
-    for seed, path in paths.items():
-        drawn = tuple(words.drawn(seed) for words in faults)
-        found = _kept(path / "evolution.json", graph.task, drawn, seed) if options.resume else None
-        if found is not None:
-            kept[seed] = found
-        else:
-            # An episode that was interrupted has no evolution.json, and is run again.
-            folders[seed] = RunFolder.prepare(path, force=options.force or options.resume)
-    judged_by = EvolutionSetup(
-        options.judged,
-        options.out,
-        force=options.force,
-        resume=options.resume,
-        pictures=options.pictures,
-        quiet=options.json,
-    )
-    spent += [] if judged_by.spending is None else [judged_by.spending]
-    with judged_by as judging, RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
-        for seed in seeds:
+    with setup as judging, RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
+        for seed in range(options.seed, options.seed + options.episodes):
             if seed in kept:
                 yield None, kept[seed]
                 continue
@@ -314,7 +232,7 @@ def _write(
 
 
 def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:
-    """Return the episode of a file, None when it has none."""
+    """Return the recorded episode if it is finished; refuse another experiment's."""
     from executor.sim.faults import fault_json
 
     try:

@@ -17,6 +17,7 @@ from bddl.files import read_bounded
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import (
+    READ_SCENE,
     CommonOptions,
     Flag,
     FullSize,
@@ -32,7 +33,6 @@ from executor.cli.options import (
     Read,
     ReplaceResults,
     ResultsFolder,
-    SceneName,
     Sentence,
     Size,
     Video,
@@ -53,7 +53,8 @@ class Options(CommonOptions):
 
     query: Sentence
     out: ResultsFolder
-    scene: Maybe[SceneName] = None
+    scene: Annotated[Maybe[str], READ_SCENE] = None
+    """Name of a scene that comes with the package, or a scene's JSON file; without it, --photo is needed."""
     photo: Annotated[Maybe[Path], Read()] = None
     """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)

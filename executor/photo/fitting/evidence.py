@@ -23,17 +23,42 @@ from executor.geometry import Array
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, raycaster_of
 from executor.photo.geometry.observation import Observation
 
-_AROUND, _LEAST_SURROUND_PX = 0.5, 24.0  # Margin around a box for other colours: share of its sides, pixels.
+_SURROUND_SHARE, _LEAST_SURROUND_PX = 0.5, 24.0  # Margin around a box for other colours: share of its sides, pixels.
 _SHADE_STEP, _LEAST_SHARE = 16, 0.004  # Step of each colour; least share of the pixels of a colour.
-_EDGE = 0.035  # Of full brightness: a larger difference across two pixels is an edge.
+_EDGE_CONTRAST = 0.035  # Of full brightness: a larger difference across two pixels is an edge.
 _EDGE_TOLERANCE_PX = 1  # Tolerance of an edge's place.
-_VISIBLE_EDGES = 0.8  # Share of a model's edges that the picture shows; faces may look alike.
-_MOST_CLUTTER = 0.5
-_FOOT_MARGIN = 0.15  # Margin around a foot for its support, as a share of the box's height.
+_VISIBLE_EDGE_SHARE = 0.8  # Share of a model's edges that the picture shows; faces may look alike.
+_MOST_CLUTTER_SHARE = 0.5  # Of neighbouring pixels with an edge between them.
+_FOOT_MARGIN_SHARE = 0.15  # Margin around a foot for its support, as a share of the box's height.
 _LEAST_CHROMA, _SAME_HUE_RAD, _SAME_CHROMA, _SAME_LIGHT = 12.0, 0.15, (0.5, 1.6), 40.0
 """In CIELAB: least chroma, below which colours are grey as floor and walls; differences of faces of one object in
 light and shade."""
-_ALONG = 0.3  # Share of pairs along an edge that are independent measurements.
+_INDEPENDENT_EDGE_SHARE = 0.3  # Share of pairs along an edge that are independent measurements.
+_BOX_MARGIN_SHARE = 0.12  # Of the box's sides, looked at around it.
+_MODEL_ERROR_M = 0.004  # Error of a correct model.
+_SEEN_THROUGH_COST, _HIDDEN_COST, _OUTSIDE_BOX_COST = 8.0, 5.0, 4.0
+"""Largest cost of a pixel: seen through the hypothesis; nearer than everything known; covered outside the box."""
+
+_BOX_SIGMA_SHARE = 0.04  # Of the box's sides: how exact boxes are.
+_NONLINEAR_SHARE = 0.3  # Share of the distortion that is not linear around one object.
+_LINEAR_DISTORTION = np.array([1.0, 7.0, 7.0])
+"""Linear distortion around an object, as shares of the distortion: offset, and slopes per unit of a ray to the left
+and up."""
+
+_DISTORTED_WEIGHT = 16.0
+"""Number of independent measurements that distorted depth is worth: all its errors are correlated."""
+
+_OUTLIER_SIGMAS = (4.0, 2.0)  # Standard deviations: outliers in the first round, and in the second.
+_MASK_ERROR_PX = 1.5  # How exact masks are.
+_COLOUR_SIGMA, _MOST_COLOUR_COST = 0.06, 4.0  # Deviation within one face, in 0 to 1; largest cost of a pixel.
+_LEAST_SHADED_COST, _SHADED_HUE_TOLERANCE, _BRIGHTNESS_RANGE, _LEAST_SHADED_PIXELS = 2.0, 0.05, (0.45, 2.2), 8
+"""Differently lit part of one colour: least cost of a pixel, tolerance of the hue, range of brightness, least
+pixels."""
+
+_COLOURS_OF_SHADED_FACE = 3.0  # Extra colours that a face in two lights counts for.
+_UNEXPLAINED, _OTHER_FACES = -1, -2  # Groups of pixels: unexplained; then, downwards, faces of other objects.
+_MOST_BOX_COST, _MOST_BOX_COST_MONOCULAR = 8.0, 40.0  # Largest cost of a side of the outline.
+_NOISE_SHARE = 0.1  # Share of a box's pixels that noise makes stand out at edges.
 
 
 def distance_to_surroundings(
@@ -47,7 +72,10 @@ def distance_to_surroundings(
         colours: (N, 3) in 0 to 1.
     """
     x0, y0, x1, y1 = box_px
-    over_x, over_y = max(_LEAST_SURROUND_PX, _AROUND * (x1 - x0)), max(_LEAST_SURROUND_PX, _AROUND * (y1 - y0))
+    over_x, over_y = (
+        max(_LEAST_SURROUND_PX, _SURROUND_SHARE * (x1 - x0)),
+        max(_LEAST_SURROUND_PX, _SURROUND_SHARE * (y1 - y0)),
+    )
     height, width = rgb.shape[:2]
     left, right = max(0, int(x0 - over_x)), min(width, math.ceil(x1 + over_x))
     top, bottom = max(0, int(y0 - over_y)), min(height, math.ceil(y1 + over_y))
@@ -76,7 +104,7 @@ def of_one_hue(rgb: NDArray[np.uint8], box_px: tuple[float, float, float, float]
     """
     x0, y0, x1, y1 = (round(value) for value in box_px)
     height, width = rgb.shape[:2]
-    margin = max(3, round(_FOOT_MARGIN * (y1 - y0)))
+    margin = max(3, round(_FOOT_MARGIN_SHARE * (y1 - y0)))
     low, high = round((y0 + 2 * y1) / 3), y1 + margin
     around = [(x0 - margin, y0), (x1 + margin, y0), (x0 - margin, low), (x1 + margin, low), ((x0 + x1) // 2, high)]
     lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255.0), cv2.COLOR_RGB2LAB)
@@ -135,43 +163,16 @@ class Edges:
             firsts.append(here)
             seconds.append(other[here])
             found.append(widest[rows[here], columns[here]])
-        is_edge = np.concatenate(found) > _EDGE
-        clutter = min(max(float(is_edge.mean()), 0.01), _MOST_CLUTTER)
+        is_edge = np.concatenate(found) > _EDGE_CONTRAST
+        clutter = min(max(float(is_edge.mean()), 0.01), _MOST_CLUTTER_SHARE)
         worth = np.where(
-            is_edge, math.log(_VISIBLE_EDGES / clutter), math.log((1.0 - _VISIBLE_EDGES) / (1.0 - clutter))
+            is_edge, math.log(_VISIBLE_EDGE_SHARE / clutter), math.log((1.0 - _VISIBLE_EDGE_SHARE) / (1.0 - clutter))
         )
-        return cls(np.concatenate(firsts), np.concatenate(seconds), _ALONG * worth)
+        return cls(np.concatenate(firsts), np.concatenate(seconds), _INDEPENDENT_EDGE_SHARE * worth)
 
-    def cost(self, label: NDArray[np.int64]) -> float:
+    def border_cost(self, label: NDArray[np.int64]) -> float:
         """Return the cost of borders between pixels (N,) of different labels against the picture's edges."""
         return -float(self.worth[label[self.first] != label[self.second]].sum())
-
-
-_MARGIN = 0.12  # Of the box's sides, looked at around it.
-_MODEL_M = 0.004  # Error of a correct model.
-_THROUGH, _HIDDEN, _OUTSIDE = 8.0, 5.0, 4.0
-"""Largest cost of a pixel: seen through the hypothesis; nearer than everything known; covered outside the box."""
-
-_CLAIM_SIGMA = 0.04  # Of the box's sides: how exact boxes are.
-_WITHIN = 0.3  # Share of the distortion that is not linear around one object.
-_EVEN = np.array([1.0, 7.0, 7.0])
-"""Linear distortion around an object, as shares of the distortion: offset, and slopes per unit of a ray to the left
-and up."""
-
-_BENT_WEIGHT = 16.0
-"""Number of independent measurements that distorted depth is worth: all its errors are correlated."""
-
-_BENT = (4.0, 2.0)  # Standard deviations: outliers in the first round, and in the second.
-_MASK_PX = 1.5  # How exact masks are.
-_COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
-_ODD, _SAME_HUE, _SHADE_RANGE, _LEAST_SHADED = 2.0, 0.05, (0.45, 2.2), 8
-"""Differently lit part of one colour: least cost of a pixel, tolerance of the hue, range of brightness, least
-pixels."""
-
-_TONE = 3.0  # Extra colours that a face in two lights counts for.
-_UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: unexplained; then, downwards, faces of other objects.
-_BOX_MOST, _BOX_ALONE = 8.0, 40.0
-_FEW = 0.1  # Share of a box's pixels that noise makes stand out at edges.
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class PixelEvidence:
         """
         width, height = observation.size_px
         x0, y0, x1, y1 = box_px
-        over_x, over_y = max(4.0, _MARGIN * (x1 - x0)), max(4.0, _MARGIN * (y1 - y0))
+        over_x, over_y = max(4.0, _BOX_MARGIN_SHARE * (x1 - x0)), max(4.0, _BOX_MARGIN_SHARE * (y1 - y0))
         left, right = max(0, int(x0 - over_x)), min(width, math.ceil(x1 + over_x))
         top, bottom = max(0, int(y0 - over_y)), min(height, math.ceil(y1 + over_y))
         step = max(1, int(math.sqrt((right - left) * (bottom - top) / most)))
@@ -250,10 +251,12 @@ class PixelEvidence:
             beyond = _beyond(box_px, rows, columns)
         else:
             window = np.s_[top:bottom, left:right]
-            beyond = distance_transform_edt(~own[window])[rows - top, columns - left] / _MASK_PX
+            beyond = distance_transform_edt(~own[window])[rows - top, columns - left] / _MASK_ERROR_PX
         inside = beyond <= 0.0
         z, behind = observation.z_m[rows, columns], other_m[rows, columns]
-        sigma = np.hypot(observation.sigma_m[rows, columns], _MODEL_M + _WITHIN * observation.depth_distortion * z)
+        sigma = np.hypot(
+            observation.sigma_m[rows, columns], _MODEL_ERROR_M + _NONLINEAR_SHARE * observation.depth_distortion * z
+        )
         mine = inside & (z < behind - np.maximum(0.015, 3.0 * sigma)) if has_depth else inside
         return cls(
             observation,
@@ -264,7 +267,7 @@ class PixelEvidence:
             behind,
             other[rows, columns],
             inside,
-            _OUTSIDE * np.minimum(1.0, beyond**2),
+            _OUTSIDE_BOX_COST * np.minimum(1.0, beyond**2),
             observation.rgb[rows, columns] / 255.0,
             mine,
             math.sqrt(max(1, len(rows))) * 6.0,
@@ -295,10 +298,11 @@ class PixelEvidence:
         z_m, bend_cost = self._unbent(depth)
         off = (z_m - np.minimum(depth, self.other_m)) / self.sigma_m
         beyond = off > 0.0
-        square = np.minimum(0.5 * off * off, np.where(beyond, _THROUGH, _HIDDEN))
+        square = np.minimum(0.5 * off * off, np.where(beyond, _SEEN_THROUGH_COST, _HIDDEN_COST))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
-        cost = float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
-        return (min(self.weight, _BENT_WEIGHT) if self.observation.monocular else self.weight) * cost + bend_cost
+        mean_cost = float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
+        weight = min(self.weight, _DISTORTED_WEIGHT) if self.observation.monocular else self.weight
+        return weight * mean_cost + bend_cost
 
     def _unbent(self, depth: Array) -> tuple[Array, float]:
         """Correct distorted depth linearly around a rendered hypothesis; return (N,) depth and the cost of that.
@@ -310,14 +314,15 @@ class PixelEvidence:
             return self.z_m, 0.0
         known = np.minimum(depth, self.other_m)
         off = np.log(self.z_m / np.where(np.isfinite(known), known, 1e-3))
-        ways = np.column_stack([np.ones(len(off)), self.rays[:, 1:] - self.rays[:, 1:].mean(axis=0)])
-        even, bend = np.zeros(3), np.zeros(len(off))
-        for most in _BENT:
-            some = np.abs(off - bend) < most * share
-            of = ways[some]
-            even = np.linalg.solve(of.T @ of + np.diag((_WITHIN / _EVEN) ** 2), of.T @ off[some])
-            bend = ways @ even
-        return self.z_m * np.exp(-bend), 0.5 * float(((even / (share * _EVEN)) ** 2).sum())
+        design = np.column_stack([np.ones(len(off)), self.rays[:, 1:] - self.rays[:, 1:].mean(axis=0)])
+        prior = np.diag((_NONLINEAR_SHARE / _LINEAR_DISTORTION) ** 2)
+        coefficients, bend = np.zeros(3), np.zeros(len(off))
+        for sigmas in _OUTLIER_SIGMAS:
+            inliers = np.abs(off - bend) < sigmas * share
+            rows = design[inliers]
+            coefficients = np.linalg.solve(rows.T @ rows + prior, rows.T @ off[inliers])
+            bend = design @ coefficients
+        return self.z_m * np.exp(-bend), 0.5 * float(((coefficients / (share * _LINEAR_DISTORTION)) ** 2).sum())
 
     def explained(self, guess: PoseHypothesis, body: MeshRaycaster) -> float:
         """Return the share of residual pixels in the box that the hypothesis explains within three sigma.
@@ -330,7 +335,7 @@ class PixelEvidence:
             return float((np.isfinite(depth) & self.mine).sum() / max(1, self.mine.sum()))
         good = np.abs(self._unbent(depth)[0] - depth) < 3.0 * self.sigma_m + 0.01
         of = self.mine
-        if self.mine.sum() < _FEW * self.inside.sum():
+        if self.mine.sum() < _NOISE_SHARE * self.inside.sum():
             of = self.inside & (depth < self.other_m)
         return float((good & of).sum() / max(1, of.sum()))
 
@@ -361,10 +366,10 @@ class PixelEvidence:
         slack, behind = 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
         own = depth < behind
         kind = np.where(own & (np.abs(z - depth) < slack), group, _UNEXPLAINED)
-        kind = np.where(~own & (np.abs(z - behind) < slack), _BEYOND - self.other[inside], kind)
+        kind = np.where(~own & (np.abs(z - behind) < slack), _OTHER_FACES - self.other[inside], kind)
         explained = kind != _UNEXPLAINED
         costs, colours = _of_one_colour(self.rgb[inside][explained], kind[explained])
-        costs += _COLOUR_MOST * float((~explained).sum())
+        costs += _MOST_COLOUR_COST * float((~explained).sum())
         return self.weight * costs / len(self.z_m) + _freedom(colours, len(kind))
 
     def _picture_cost(self, depth: Array, group: NDArray[np.int64]) -> float:
@@ -373,11 +378,13 @@ class PixelEvidence:
         shown, uncovered = self.inside & own, self.inside & ~own
         costs, colours = _of_one_colour(self.rgb[shown], group[shown], shaded=True)
         costs += float(
-            np.minimum(0.5 * (self.distance_to_surroundings[uncovered] / _COLOUR_SIGMA) ** 2, _COLOUR_MOST).sum()
+            np.minimum(0.5 * (self.distance_to_surroundings[uncovered] / _COLOUR_SIGMA) ** 2, _MOST_COLOUR_COST).sum()
         )
         costs += float(self.claim[own].sum())
-        cost = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
-        return cost if self.edges is None else cost + self.edges.cost(np.where(own, group, _BEYOND - self.other))
+        of_colours = self.weight * costs / len(self.z_m) + _freedom(colours, int(self.inside.sum()))
+        if self.edges is None:
+            return of_colours
+        return of_colours + self.edges.border_cost(np.where(own, group, _OTHER_FACES - self.other))
 
     def box_cost(self, guess: PoseHypothesis) -> float:
         """Return the cost of the outline against the box; hidden parts may reach beyond the box."""
@@ -389,15 +396,15 @@ class PixelEvidence:
             pixels = self.observation.pixels(guess.corners_m())
             low, high = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
         if not all(map(math.isfinite, (*low, *high))):
-            return 4 * _BOX_MOST
+            return 4 * _MOST_BOX_COST
         x0, y0, x1, y1 = self.box_px
-        cost, most_cost = 0.0, _BOX_ALONE if self.observation.monocular else _BOX_MOST
+        total, most_cost = 0.0, _MOST_BOX_COST_MONOCULAR if self.observation.monocular else _MOST_BOX_COST
         for first, last, begin, end, most in ((x0, x1, low[0], high[0], width), (y0, y1, low[1], high[1], height)):
-            sigma = (last - first) * _CLAIM_SIGMA + 1.0
+            sigma = (last - first) * _BOX_SIGMA_SHARE + 1.0
             for over in (first - min(max(begin, 0.0), most), min(max(end, 0.0), most) - last):
                 square = (over / sigma) ** 2
-                cost += min(0.25 * square, 0.25 * most_cost) if over > 0.0 else min(0.5 * square, most_cost)
-        return cost
+                total += min(0.25 * square, 0.25 * most_cost) if over > 0.0 else min(0.5 * square, most_cost)
+        return total
 
 
 def _beyond(box_px: tuple[float, float, float, float], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
@@ -405,7 +412,7 @@ def _beyond(box_px: tuple[float, float, float, float], rows: NDArray[np.int64], 
     x0, y0, x1, y1 = box_px
     beyond_x = np.maximum(np.maximum(x0 - columns - 0.5, columns + 0.5 - x1), 0.0) / (x1 - x0)
     beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
-    return np.asarray(np.hypot(beyond_x, beyond_y) / _CLAIM_SIGMA)
+    return np.asarray(np.hypot(beyond_x, beyond_y) / _BOX_SIGMA_SHARE)
 
 
 def _of_one_colour(rgb: Array, kind: NDArray[np.int64], *, shaded: bool = False) -> tuple[float, float]:
@@ -428,13 +435,13 @@ def _of_one_colour(rgb: Array, kind: NDArray[np.int64], *, shaded: bool = False)
     number = np.repeat(np.arange(len(ends)), ends - begins)
     shade = _shade(rgb, of_all, costs, number, len(ends))
     in_shade = np.minimum(costs, _off(rgb, shade[number] * of_all))
-    return float(in_shade.sum()), len(ends) + _TONE * float((shade != 1.0).sum())
+    return float(in_shade.sum()), len(ends) + _COLOURS_OF_SHADED_FACE * float((shade != 1.0).sum())
 
 
 def _off(rgb: Array, middle: Array) -> Array:
     """Return (N,) the cost of pixels (3, N) against colours (3, N)."""
     off = (rgb - middle) / _COLOUR_SIGMA
-    return np.minimum(0.5 * (off * off).sum(axis=0), _COLOUR_MOST)
+    return np.minimum(0.5 * (off * off).sum(axis=0), _MOST_COLOUR_COST)
 
 
 def _shade(rgb: Array, middle: Array, costs: Array, number: NDArray[np.int64], kinds: int) -> Array:
@@ -448,15 +455,15 @@ def _shade(rgb: Array, middle: Array, costs: Array, number: NDArray[np.int64], k
     """
     bright = (rgb * middle).sum(axis=0) / np.maximum((middle * middle).sum(axis=0), 1e-6)
     aside = rgb - bright * middle
-    alike = (aside * aside).sum(axis=0) < _SAME_HUE**2
-    odd = (costs > _ODD) & alike & (bright > _SHADE_RANGE[0]) & (bright < _SHADE_RANGE[1])
+    alike = (aside * aside).sum(axis=0) < _SHADED_HUE_TOLERANCE**2
+    odd = (costs > _LEAST_SHADED_COST) & alike & (bright > _BRIGHTNESS_RANGE[0]) & (bright < _BRIGHTNESS_RANGE[1])
     # Darker and lighter parts.
     side = 2 * number[odd] + (bright[odd] > 1.0)
     counts = np.bincount(side, minlength=2 * kinds).reshape(kinds, 2)
     total = np.bincount(side, bright[odd], minlength=2 * kinds).reshape(kinds, 2)
     most = counts.argmax(axis=1)
     count, of_most = counts[np.arange(kinds), most], total[np.arange(kinds), most]
-    return np.where(count >= _LEAST_SHADED, of_most / np.maximum(count, 1), 1.0)
+    return np.where(count >= _LEAST_SHADED_PIXELS, of_most / np.maximum(count, 1), 1.0)
 
 
 def _freedom(colours: float, pixels: int) -> float:

@@ -255,7 +255,7 @@ class RoomEstimate:
 
     @property
     def walls(self) -> tuple[Wall, ...]:
-        """The walls."""
+        """The walls that bound the room, in the level frame."""
         return self._layers.walls
 
     @property

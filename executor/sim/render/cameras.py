@@ -183,12 +183,18 @@ def intrinsic_matrix(camera: Camera, size: tuple[int, int]) -> Array:
     return np.array([[focal, 0.0, width / 2.0], [0.0, focal, height / 2.0], [0.0, 0.0, 1.0]])
 
 
-def camera_json(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
-    """Return the record of a camera in data sets, for pictures of a width and height."""
+def camera_json(camera: Camera, size: tuple[int, int], intrinsics: Array | None = None) -> dict[str, Any]:
+    """Return the record of a camera in data sets, for pictures of a width and height.
+
+    Args:
+        camera: The camera.
+        size: Width and height [pixels].
+        intrinsics: (3, 3) matrix [pixels] that the renderer drew with; by default that of `intrinsic_matrix`.
+    """
     return {
         "size": list(size),
         "fov_y_rad": camera.fov_y_rad,
-        "intrinsics": intrinsic_matrix(camera, size),
+        "intrinsics": intrinsic_matrix(camera, size) if intrinsics is None else intrinsics,
         "mount": camera.mount,
         "T_mount_camera": camera.T_mount_camera,
         "near_m": camera.near_m,

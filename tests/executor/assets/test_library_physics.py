@@ -12,8 +12,9 @@ sapien = pytest.importorskip("sapien")
 
 from bddl import Atom  # noqa: E402
 from executor.assets.build import BuiltAsset, build_asset  # noqa: E402
-from executor.assets.library import LIBRARY, asset_for, kind, lever_of, sample, with_resistance  # noqa: E402
+from executor.assets.library import LIBRARY, asset_for, kind, sample  # noqa: E402
 from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
+from executor.assets.resistance import lever_of, with_resistance  # noqa: E402
 from executor.sim.detectors import read  # noqa: E402
 from executor.sim.engine import TIMESTEP_S  # noqa: E402
 from oag import Kind, RobotPose, Scene  # noqa: E402

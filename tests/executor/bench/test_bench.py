@@ -264,6 +264,7 @@ def test_two_runs_do_not_do_the_same_units_at_once(run_bench: Bench, tmp_path: P
 def test_ctrl_c_before_anything_is_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    app.commands()  # Their options are known.
     load = importlib.import_module
 
     def interrupted(name: str) -> ModuleType:
@@ -271,7 +272,7 @@ def test_ctrl_c_before_anything_is_loaded(
             raise KeyboardInterrupt
         return load(name)
 
-    monkeypatch.setattr(importlib, "import_module", interrupted)
+    monkeypatch.setattr(app, "import_module", interrupted)
     assert app.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 130
     assert capsys.readouterr().err == "scene2demo: interrupted\n"
 

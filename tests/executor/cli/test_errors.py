@@ -37,11 +37,12 @@ def report() -> Report:
 EXIT_CODES = {
     "bddl.diagnostics.BDDLError": BAD_INPUT,
     "executor.assets.importers.files.ImportRefused": BAD_INPUT,
+    "executor.assets.library.NameTaken": BAD_INPUT,
     "executor.assets.parameters.AssetError": BAD_INPUT,
     "executor.campaign.engine.BenchBusy": BAD_INPUT,
     "executor.bench.folder.NotABench": BAD_INPUT,
     "executor.scenes.generators.families.NoPaperFlow": BAD_INPUT,
-    "executor.cli.commands.evolve.BadFault": BAD_INPUT,
+    "executor.cli.faults.BadFault": BAD_INPUT,
     "executor.cli.errors.BadOption": BAD_INPUT,
     "executor.data.formats.export.ExportExists": BAD_INPUT,
     "executor.data.formats.selection.NothingToExport": BAD_INPUT,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.cli.commands.evolve import BadFault, FaultOption
+from executor.cli.faults import BadFault, FaultOption
 from executor.sim.faults import KINDS, BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale, fault_json
 
 METRES = st.floats(-0.5, 0.5, allow_nan=False).map(lambda value: round(value, 4))

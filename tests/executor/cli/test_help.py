@@ -16,7 +16,7 @@ _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 def commands() -> Iterator[tuple[str, ...]]:
     """Yield the words of every command."""
     for name, options in all_commands().items():
-        yield (name,)
+        yield tuple(name.split(" "))
         yield from ((name, second) for second in second_words(options))
 
 

@@ -105,12 +105,34 @@ def test_of_a_plan_that_is_not_proved_the_reach_is_not_asked(
     assert code == 1 and told["reach"] is None and told["diagnostics"]
 
 
+def test_a_goal_is_planned_for_as_a_sentence_is(capsys: pytest.CaptureFixture[str]) -> None:
+    goal = "(exists (?r - refrigerator) (and (inside glass_0 ?r) (not (open ?r))))"
+    code, told = as_json(capsys, "--goal", goal, "--scene", "kitchen_t1")
+    assert code == 0 and told["ok"] and told["verdict"] == "PROVED" and told["goal"] == goal
+    assert len(told["plan"]["sub_tasks"]) == len(told["reach"]["parts"]) == 4
+    assert oag.recheck(told["certificate"], task=oag.Task.from_json(told["plan"]), scene=load("kitchen_t1"))
+    code, out, err = plan(capsys, "--goal", "(not (open refrigerator_0))", "--scene", "kitchen_t1")
+    assert code == 0 and out.startswith("PROVED") and "to do nothing" in err
+
+
+def test_a_goal_without_a_plan_ends_in_1_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--goal", "(ontop table_0 refrigerator_0)", "--scene", "kitchen_t1")
+    code, out, _ = plan(capsys, *words)
+    assert code == 1 and out.startswith("no plan (impossible): ") and "table_0 is furniture" in out
+    code, told = as_json(capsys, *words)
+    assert code == 1 and not told["ok"] and told["refusal"]["code"] == "impossible"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ((QUERY, "--scene", "kitchn_t1"), "did you mean kitchen_t1"),
         (("put the piano into the refrigerator", "--scene", "kitchen_t1"), "piano"),
         ((QUERY,), "--scene"),
+        (("--scene", "kitchen_t1"), "a sentence is missing"),
+        ((QUERY, "--goal", "(open refrigerator_0)", "--scene", "kitchen_t1"), "a sentence and a goal are given"),
+        (("--goal", "(open refrigerator_0", "--scene", "kitchen_t1"), "parenthesis is missing"),
+        (("--goal", "(open refrigerator_9)", "--scene", "kitchen_t1"), "refrigerator_0"),
     ],
 )
 def test_bad_input_is_one_clear_message(

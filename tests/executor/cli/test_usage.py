@@ -14,7 +14,7 @@ from executor.cli.app import commands, option_names, run, second_words
 from tests.executor.cli.conftest import ROOT, environment
 
 NAMED = {
-    **{(name,): options for name, options in commands().items() if not second_words(options)},
+    **{tuple(name.split(" ")): options for name, options in commands().items() if not second_words(options)},
     **{(name, second): one for name, options in commands().items() for second, one in second_words(options).items()},
 }
 

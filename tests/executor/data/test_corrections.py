@@ -59,6 +59,7 @@ def episode(store: EpisodeStore) -> StoredEpisode:
     return found
 
 
+@pytest.mark.slow
 def test_what_failed_is_kept_with_what_was_done_about_it(store: EpisodeStore, episode: StoredEpisode) -> None:
     assert episode.succeeded and episode.corrections and list(find_flaws(store)) == []
     for pair in episode.corrections:

@@ -59,6 +59,7 @@ def filmed(
     return folder, _film(scene_renderer, episode, folder)
 
 
+@pytest.mark.slow
 def test_every_view_has_its_pictures_of_the_size_that_was_asked_for(
     filmed: tuple[Path, RenderedViews], episode: StoredEpisode
 ) -> None:

@@ -56,6 +56,7 @@ def test_what_fails_is_counted_and_left_out(run_generate: Generate, folder: Path
     assert "status 11" in crashed.meta["failure"]["message"] or "-11" in crashed.meta["failure"]["message"]
 
 
+@pytest.mark.slow
 def test_how_many_are_made_is_told_line_by_line(
     run_generate: Generate, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,6 +76,7 @@ def test_a_sentence_needs_no_quotes(run_generate: Generate, folder: Path) -> Non
     assert "open the refrigerator" in json.dumps(request)
 
 
+@pytest.mark.slow
 def test_what_crashed_is_made_again_when_that_is_asked_for(run_generate: Generate, folder: Path) -> None:
     words = ("T1", "--seed", 3, "--episodes", 2)
     assert run_generate(*words)[1]["endings"] == {"failed": 1, "crashed": 1}
@@ -86,6 +88,7 @@ def test_what_crashed_is_made_again_when_that_is_asked_for(run_generate: Generat
     assert not list(folder.glob("units/.part-*"))
 
 
+@pytest.mark.slow
 def test_what_a_killed_run_had_begun_goes_when_it_is_made(run_generate: Generate, folder: Path) -> None:
     run_generate("T1", "--seed", 0, "--episodes", 1)
     (done,) = EpisodeStore.open(folder).episodes()
@@ -106,6 +109,7 @@ def test_it_goes_on_where_it_ended(run_generate: Generate, folder: Path) -> None
     assert all(path.stat().st_mtime_ns == when for path, when in before.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left", [0, 5, -1])
 def test_what_was_cut_off_is_made_again(run_generate: Generate, folder: Path, left: int) -> None:
     run_generate("T1", "--seed", 7, "--episodes", 2)
@@ -158,6 +162,7 @@ def test_one_request_has_one_id_however_it_is_typed(run_generate: Generate, tmp_
     assert run_generate("T1", "--episodes", 1, "--rate-hz", "10.5")[1]["made"] == 1
 
 
+@pytest.mark.slow
 def test_a_scene_is_the_same_from_wherever_it_is_named(run_generate: Generate, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     for place in (tmp_path, tmp_path / "elsewhere"):
@@ -173,11 +178,13 @@ def test_a_scene_is_the_same_from_wherever_it_is_named(run_generate: Generate, t
     assert run_generate(plan)[1]["made"] == 1
 
 
+@pytest.mark.slow
 def test_shards_share_the_work(run_generate: Generate) -> None:
     assert run_generate("T1", "--episodes", 3, "--shard", "1/2")[1]["made"] == 2
     assert run_generate("T1", "--episodes", 3, "--shard", "2/2")[1]["made"] == 1
 
 
+@pytest.mark.slow
 def test_a_spent_budget_ends_it_and_the_rest_is_made_later(run_generate: Generate) -> None:
     code, said = run_generate("T1", "--episodes", 3, "--limit-gb", 1e-9)
     assert (code, said["made"], said["stopped_by"]) == (0, 1, "disk budget")
@@ -226,6 +233,7 @@ def test_a_plan_with_one_hopeless_source_makes_nothing(folder: Path, tmp_path: P
     assert not folder.exists()
 
 
+@pytest.mark.slow
 def test_what_only_another_room_could_have_is_left_to_the_seeds(run_generate: Generate) -> None:
     code, said = run_generate("put the banana into the refrigerator", "--scene", "t1", "--episodes", 1)
     assert (code, said["made"]) == (0, 1)  # By a worker that makes whatever it is asked for.

@@ -56,6 +56,7 @@ def test_what_is_read_is_what_was_written(sets: Path, stream: EpisodeStream, kin
             assert np.array_equal(again.columns[name], rows) and again.columns[name].dtype == rows.dtype, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", READ)
 def test_what_was_exported_succeeds_again_in_the_environment(
     sets: Path, kind: Format, capsys: pytest.CaptureFixture[str]

@@ -49,6 +49,7 @@ def refusal(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_mixed_store_says_what_to_choose_and_each_choice_gives_what_it_says(
     mixed: EpisodeStore, kind: Format, tmp_path: Path, capsys: pytest.CaptureFixture[str]

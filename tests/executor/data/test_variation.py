@@ -64,6 +64,7 @@ def test_what_a_target_is_drawn_as_does_not_depend_on_other_axes() -> None:
     assert prepare_unit(alone).graph.scene == prepare_unit(both).graph.scene
 
 
+@pytest.mark.slow
 def test_distractors_stand_on_what_the_task_does_not_use_and_move_nothing_else() -> None:
     added = 0
     for seed in (62400, 62401, 62402):

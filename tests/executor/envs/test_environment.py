@@ -102,6 +102,7 @@ def test_making_one_loads_no_simulator(make: Make) -> None:
         env.step(env.action_space.sample())
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 @pytest.mark.parametrize("action_mode", ["joint_target", "paper"])
 @pytest.mark.parametrize("observation_mode", ["state", "point_cloud"])

@@ -28,6 +28,7 @@ def episode(picked: EpisodeStore) -> Episode:
     return next(iter(open_set(picked.path, ()).episodes()))
 
 
+@pytest.mark.slow
 def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(picked: EpisodeStore, episode: Episode) -> None:
     drives = episode.columns["primitive_index"] == Primitive.NAVIGATE_TO_TARGET.value
     found = offset_drives(episode.columns, drives, np.zeros_like(drives), 0.05, np.random.default_rng(0))

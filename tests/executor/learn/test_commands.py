@@ -45,6 +45,7 @@ def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 def test_what_shows_the_same_counts_once_in_training(
     picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -154,7 +155,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
         return {actors[0].name: ends}
 
     with monkeypatch.context() as patched:
-        patched.setattr("executor.learn.evaluation.trials.evaluate", invented)
+        patched.setattr("executor.learn.evaluation.evaluate", invented)
         assert run(["evaluate", str(out), "--episodes", "2", "--seed", "62985"]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("seed ")[1] for line in lines] == ["62985: succeeded", f"62986: {FAILURES[0]}"]
@@ -162,7 +163,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
     def never(*_: object, **__: object) -> None:
         raise AssertionError("an episode began")
 
-    monkeypatch.setattr("executor.learn.evaluation.trials.evaluate", never)
+    monkeypatch.setattr("executor.learn.evaluation.evaluate", never)
     assert run([*evaluate, "--out", str(settings), "--json"]) == 2
     assert f"the output folder {settings} cannot be used: File exists" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--out", str(settings / "r"), "--json"]) == 2
@@ -171,7 +172,7 @@ def test_results_are_seen_even_if_they_cannot_be_written(
 
 def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["train", "state", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
-    assert "is no store of episodes, nor exported of one" in str(last_json(capsys)["error"])
+    assert "is no store of episodes, nor a LeRobot data set" in str(last_json(capsys)["error"])
     assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
     assert "cloud, ensemble, paper, rooms, state" in str(last_json(capsys)["error"])
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2

@@ -236,6 +236,7 @@ def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     assert losses[-1] < 0.7 * losses[0]
 
 
+@pytest.mark.slow
 def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: EpisodeStore, out: Path) -> None:
     paper = read_settings("paper")
     assert (paper.sees.frames, paper.sees.points) == (10, 1024)

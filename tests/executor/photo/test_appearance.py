@@ -35,7 +35,7 @@ def test_an_outline_costs_least_where_the_picture_has_edges(step: int) -> None:
 
     def cost(left: int) -> float:
         own = (rows >= 20) & (rows < 60) & (columns >= left) & (columns < left + 40)
-        return edges.cost(own.astype(np.int64))
+        return edges.border_cost(own.astype(np.int64))
 
     costs = {left: cost(left) for left in range(22, 39)}
     # A pixel beside it counts as there, and between pixels that are compared nobody knows.
@@ -48,5 +48,5 @@ def test_in_a_picture_of_one_colour_no_outline_is_better_than_none() -> None:
     plain = np.full((80, 100, 3), GREY, dtype=np.uint8)
     rows, columns = (axis.ravel() for axis in np.mgrid[10:70:2, 20:80:2])
     edges = Edges.between(edge_strength(plain), rows, columns, 2)
-    assert edges.cost(np.zeros(len(rows), dtype=np.int64)) == 0.0
-    assert edges.cost((columns < 50).astype(np.int64)) > 0.0
+    assert edges.border_cost(np.zeros(len(rows), dtype=np.int64)) == 0.0
+    assert edges.border_cost((columns < 50).astype(np.int64)) > 0.0

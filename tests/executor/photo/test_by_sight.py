@@ -95,6 +95,7 @@ def test_what_was_moved_by_what_is_gone_since_is_shaken_back() -> None:
     assert math.dist((room.fits[0].guess.x_m, room.fits[0].guess.y_m), (FRIDGE.x_m, FRIDGE.y_m)) < 0.05
 
 
+@pytest.mark.slow
 def test_what_hides_its_foot_is_as_far_off_as_its_edges_tell() -> None:
     before = replace(TABLE, x_m=1.6, y_m=-0.5)
     seen, boxes = monocular(FRIDGE, before)

@@ -136,6 +136,7 @@ def painted_around(true: PoseHypothesis) -> tuple[SearchContext, Detection]:
     return SearchContext(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(())), boxes[0]
 
 
+@pytest.mark.slow
 def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
     true = PoseHypothesis(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
     around, box = painted_around(true)
@@ -190,6 +191,7 @@ def test_without_depth_a_thing_ends_where_the_picture_has_edges() -> None:
     assert abs(math.remainder(found.guess.yaw_rad - true.yaw_rad, math.pi / 2)) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pixels", [0, 5, 9])
 def test_a_thing_of_which_hardly_a_pixel_is_known_is_left_out(pixels: int) -> None:
     observation, _ = seen_from_above(TABLE)

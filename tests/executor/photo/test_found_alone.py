@@ -45,6 +45,7 @@ def test_holes_cut_nothing_small_to_pieces() -> None:
     assert np.allclose(box_of(piece), boxes[1].box_px, atol=2.0)
 
 
+@pytest.mark.slow
 def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
     # Nobody can tell a desk from a table of its size.
     assert [thing.fit.guess.entry.category.replace("desk", "table") for thing in alone.things] == ["table", "bowl"]
@@ -96,6 +97,7 @@ def test_of_two_items_in_one_place_the_one_without_a_box_is_left_out(
     assert (2 in room.fits) is stays and 1 in room.fits
 
 
+@pytest.mark.slow
 def test_what_stood_on_something_that_is_lower_by_now_is_in_the_air() -> None:
     observation, boxes = seen_from_above(TABLE, BOWL)
     room = RoomEstimate(observation, (), boxes, 0.0)

@@ -76,6 +76,7 @@ def test_by_sight_only_a_detectors_label_gives_way(provenance: Provenance, taken
     assert (room.fits[0].guess.entry.model if 0 in room.fits else "") == taken_for
 
 
+@pytest.mark.slow
 def test_what_costs_less_by_another_name_is_no_other_thing_where_a_person_has_named_it() -> None:
     bare = PoseHypothesis(LIBRARY["cabinet_drawers"], 3.6, -0.6, 0.35, 0.0, (0.6, 0.583, 0.736))
     dresser = bare.with_parameters(drawers=2, handle_length_m=0.3)

@@ -92,6 +92,7 @@ def test_lines_between_hues_of_one_brightness_are_as_good_as_others() -> None:
     assert off_deg(find_upright(drawn((3.2, 0.9), (2.9, -0.2), colours=ALIKE), CAMERA).up) < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize(
     ("room", "off_rad"),

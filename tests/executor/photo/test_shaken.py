@@ -21,6 +21,7 @@ SIZE_M = (0.6, 0.5, 0.8)
 CABINET = PoseHypothesis(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, SIZE_M, (("hinge", "right"),))
 
 
+@pytest.mark.slow
 def test_a_door_gets_its_hinge_where_a_side_was_misjudged() -> None:
     around, box = painted_around(CABINET)
     # Twelve centimetres too narrow on the side where the handle is, which so was taken for the other one.

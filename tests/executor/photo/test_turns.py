@@ -39,6 +39,7 @@ def test_an_ear_that_is_seen_tells_the_turn(start_rad: float) -> None:
     assert math.remainder(found.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_body_that_is_too_large_hides_no_ear() -> None:
     found = found_from(math.pi / 2, -1.0, (0.123, 0.086, 0.096))
     assert math.remainder(found.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)

@@ -70,6 +70,7 @@ def test_a_hand_from_straight_above_leads_onto_low_tops_but_not_onto_high_ones(w
     assert high[60] or high[45], high
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_where_no_pitch_leads_on_none_is_held_back(worlds: list[World]) -> None:
     assert all(_pitches_that_lead_on(1.40, worlds).values())

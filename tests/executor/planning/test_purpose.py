@@ -150,6 +150,7 @@ def test_what_does_not_serve_is_tried_last_and_left_out_nowhere(
     assert asked == ["freezer_drawer_slide"] * len(OPENING)
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_where_no_place_is_found_it_says_what_meets(worlds: list[World]) -> None:
     world, planner = _planner("fridge_freezer_drawer", "tumbler", worlds)

@@ -12,14 +12,22 @@ import pytest
 from PIL import Image
 
 import oag
-from executor.reports.page import evolution_section
+from executor.reports.html import render
+from executor.reports.page import evolution_values
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, draw_attempts, shown_step
 from executor.rollouts.evolve import evolve
-from executor.rollouts.run_record import SCHEMA_FILE, pairs, write_pairs
+from executor.rollouts.run_record import pairs, write_pairs
 from tests.executor.rollouts.tasks import AJAR, closing
+from tests.source_tree import ROOT
 
 pytestmark = pytest.mark.physics
+SCHEMA = ROOT / "executor" / "rollouts" / "evolution_pairs.schema.json"
+
+
+def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
+    """Return the report's section about an episode."""
+    return render("evolution.html", **evolution_values(evolution, pictures))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +40,7 @@ def test_a_pair_follows_its_schema_and_says_all(closed: Evolution, tmp_path: Pat
     path = write_pairs(tmp_path / "pairs.jsonl", closed, {(0, 0): ["frames/T1_attempt1_step4_global_1.jpg"]})
     (line,) = path.read_text().splitlines()
     pair = json.loads(line)
-    schema = json.loads(SCHEMA_FILE.read_text())
+    schema = json.loads(SCHEMA.read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(pair, schema)
     assert pair["failing_flow"] == AJAR
@@ -59,7 +67,7 @@ def test_the_schema_refuses_what_lacks_something(closed: Evolution, damage: str)
     (pair,) = pairs(closed)
     del pair[damage]
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(json.loads(json.dumps(pair)), json.loads(SCHEMA_FILE.read_text()))
+        jsonschema.validate(json.loads(json.dumps(pair)), json.loads(SCHEMA.read_text()))
 
 
 def test_the_report_tells_attempts_changes_and_results(closed: Evolution) -> None:

@@ -159,7 +159,7 @@ def _scripted(
     )
     heard: list[Event] = []
     task = graph("kitchen_t1", T1_ROLES, T1_OPEN_FLOWS, "(inside glass_0 refrigerator_0)", {"glass_0": 0.71})
-    run = _Scripted(task, library.load("kitchen_t1").with_scales({"glass_0": 0.71}), 0, heard.append, 10.0)
+    run = _Scripted(task, library.load("kitchen_t1").with_scales({"glass_0": 0.71}), 0, heard.append)
     run.inserted_succeed = succeeds
     run.from_checkpoint(Checkpoint(b"", (), 0.0, 100, None, None, (), (), ""), 0, last=last)
     return run, heard

@@ -82,6 +82,7 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout) 
     assert [s.state_hash for s in again.subtasks] == [s.state_hash for s in t1_rollout.subtasks]
 
 
+@pytest.mark.slow
 def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     code = (
         "from executor.rollouts.rollout import RunConditions, rollout\n"
@@ -165,6 +166,7 @@ def test_numbers_that_lead_astray_stop_with_a_measured_reason(
     assert len(done.subtasks) == 1 and len(done.subtasks[0].steps) == 1
 
 
+@pytest.mark.slow
 def test_resuming_keeps_the_rate_of_recording(t3_rollout: Rollout) -> None:
     again = resume(t3(), t3_rollout, 1)
     assert again.state_hash == t3_rollout.state_hash

@@ -27,6 +27,7 @@ def sample() -> dict[int, ScenePair]:
     return {index: household.pair(SEED, index) for index in SAMPLE}
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_pairs_and_others_do_not(sample: dict[int, ScenePair]) -> None:
     again, other = household.pair(SEED, SAMPLE[0]), household.pair(SEED + 1, SAMPLE[0])
     assert again == sample[SAMPLE[0]]

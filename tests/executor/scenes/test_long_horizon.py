@@ -41,6 +41,7 @@ def test_nothing_overlaps_and_the_facts_are_what_the_detectors_read(family: str)
         assert again.facts == pair.scene.facts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_plan_is_proved_and_what_it_takes_hold_of_fits_the_gripper(family: str) -> None:
     for pair in drawn(family):

@@ -14,8 +14,8 @@ ITS_IMPORT = re.compile(r"^\s*(?:import|from) sapien\b", re.MULTILINE)
 SCRIPT = """
 import warnings
 from executor.system import vulkan
-from executor.scenes import library
 from executor.scenes.room import *
+from executor.scenes import library
 from executor.sim.world import World
 with World(library.load("kitchen_t1")) as world:
     world.step()

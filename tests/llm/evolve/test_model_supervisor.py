@@ -13,7 +13,8 @@ import llm
 import oag
 from llm.client.budget import Budget, Metered
 from llm.evolve import GiveUp, Miss, Situation, StartObservation, Supervisor
-from llm.evolve.judges import Judges, judges, refusals
+from llm.evolve.judges import Judges, judges
+from llm.evolve.model_supervisor import refusals
 from llm.structured.conversation import Round
 from oag.measurements import MeasuredEvidence, SupportDrive
 from tests.llm.evolve.scripted_judges import Judge, ajar, attempt_of, critique_answer, question, revision_answer

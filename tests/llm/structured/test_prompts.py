@@ -11,7 +11,8 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.evolve.judges import RevisedFlow, StepCritique
+from llm.evolve.model_inspector import StepCritique
+from llm.evolve.model_supervisor import RevisedFlow
 from llm.proposing.model_proposer import ModelProposer
 from llm.structured.prompting import (
     CHANGEABLE,

@@ -161,7 +161,7 @@ def test_a_weight_that_cannot_be_is_left_out_and_said_so(tmp_path: Path) -> None
 
 def test_whoever_waits_is_told_how_far_it_is(cabinet: Path) -> None:
     told: list[tuple[int, int]] = []
-    import_asset(cabinet, "cabinet", listen=lambda done, count: told.append((done, count)))
+    import_asset(cabinet, "cabinet", on_progress=lambda done, count: told.append((done, count)))
     assert told[0] == (0, 10) and told[-1] == (10, 10) and told == sorted(told)
 
 

@@ -104,6 +104,7 @@ def test_the_overview_stands_free_in_the_kitchens_of_the_package(name: str) -> N
     assert Solids.of(scene).gap_m(global_camera(scene).T_mount_camera[:3, 3]) >= LENS_GAP_M
 
 
+@pytest.mark.slow
 def test_the_overview_stands_free_in_homes_and_drawn_kitchens() -> None:
     pairs = [*(draw(family, 62001) for family in ("T1", "T3")), *(household.pair(62001, k) for k in range(5, 102, 24))]
     for pair in pairs:
