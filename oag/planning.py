@@ -42,7 +42,7 @@ from oag.primitives.table import Needed, Placement, needed
 from oag.progression import CompiledSubtask, compile_plan, facts_read
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
 from oag.task import SimpleTask, Task, chosen_scene, formula_of, required_scene
-from oag.verify.fix_plans import closing, opening, picking, placing
+from oag.verify.fix_subtasks import closing, opening, picking, placing
 from oag.verify.verify import Report, Verdict, verify
 from oag.wellformed import check
 
