@@ -35,6 +35,7 @@ from bddl.diagnostics import CODES, MEANINGS, SLIPS, BDDLError, Code, Diagnostic
 from bddl.dialects import PREDICATES, PROFILES, PredicateSpec, Profile, near_names
 from bddl.errors import (
     CountedWildcard,
+    FormulaTooLarge,
     IllegalName,
     ObjectsRequired,
     Scene2DemoError,
@@ -60,6 +61,7 @@ from bddl.problem import (
 )
 
 if TYPE_CHECKING:
+    from bddl.equivalence import Equivalence, equivalent
     from bddl.grounding import Ground, GroundNode, PairSemantics, ground
     from bddl.lint import analyse
     from bddl.printer import lay_out
@@ -68,18 +70,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CODES", "MEANINGS", "PREDICATES", "PROFILES", "SLIPS", "And", "Atom", "BDDLError", "Binder", "Code",
-    "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate",
-    "Exists", "ForAll", "ForN", "ForNPairs", "ForPairs", "Formula", "GoalProgress", "Ground", "GroundNode",
-    "IllegalName", "Imply", "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired", "Option", "Or",
-    "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region", "Scene2DemoError", "SceneStyle",
-    "SearchLimit", "Slip", "SolverMissing", "Span", "State", "TypedObject", "UnknownPairSemantics",
-    "UnknownProfile", "analyse", "atoms", "check", "conjuncts", "correct", "evaluate",
-    "format", "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain", "parse_formula",
+    "Correction", "CountedWildcard", "Diagnostic", "Domain", "DomainAction", "DomainPredicate", "Equivalence",
+    "Exists", "ForAll", "ForN", "ForNPairs", "ForPairs", "Formula", "FormulaTooLarge", "GoalProgress", "Ground",
+    "GroundNode", "IllegalName", "Imply", "LiberoProblem", "Literal", "Not", "Objects", "ObjectsRequired",
+    "Option", "Or", "PairSemantics", "PredicateSpec", "Problem", "Profile", "Rectangle", "Region",
+    "Scene2DemoError", "SceneStyle", "SearchLimit", "Slip", "SolverMissing", "Span", "State", "TypedObject",
+    "UnknownPairSemantics", "UnknownProfile", "analyse", "atoms", "check", "conjuncts", "correct", "equivalent",
+    "evaluate", "format", "ground", "lay_out", "literals", "near_names", "options", "parse", "parse_domain",
+    "parse_formula",
 ]  # fmt: skip
 
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
     "Correction": "bddl.repair",
+    "Equivalence": "bddl.equivalence",
     "GoalProgress": "bddl.progress",
     "Ground": "bddl.grounding",
     "GroundNode": "bddl.grounding",
@@ -87,6 +91,7 @@ _PLACES = {
     "PairSemantics": "bddl.grounding",
     "analyse": "bddl.lint",
     "correct": "bddl.repair",
+    "equivalent": "bddl.equivalence",
     "ground": "bddl.grounding",
     "lay_out": "bddl.printer",
     "options": "bddl.progress",

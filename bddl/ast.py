@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from bddl.errors import IllegalName
 
@@ -36,7 +36,41 @@ class Binder(NamedTuple):
     category: str
 
 
-class FormulaNode:
+class HasPlaces(Protocol):
+    """A text that computes places from offsets (`bddl.diagnostics.Source`)."""
+
+    def span(self, offset: int, length: int = 0) -> Span:
+        """Return the place that begins at an offset."""
+
+
+# A text, and the offsets at which a form of it begins and ends.
+Place: TypeAlias = tuple[HasPlaces, int, int]
+
+
+class Placed:
+    """Base of what has a place in a text; `make_placed` leaves the places to be computed when they are asked for."""
+
+    __slots__ = ("_place",)
+    _place: Place
+
+    # Called for an empty slot; hidden from type checkers, for which an unknown attribute stays a mistake.
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in ("span", "variable_spans", "word_spans"):
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+            source, start, end = self._place
+            if name == "span":
+                found = source.span(start, end - start)
+            elif name == "word_spans":
+                found = source.word_spans(start + 1, end - 1)
+            else:
+                found = source.variable_spans(start, len(self.binders))
+            object.__setattr__(self, name, found)
+            return found
+
+
+class FormulaNode(Placed):
     """Base of all formulas: equality, hash and text, each computed with an explicit stack.
 
     Spans take no part in equality, so a parsed formula equals the same formula built by hand.
@@ -87,7 +121,9 @@ class FormulaNode:
         while pending:
             node = pending.pop()
             yield node
-            pending.extend(reversed(node.operands))
+            operands = node.operands
+            if operands:
+                pending.extend(reversed(operands))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -332,6 +368,29 @@ FORMS: Mapping[str, type[Formula]] = {
     "fornpairs": ForNPairs,
 }
 _WORDS: Mapping[type[FormulaNode], str] = {kind: word for word, kind in FORMS.items()}
+
+
+def make_placed(kind: type[Any], place: Place, **fields: object) -> Any:
+    """Return an instance of a class of frozen values whose fields need no check, with its places not yet computed."""
+    made = object.__new__(kind)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    object.__setattr__(made, "_place", place)
+    return made
+
+
+# Atoms and objects are most of a text: their slots are set by the quickest way there is.
+_set_predicate, _set_args = Atom.__dict__["predicate"].__set__, Atom.__dict__["args"].__set__
+set_place = Placed.__dict__["_place"].__set__
+
+
+def make_atom(predicate: str, args: tuple[str, ...], place: Place) -> Atom:
+    """Return an atom whose names need no check, with its places not yet computed."""
+    made = object.__new__(Atom)
+    _set_predicate(made, predicate)
+    _set_args(made, args)
+    set_place(made, place)
+    return made
 
 
 @lru_cache(maxsize=4096)

@@ -70,10 +70,16 @@ def read_problem(group: Group, profile: Profile, scene: Mapping[str, str] | None
         # No single section shows this mistake: the sections do not fit into one problem.
         reporter.add("bad-section", group.opened.span, str(error), hint="write the sections as bddl.format prints them")
         return None
-    for name, rule in _RULES.items():
-        if name in profile.rules:
-            rule(problem, draft.profile, reporter)
+    apply_rules(problem, draft.profile, reporter)
     return problem
+
+
+def apply_rules(problem: Problem, profile: Profile, reporter: Reporter, used: Set[str] | None = None) -> None:
+    """Check the rules of a profile for a problem as a whole; `used` has its predicates, where they are known."""
+    for name, rule in _RULES.items():
+        about = _ABOUT.get(name)
+        if name in profile.rules and (used is None or about is None or not used.isdisjoint(about)):
+            rule(problem, profile, reporter)
 
 
 def _read_title(draft: ProblemDraft, sections: Sequence[Group]) -> None:
@@ -188,7 +194,9 @@ _MADE_BY = {"water.n.06": "washer.n.03"}
 
 def _check_kinematics(problem: Problem, profile: Profile, reporter: Reporter) -> None:
     for literal in problem.init:
-        atom = literal.body if isinstance(literal, Not) else None
+        if not isinstance(literal, Not):
+            continue
+        atom = literal.body
         if isinstance(atom, Atom) and literal.span is not None:
             spec = profile.predicates.get(atom.predicate)
             if spec is not None and (spec.kinematic or ROOM in spec.parameters):
@@ -201,26 +209,28 @@ def _check_kinematics(problem: Problem, profile: Profile, reporter: Reporter) ->
                 )
 
 
-def init_literals(problem: Problem) -> Iterator[tuple[Literal, Span | None]]:
-    """Yield the literals of `:init`, each with its place; a doubled negation counts as none."""
+def init_literals(problem: Problem) -> Iterator[tuple[Literal, Formula]]:
+    """Yield the literals of `:init`, each with its formula; a doubled negation counts as none."""
     for formula in problem.init:
         for literal in literals(formula) or ():
-            yield literal, formula.span
+            yield literal, formula
 
 
 def find_contradictions(problem: Problem, reporter: Reporter) -> None:
     """Report atoms that `:init` both affirms and denies, at the place of the denial: no state is such a start."""
-    stated: dict[Atom, tuple[bool, Span | None]] = {}
-    for literal, span in init_literals(problem):
-        value, first = stated.setdefault(literal.atom, (literal.value, span))
-        place, other = (first, span) if literal.value else (span, first)
-        if value != literal.value and place is not None:
+    if not [formula for formula in problem.init if not isinstance(formula, Atom)]:
+        return
+    stated: dict[Atom, tuple[bool, Formula]] = {}
+    for literal, formula in init_literals(problem):
+        value, first = stated.setdefault(literal.atom, (literal.value, formula))
+        place, other = (first, formula) if literal.value else (formula, first)
+        if value != literal.value and place.span is not None:
             reporter.add(
                 "contradictory-init",
-                place,
+                place.span,
                 f"The section :init says both {literal.atom} and (not {literal.atom}).",
                 hint="remove the one that is not meant",
-                related=other,
+                related=other.span,
             )
 
 
@@ -230,21 +240,24 @@ def _check_futures(problem: Problem, profile: Profile, reporter: Reporter) -> No
     The goal must demand each future object, and :init can list nothing else about it. To demand an object that exists
     at the start is idle.
     """
-    category = {item.name: item.category for item in problem.objects}
-    real = {name for atom in affirmed(problem.goal) if atom.predicate == "real" for name in atom.args}
-    ranges = {
-        binder.variable: binder.category
-        for node in problem.goal.walk()
-        if isinstance(node, Quantified)
-        for binder in node.binders
-    }
-    real_categories = {ranges[name] for name in real if name in ranges}
+    nodes = list(problem.goal.walk())
+    starts = [one for one in problem.init if not isinstance(one, Atom) or one.predicate == "future"]
     futures = {
-        name: span
-        for literal, span in init_literals(problem)
+        name: formula.span
+        for formula in starts
+        for literal in literals(formula) or ()
         if literal.atom.predicate == "future" and literal.value
         for name in literal.atom.args[:1]
     }
+    demands = [node for node in nodes if isinstance(node, Atom) and node.predicate == "real"]
+    if not futures and not demands:
+        return
+    category = {item.name: item.category for item in problem.objects}
+    real = {name for atom in affirmed(problem.goal) if atom.predicate == "real" for name in atom.args}
+    ranges = {
+        binder.variable: binder.category for node in nodes if isinstance(node, Quantified) for binder in node.binders
+    }
+    real_categories = {ranges[name] for name in real if name in ranges}
     _report_described(problem, futures, reporter)
     _report_idle(problem, futures.keys(), ranges, reporter)
     for name, span in futures.items():
@@ -265,12 +278,14 @@ _FUTURE_PREDICATES = frozenset({"future", "insource"})
 
 
 def _report_described(problem: Problem, futures: Mapping[str, Span | None], reporter: Reporter) -> None:
-    for literal, span in init_literals(problem):
+    for literal, formula in init_literals(problem) if futures else ():
         name = next((name for name in literal.atom.args if name in futures), "")
-        if name and literal.value and literal.atom.predicate not in _FUTURE_PREDICATES and span is not None:
+        if not (name and literal.value) or literal.atom.predicate in _FUTURE_PREDICATES:
+            continue
+        if formula.span is not None:
             reporter.add(
                 "described-future",
-                span,
+                formula.span,
                 f"`{name}` does not exist at the start, and the section :init says {literal} of it.",
                 hint=f"remove this literal, or (future {name})",
                 related=futures[name],
@@ -295,7 +310,7 @@ def _report_idle(problem: Problem, futures: Set[str], ranges: Mapping[str, str],
 
 
 def _check_wildcards(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    if not any(item.name.endswith(WILDCARD) for item in problem.objects):
+    if not [item for item in problem.objects if item.name.endswith(WILDCARD)]:
         return
     for item, following in pairwise(problem.objects):
         if item.name.endswith(WILDCARD) and following.category == item.category and item.span is not None:
@@ -336,6 +351,20 @@ def _check_targets(problem: Problem, profile: Profile, reporter: Reporter) -> No
             )
 
 
+def _check_types(problem: Problem, profile: Profile, reporter: Reporter) -> None:
+    for item in problem.objects if profile.typed else ():
+        if item.category not in profile.types and item.span is not None:
+            near = near_names(item.category, profile.types)
+            listed = ", ".join(sorted(profile.types))
+            reporter.add(
+                "unknown-category",
+                item.span,
+                f"`{item.name}` has the category `{item.category}`, which is no type of the domain.",
+                expected=near or sorted(profile.types),
+                hint=f"did you mean {' or '.join(near)}?" if near else f"the types are: {listed}",
+            )
+
+
 def _atoms(formulas: tuple[Formula, ...]) -> Iterator[Atom]:
     for formula in formulas:
         for node in formula.walk():
@@ -350,8 +379,12 @@ _RULES: Mapping[str, Rule] = MappingProxyType(
         "futures": _check_futures,
         "wildcards": _check_wildcards,
         "targets": _check_targets,
+        "types": _check_types,
     }
 )
+
+# The predicates that a rule is about, without which there is nothing to check; of the others, any.
+_ABOUT: Mapping[str, Set[str]] = MappingProxyType({"futures": frozenset({"future", "real"})})
 
 # Requirements of a domain; only their names are checked.
 REQUIREMENTS = (":strips", ":negative-preconditions", ":typing", ":adl")

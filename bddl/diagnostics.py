@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
@@ -57,6 +57,8 @@ _EXCERPT_WIDTH = 100
 # A longer piece of text is not repeated in a hint.
 _QUOTE_LIMIT = 400
 _BREAK = re.compile("\n")
+_WORD = re.compile(r"[^\s()]+")
+_VARIABLE = re.compile(r"\(\s*(\?[^\s()]+)")
 
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
@@ -69,17 +71,34 @@ class Source:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        # The place before the text counts as a break, so that the first line is no special case.
-        self._breaks = [-1, *(found.start() for found in _BREAK.finditer(text))]
+        self._breaks: list[int] | None = None
+
+    @property
+    def breaks(self) -> list[int]:
+        """The offsets of its line breaks, found when they are first asked for."""
+        if self._breaks is None:
+            # The place before the text counts as a break, so that the first line is no special case.
+            self._breaks = [-1, *(found.start() for found in _BREAK.finditer(self.text))]
+        return self._breaks
 
     def span(self, offset: int, length: int = 0) -> Span:
         """Return the place that begins at an offset."""
-        line = bisect_left(self._breaks, offset)
-        return Span(line, offset - self._breaks[line - 1], offset, length)
+        breaks = self.breaks
+        line = bisect_left(breaks, offset)
+        return Span(line, offset - breaks[line - 1], offset, length)
+
+    def word_spans(self, start: int, end: int) -> tuple[Span, ...]:
+        """Return the places of the words between two offsets, none of which is in a comment."""
+        return tuple(self.span(word.start(), len(word.group())) for word in _WORD.finditer(self.text, start, end))
+
+    def variable_spans(self, start: int, count: int) -> tuple[Span, ...]:
+        """Return the places of the first variables behind an offset that follow a parenthesis."""
+        found = islice(_VARIABLE.finditer(self.text, start), count)
+        return tuple(self.span(variable.start(1), len(variable.group(1))) for variable in found)
 
     def offset(self, line: int, column: int) -> int:
         """Return the offset of a column, from 1, in a line, from 1; a line past the end counts as the last."""
-        return self._breaks[min(line, len(self._breaks)) - 1] + column
+        return self.breaks[min(line, len(self.breaks)) - 1] + column
 
 
 def one_line(text: str) -> str:
@@ -203,7 +222,7 @@ class Reporter:
         self._lines: list[str] | None = None
         self._only: frozenset[Code] | None = None
         self._found: list[tuple[int, int, Diagnostic]] = []
-        self._counts: Counter[Severity] = Counter()
+        self._counts: dict[Severity, int] = {}
         # Mistakes whose hint can only be the whole corrected text, which `bddl.repair` finds.
         self.whole_text_mistakes: set[Diagnostic] = set()
 
@@ -243,7 +262,7 @@ class Reporter:
         tolerated = severity == "warning"
         if self._only is not None and code not in self._only:
             return tolerated
-        self._counts[severity] += 1
+        self._counts[severity] = self._counts.get(severity, 0) + 1
         if self._counts[severity] > MOST_LISTED:
             return tolerated
         if self._counts[severity] == MOST_LISTED:

@@ -296,6 +296,8 @@ class Profile:
             rules for problems as a whole in `bddl/definitions.py`.
         tolerated: Mistakes that are warnings here, as codes or as `code:case`.
         free_text: The sections whose content is prose.
+        types: Categories that exist although no object has them: the types of a domain.
+        typed: True when there are no other categories.
     """
 
     name: str
@@ -317,6 +319,8 @@ class Profile:
     rules: frozenset[str] = frozenset()
     tolerated: frozenset[str] = frozenset()
     free_text: frozenset[str] = frozenset()
+    types: frozenset[str] = frozenset()
+    typed: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -393,10 +397,16 @@ _COLLECTIONS: Mapping[str, Callable[[Iterable[str]], Any]] = {
 PROFILES = _read_profiles()
 
 
-def find_profile(name: str | Profile) -> Profile:
-    """Return the profile of that name; a profile is returned as it is."""
+# The name under which the text decides.
+AUTO = "auto"
+
+
+def find_profile(name: str | Profile, text: str = "") -> Profile:
+    """Return the profile of that name; a profile is returned as it is, and `auto` is that of the text."""
     if isinstance(name, Profile):
         return name
+    if name == AUTO:
+        return PROFILES[detect_dialect(text)]
     if not isinstance(name, str):
         raise TypeError(f"A profile is given as its name, such as 'scene', or as a Profile, not as {name!r}.")
     if name not in PROFILES:
@@ -409,6 +419,9 @@ _COMMENT = re.compile(r";[^\n]*")
 _DOMAIN = re.compile(r"\(\s*:domain\s+([^\s();]+)", re.IGNORECASE)
 _SECTION = re.compile(r"\(\s*(:[\w-]+)")
 _SYNSET_CATEGORY = re.compile(rf"\s-\s+{SYNSET.pattern}(?![^\s();])", re.IGNORECASE)
+
+_INSTANCE = re.compile(rf"[\s(]\??{SYNSET.pattern}(?:_\d+)?(?![^\s();])", re.IGNORECASE)
+_DEFINITION = re.compile(r"\(\s*(?:define|problem|:)", re.IGNORECASE)
 
 
 class _Signs(NamedTuple):
@@ -432,7 +445,7 @@ def detect_dialect(text: str) -> str:
 
     The domain of the text decides. A domain that only resembles a known one counts as that one when the text has the
     style of its dialect: synsets for categories, or sections that only LIBERO has. So a misspelt domain does not change
-    the meaning of the rest.
+    the meaning of the rest. A formula alone is one of BEHAVIOR when it names an object after a synset.
 
     Example:
         >>> detect_dialect("(define (problem p) (:domain omnigibsn) (:objects apple.n.01_1 - apple.n.01) ...")
@@ -441,6 +454,9 @@ def detect_dialect(text: str) -> str:
         'scene'
     """
     signs = _signs_in(text)
+    if not signs.domain and _INSTANCE.search(text) and not _DEFINITION.search(text):
+        # A formula alone names no domain.
+        return "behavior"
     exact = next((name for name, profile in PROFILES.items() if signs.domain in profile.domains), None)
     return exact or signs.likely_dialect() or DEFAULT
 

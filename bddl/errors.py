@@ -135,3 +135,16 @@ def _restore(kind: type[Scene2DemoError], args: tuple[object, ...]) -> Scene2Dem
     error = kind.__new__(kind, *args)
     BaseException.__init__(error, *args)  # OSError's `__new__` leaves the message to its constructor.
     return error
+
+
+@dataclass(eq=False, repr=False)
+class FormulaTooLarge(ValueError):
+    """Raised when formulas have too many parts, once their quantifiers are expanded, for a solver."""
+
+    most: int
+
+    def __str__(self) -> str:
+        return (
+            f"With every quantifier expanded, the formulas have more than {self.most} parts: give fewer objects, or "
+            "fewer nested quantifiers."
+        )

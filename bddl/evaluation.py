@@ -7,16 +7,21 @@ Libraries first build a graph or a sparse matrix, which takes longer than the an
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence, Set
+from importlib import import_module
 from itertools import repeat
-from typing import Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from bddl.ast import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 from bddl.grounding import Members, PairSemantics, check_pair_semantics, smaller_side
 from bddl.problem import Objects
 
+if TYPE_CHECKING:
+    from bddl.dialects import Profile
+
 # An atom as text: its predicate and its arguments. Many simulators keep their state so.
 Fact: TypeAlias = tuple[str, ...]
-State: TypeAlias = Mapping[Atom, bool] | Mapping[Fact, bool] | Callable[[Atom], bool | None]
+# A set has the facts that are true; all others are false.
+State: TypeAlias = Mapping[Atom, bool] | Mapping[Fact, bool] | Callable[[Atom], bool | None] | Set[Atom | Fact | str]
 
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"
@@ -26,7 +31,12 @@ _Form: TypeAlias = Generator[_Operand, bool | None, bool | None]
 
 
 def evaluate(
-    formula: Formula, state: State, objects: Objects | None = None, *, pairs: PairSemantics = "matching"
+    formula: Formula | str,
+    state: State,
+    objects: Objects | None = None,
+    *,
+    pairs: PairSemantics = "matching",
+    profile: str | Profile = "auto",
 ) -> bool | None:
     """Decide whether a formula holds in a state, as far as the state is known.
 
@@ -36,13 +46,15 @@ def evaluate(
     false. A wildcard of BEHAVIOR is counted as one object, of which CountedWildcard warns.
 
     Args:
-        formula: Any formula, of any depth.
-        state: A mapping in which an absent atom is unknown, or a function that returns None for unknown. The keys are
-            atoms, or tuples such as `("open", "fridge_0")`, or some of each.
+        formula: Any formula, of any depth, or its text.
+        state: A mapping in which an absent atom is unknown, a function that returns None for unknown, or the set of all
+            facts that are true. Keys and facts are atoms, or tuples such as `("open", "fridge_0")`, or some of each;
+            facts may be texts as well.
         objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
             `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
+        profile: The dialect of texts, or its name.
 
     Source: docs/bddl.md, Truth; the reference implementation is two-valued and does not stop early.
 
@@ -53,12 +65,14 @@ def evaluate(
         True
         >>> bddl.evaluate(goal, {}) is None
         True
+        >>> bddl.evaluate("(not (open refrigerator_0))", {"(inside glass_0 refrigerator_0)"})
+        True
     """
     check_pair_semantics(pairs)
     # A function of the caller may return any value.
-    known: Callable[[Atom], object] = lookup(state)
+    known: Callable[[Atom], object] = lookup(state, profile)
     members = Members(objects, warns=True)
-    node: Formula = formula
+    node: Formula = _read(formula, profile) if isinstance(formula, str) else formula
     bindings: _Bindings = None
     # A stack instead of recursion, since formulas may be nested thousands deep.
     waiting: list[_Form] = []
@@ -171,16 +185,24 @@ def _value_of(name: str, bindings: _Bindings) -> str:
     return name
 
 
-def lookup(state: State) -> Callable[[Atom], bool | None]:
+def _read(text: str, profile: str | Profile) -> Formula:
+    # Loaded with the first text, since evaluation is part of what reading needs.
+    found: Formula = import_module("bddl.parser").parse_formula(text, profile)
+    return found
+
+
+def lookup(state: State, profile: str | Profile = "auto") -> Callable[[Atom], bool | None]:
     """Return the function from an atom to its value in a state, None where that is unknown."""
     given: Any = state
+    if isinstance(given, Set):
+        true = frozenset(_label(fact, profile) for fact in given)
+        return lambda atom: atom.label in true
     if not isinstance(given, Mapping):
         if callable(given):
             return cast("Callable[[Atom], bool | None]", given)
-        advice = " A set says what is true and not what is unknown: give a mapping."
         raise TypeError(
-            f"A state is a mapping from atoms to values or a function of an atom, not {state!r:.80}."
-            + (advice if isinstance(given, Set) else "")
+            "A state is a mapping from atoms to values, a function of an atom or a set of true facts, "
+            f"not {state!r:.80}."
         )
     first = next(iter(given), None)
     if not isinstance(first, Atom | tuple | None):
@@ -189,6 +211,17 @@ def lookup(state: State) -> Callable[[Atom], bool | None]:
     if not isinstance(first, tuple):
         return lambda atom: values.get(atom.label) if (value := values.get(atom)) is None else value
     return lambda atom: values.get(atom) if (value := values.get(atom.label)) is None else value
+
+
+def _label(fact: object, profile: str | Profile) -> Fact:
+    """Return a true fact as its predicate and its arguments."""
+    if isinstance(fact, str):
+        fact = _read(fact, profile)
+    if isinstance(fact, tuple) and all(isinstance(word, str) for word in fact):
+        return fact
+    if not isinstance(fact, Atom):
+        raise TypeError(f"A true fact is an atom, a tuple such as ('open', 'fridge_0') or a text, not {fact!r:.80}.")
+    return fact.label
 
 
 def _check_keys(state: Mapping[Any, bool]) -> None:

@@ -124,7 +124,7 @@ class TermReader:
         self._report_unknown("unknown-category", word, name, sentence, "categories", sorted(self._categories()))
 
     def _categories(self) -> set[str]:
-        known = set((self.objects or {}).values())
+        known = {*(self.objects or {}).values(), *self.profile.types}
         return known if self.profile.folds_case else known | {ROOT_CATEGORY}
 
     def _read_argument(self, item: Item, parameter: str, case: str, nested_is_reported: bool = True) -> str | None:

@@ -80,7 +80,7 @@ def analyse(
         hint: name ?x in the body
     """
     text = subject if isinstance(subject, str) else format(subject)
-    dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
+    dialect, known = find_profile(profile, text), None if objects is None else categories_of(objects)
     try:
         found, warnings = read(text, "any", dialect, known)
     except BDDLError as error:
@@ -136,7 +136,8 @@ def _examine_quantifiers(formula: Formula, objects: Mapping[str, str], reporter:
 def find_repeated_literals(problem: Problem, reporter: Reporter) -> None:
     """Report repeated literals of `:init`: harmless, yet often another object was meant."""
     first_spans: dict[Literal, Span | None] = {}
-    for literal, span in init_literals(problem):
+    for literal, formula in init_literals(problem):
+        span = formula.span
         if literal in first_spans and span is not None:
             reporter.add(
                 "repeated-literal",
@@ -158,8 +159,8 @@ def find_forgotten_futures(problem: Problem, reporter: Reporter) -> None:
     nodes = problem.goal.walk()
     ranged = {binder.category for node in nodes if isinstance(node, Quantified) for binder in node.binders}
     category = problem.categories
-    for literal, span in init_literals(problem):
-        name = literal.atom.args[0] if literal.atom.args else ""
+    for literal, formula in init_literals(problem):
+        name, span = literal.atom.args[0] if literal.atom.args else "", formula.span
         if literal.atom.predicate != "future" or not literal.value or span is None:
             continue
         if name not in wanted and category.get(name) not in ranged:

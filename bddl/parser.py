@@ -15,6 +15,7 @@ from bddl.ast import Formula
 from bddl.definitions import read_domain, read_problem
 from bddl.diagnostics import BDDLError, Code, Diagnostic, Reporter, Source
 from bddl.dialects import Profile, find_profile, near_names, report_other_dialect
+from bddl.direct import read_directly
 from bddl.formulas import FormulaReader
 from bddl.lexer import (
     Forest,
@@ -28,25 +29,33 @@ from bddl.lexer import (
     to_prefix,
     words_of,
 )
+from bddl.pddl import profile_of, split_domain, spread_types
 from bddl.printer import format
 from bddl.problem import Domain, Objects, Problem, categories_of
 from bddl.recovery import recover_parentheses
 
 
-def parse(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Problem:
+def parse(
+    text: str,
+    profile: str | Profile = "scene",
+    objects: Objects | None = None,
+    domain: Domain | str | None = None,
+) -> Problem:
     """Return the problem that a text defines; its `warnings` has what the profile tolerates.
 
     Args:
         text: A form `(define (problem NAME) (:domain NAME) (:objects ...) (:init ...) (:goal ...))`.
-        profile: The dialect, or its name.
+        profile: The dialect, or its name; "auto" finds it by the text's domain and its style.
         objects: Category of each object of the scene. When given, the problem may use them without declaring them,
             and may declare no others.
+        domain: The domain that the problem belongs to, or its text, whose predicates and types are then the legal
+            ones. A text may also define both. A quantifier over a type becomes one for each of its subtypes.
 
     Raises:
         BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
         UnknownProfile: There is no such profile.
     """
-    return cast(Problem, read(text, "problem", profile, objects)[0])
+    return cast(Problem, read(text, "problem", profile, objects, domain)[0])
 
 
 def parse_formula(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Formula:
@@ -60,6 +69,11 @@ def parse_formula(text: str, profile: str | Profile = "scene", objects: Objects 
         <Atom (inside glass_0 gripper)>
     """
     return cast(Formula, read(text, "formula", profile, objects)[0])
+
+
+def read_formula(given: Formula | str, profile: str | Profile = "auto") -> Formula:
+    """Return a formula as it is, and a text as the formula that it is."""
+    return parse_formula(given, profile) if isinstance(given, str) else given
 
 
 def check(
@@ -106,10 +120,24 @@ def parse_domain(text: str) -> Domain:
 
 
 def read(
-    text: str, wanted: Wanted, profile: str | Profile, objects: Objects | None
+    text: str, wanted: Wanted, profile: str | Profile, objects: Objects | None, domain: Domain | str | None = None
 ) -> tuple[Subject, tuple[Diagnostic, ...]]:
     """Return the content of a text, of the wanted kind, and the findings that the profile tolerates."""
-    dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
+    if not isinstance(text, str):
+        raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
+    dialect = find_profile(profile, text)
+    known = None if objects is None else categories_of(objects)
+    if domain is None:
+        direct = read_directly(text, wanted, dialect, known)
+        if direct is not None:
+            return direct
+        both = split_domain(text) if wanted in ("problem", "any") else None
+        if both is not None:
+            domain, text = both
+    if domain is not None:
+        given = parse_domain(domain) if isinstance(domain, str) else domain
+        found, warnings = read(text, "problem", profile_of(given, dialect), known)
+        return spread_types(cast(Problem, found), given, text), warnings
     reading = read_text(text, wanted, dialect, known)
     if reading.found is None:
         # Imported with the first mistake: legal texts never need the rewriters.

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from bddl.ast import Binder, Formula, Span, check_name
+from bddl.ast import Binder, Formula, Place, Placed, Span, check_name, set_place
 from bddl.diagnostics import Diagnostic
 
 # The category that every object of a scene belongs to, as in typed PDDL.
@@ -21,7 +21,7 @@ WILDCARD = "_*"
 
 
 @dataclass(frozen=True, slots=True)
-class TypedObject:
+class TypedObject(Placed):
     """An object that a problem declares, with its category."""
 
     name: str
@@ -31,6 +31,18 @@ class TypedObject:
     def __post_init__(self) -> None:
         check_name("object", self.name)
         check_name("category", self.category)
+
+
+_set_name, _set_category = TypedObject.__dict__["name"].__set__, TypedObject.__dict__["category"].__set__
+
+
+def make_object(name: str, category: str, place: Place) -> TypedObject:
+    """Return an object whose names need no check, with its place not yet computed."""
+    made = object.__new__(TypedObject)
+    _set_name(made, name)
+    _set_category(made, category)
+    set_place(made, place)
+    return made
 
 
 # The objects of a scene: their categories by name, or as a problem declares them.
@@ -59,7 +71,7 @@ def categories_of(objects: Objects) -> Mapping[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Placed):
     """A problem file: declared objects, what holds at the start, and the goal.
 
     Attributes:

@@ -138,9 +138,9 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
         >>> bddl.correct("```\\ninside(glass_0, fridge_0) and (on cup_0 table_0)\\n```").text
         '(and (inside glass_0 fridge_0) (ontop cup_0 table_0))'
     """
-    dialect = find_profile(profile)
     if not isinstance(text, str):
         raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
+    dialect = find_profile(profile, text)
     known = None if objects is None else categories_of(objects)
     legal = _make_legal(TextDraft(text, dialect, known))
     if legal is None:

@@ -1,7 +1,7 @@
 """Evaluate a policy in episodes that no policy has seen.
 
 Rates come with exact intervals, failures by kind. The policy is the tiny one of the example before, so it fails here.
-`--fallback` lets the planner finish what a policy does not. Needs the extras `sim`, `gym` and `learn`.
+Needs the extras `sim`, `gym` and `learn`.
 
     python examples/08_evaluate.py [FOLDER]
 """

@@ -462,8 +462,8 @@ class _Planning:
         unmet = [each for each in goals[0] if each.grade(origin.value(each.fact)) is not True]
         literals = tuple(map(Condition.text, unmet))
         if report is not None:
-            said = next((each.message for each in report.diagnostics if each.severity != "note"), "it is not proved")
-            return NoPlan("not-proved", f"of the plans found, none is proved; the last one: {said}", literals)
+            reason = next((each.message for each in report.diagnostics if each.severity != "note"), "it is not proved")
+            return NoPlan("not-proved", f"of the plans found, none is proved; the last one: {reason}", literals)
         unknown = [fact for fact in origin.window.facts if len(fact) > 1 and origin.value(fact) is None]
         if unknown:
             named = ", ".join(fact_text(fact, True) for fact in _first(unknown, unmet))
@@ -471,8 +471,8 @@ class _Planning:
                 "unknown", f"the scene does not say whether {named}; add facts, or close predicates", literals
             )
         if complete_search:
-            said = f"no order of opening, closing, picking up and putting reaches {', '.join(literals)} together"
-            return NoPlan("no-plan", said, literals)
+            reason = f"no order of opening, closing, picking up and putting reaches {', '.join(literals)} together"
+            return NoPlan("no-plan", reason, literals)
         return NoPlan(
             "too-large", f"{self.states} states were searched for {', '.join(literals)}, and more are left", literals
         )

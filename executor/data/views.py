@@ -25,7 +25,7 @@ from executor.geometry import pose_vector
 from executor.sim.render.appearance import Surfaces, panorama_of, perturb_cameras, sample_lights, sample_surfaces
 from executor.sim.render.cameras import Camera, camera_json, cameras_for
 from executor.sim.render.frames import VideoFailed
-from executor.sim.render.stage import DAYLIGHT, Lights, SceneRenderer
+from executor.sim.render.stage import DAYLIGHT, Lights, SceneRenderer, Stage
 from executor.system.extras import require
 from executor.system.vulkan import RendererNotFound, find_renderer
 from oag import Scene, Task
@@ -160,23 +160,31 @@ def render_views(
                     tracks[name, DEPTH].add(sensed.depth_mm)
                 if sensed.segmentation is not None:
                     tracks[name, SEGMENTATION].add(sensed.segmentation)
-        described: dict[str, Any] = {
+        described = {
             "renderer": scene_renderer.renderer,
             "rate_hz": float(rate),
             "count": len(states),
-            "depth_unit": "mm",
-            "lights": asdict(look.lights),
-            "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
-            "views": {
-                # The matrix that drew the pictures. It has single precision, so it is not bit for bit the computed one.
-                camera.name: camera_json(camera, recording.size, stage.intrinsics(camera.name))
-                for camera in look.cameras
-            },
+            **_described_by(stage, look, recording),
         }
-        if recording.segmentation:
-            legend = stage.legend()
-            described["legend"] = {str(k): {"object": legend[k].owner, "link": legend[k].link} for k in sorted(legend)}
     return RenderedViews(described, {f"{POSES}{name}": poses[name] for name in names})
+
+
+def _described_by(stage: Stage, look: Look, recording: Recording) -> dict[str, Any]:
+    """Return what a reader of the pictures has to know of lights, surfaces, cameras and segmentation."""
+    described: dict[str, Any] = {
+        "depth_unit": "mm",
+        "lights": asdict(look.lights),
+        "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
+        "views": {
+            # The matrix that drew the pictures, which the renderer has rounded.
+            camera.name: camera_json(camera, recording.size, stage.intrinsics(camera.name))
+            for camera in look.cameras
+        },
+    }
+    if recording.segmentation:
+        legend = stage.legend()
+        described["legend"] = {str(k): {"object": legend[k].owner, "link": legend[k].link} for k in sorted(legend)}
+    return described
 
 
 def check_drawable() -> None:

@@ -97,6 +97,13 @@ def colour(number: int) -> NDArray[np.uint8]:
 
 def visible_owners(observation: Observation, guesses: Mapping[str, PoseHypothesis]) -> NDArray[np.int32]:
     """Return (H, W) the object visible in each pixel, by its position in the mapping; -1 for none."""
+    return visible_surfaces(observation, guesses)[0]
+
+
+def visible_surfaces(
+    observation: Observation, guesses: Mapping[str, PoseHypothesis]
+) -> tuple[NDArray[np.int32], Array]:
+    """Return (H, W) the object visible in each pixel as `visible_owners`, and (H, W) the depth of the nearest [m]."""
     depth = np.full(observation.z_m.shape, np.inf)
     owner = np.full(observation.z_m.shape, -1, dtype=np.int32)
     rays = observation.rays.reshape(-1, 3)
@@ -108,7 +115,7 @@ def visible_owners(observation: Observation, guesses: Mapping[str, PoseHypothesi
         nearer = own < depth
         depth, owner = np.where(nearer, own, depth), np.where(nearer, number, owner)
     # Parts hidden by something unknown get no outline.
-    return np.where(is_hidden(observation, depth), -1, owner).astype(np.int32)
+    return np.where(is_hidden(observation, depth), -1, owner).astype(np.int32), depth
 
 
 def draw_outlines(observation: Observation, owner: NDArray[np.int32]) -> NDArray[np.uint8]:

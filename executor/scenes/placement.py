@@ -60,7 +60,7 @@ WALKWAY_M = 0.10
 """Least distance from the robot, arm at home, to its surroundings."""
 
 # The robot from above with its arm at home: the base reaches 0.24 m behind and beside its axis, the hand 0.45 m ahead.
-_BEHIND_M, _AHEAD_M, _BESIDE_M = 0.26, 0.46, 0.26
+_BEHIND_M, _AHEAD_M, _LATERAL_M = 0.26, 0.46, 0.26
 _TOP_M = 1.5  # Objects that begin higher are above the robot.
 _ROBOT_TRIES = 400
 
@@ -253,7 +253,7 @@ def stand_robot(room: Room, *, facing_m: tuple[float, float] = (0.0, 0.0), sprea
         NoRoom: There is no free floor that large.
     """
     taken = {name: Footprint.of(obj) for name, obj in room.objects.items()}
-    rng, half_x, half_y = room.rng, room.depth_m / 2 - _BEHIND_M, room.width_m / 2 - _BESIDE_M
+    rng, half_x, half_y = room.rng, room.depth_m / 2 - _BEHIND_M, room.width_m / 2 - _LATERAL_M
     look_x, look_y = facing_m
 
     def drawn() -> Iterator[tuple[float, float, float]]:
@@ -279,7 +279,7 @@ def robot_footprint(x_m: float, y_m: float, yaw_rad: float) -> Footprint:
         y_m + ahead * math.sin(yaw_rad),
         yaw_rad,
         (_AHEAD_M + _BEHIND_M) / 2,
-        _BESIDE_M,
+        _LATERAL_M,
         high_m=_TOP_M,
     )
 

@@ -25,7 +25,6 @@ from llm.proposing.modules import (
     opens_its_target,
     plan,
     resize,
-    same_goal,
     understand,
 )
 from llm.proposing.proposal import Proposal
@@ -301,7 +300,7 @@ class Drafting:
             raise ValueError("a draft is no proposal before module 1 has answered")
         unknown = [found for found in report.diagnostics if found.code == "context/open"]
         notes = [f"the plan rests on something unknown: {found.literal or found.message}" for found in unknown]
-        if self.expected is not None and not same_goal(task.goal, self.expected):
+        if self.expected is not None and not bddl.equivalent(task.goal, self.expected, scene.categories):
             wanted, goal = bddl.format(self.expected), bddl.format(task.goal)
             notes.append(f"word by word the query asks for {wanted}; the model stands by {goal}")
         return Proposal(

@@ -265,22 +265,10 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
         if not re.search(rf"(?<![\w.-]){re.escape(name)}(?![\w-])", description):
             message = f"the goal speaks of {name}, which neither task_name nor task_message_detail mentions"
             yield finding("answer/unnamed-object", message, TASK_GOAL)
-    if expected is not None and not same_goal(goal, expected):
+    if expected is not None and not bddl.equivalent(goal, expected, scene.categories):
         message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
         yield finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
-
-
-def same_goal(first: bddl.Formula, second: bddl.Formula) -> bool:
-    """Decide whether two goals have the same conjuncts, in any order."""
-    return _conjuncts(first) == _conjuncts(second)
-
-
-def _conjuncts(formula: bddl.Formula) -> frozenset[str]:
-    literals = bddl.literals(formula)
-    if literals is None:
-        return frozenset(bddl.format(part) for part in bddl.conjuncts(formula))
-    return frozenset(f"{literal.value} {bddl.format(literal.atom)}" for literal in literals)
 
 
 class SubtaskRoles(SubtaskAnswer):

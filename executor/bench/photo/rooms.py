@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -92,11 +92,22 @@ def drawn(seed: int, rooms: int, of_kitchens: int) -> list[DrawnRoom]:
     return [room for turn in both for room in turn if room is not None]
 
 
+class NamedRoom(Protocol):
+    """Something that is measured once: a drawn room or a real picture."""
+
+    @property
+    def name(self) -> str:
+        """Fit for files."""
+
+
+_Subject = TypeVar("_Subject", bound=NamedRoom)
+
+
 def each_once(
     folder: Path,
     kind: str,
-    rooms: Sequence[DrawnRoom],
-    measured: Callable[[DrawnRoom], dict[str, Any]],
+    rooms: Sequence[_Subject],
+    measured: Callable[[_Subject], dict[str, Any]],
     on_progress: Callable[[Mapping[str, Any]], None],
 ) -> Iterator[dict[str, Any]]:
     """Yield the result of every room, measured if it has no file yet, so that an interrupted run resumes.
@@ -104,7 +115,7 @@ def each_once(
     Args:
         folder: Folder of the files, one a room.
         kind: Prefix of the files' names.
-        rooms: The rooms.
+        rooms: The rooms, or pictures.
         measured: Measures one.
         on_progress: Called with every result.
     """

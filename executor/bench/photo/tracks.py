@@ -6,6 +6,7 @@ simulator's own, degraded. Tables say so.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +34,15 @@ _NEAR_M, _BASE_M, _GROWTH = 0.4, 0.0012, 0.0019
 _HOLES = 0.02
 _JUMP_M, _AT_JUMPS = 0.08, 0.5  # Share of the pixels at depth jumps that are lost.
 _STEP_M = 0.001
+_SENSED_GROWTH = (0.003, 0.0075)
+"""Standard deviation by the square of the depth [1/m]: 12 to 30 mm at 2 m, as on the floors of real pictures."""
+
+_SHARED_PX, _PATCH_PX = 2.0, 8.0  # Widths of what neighbouring pixels share: an error, a hole.
+_AROUND_JUMPS_PX, _SENSED_AT_JUMPS, _SENSED_HOLES = 3, 0.7, 0.05
+_INVERSE_STEP, _NEAREST_M = (
+    0.001,
+    0.1,
+)  # Of the inverse depth [1/m]: 4 mm at 2 m, a 1/30 of a pixel for 50 mm and 600 px.
 _LEAST_PX = 3
 MOCKED = "mocked detector (the simulator's boxes, spoilt)"
 ORACLE = "oracle (the simulator's masks and names)"
@@ -66,6 +76,25 @@ def noisy(depth_m: Array, rng: np.random.Generator) -> Array:
     valid &= ~(near_jumps & (rng.random(depth_m.shape) < _AT_JUMPS))
     valid &= rng.random(depth_m.shape) > _HOLES
     return np.where(valid, np.round(spoilt / _STEP_M) * _STEP_M, 0.0)
+
+
+def sensed(depth_m: Array, rng: np.random.Generator) -> Array:
+    """Return a depth picture (H, W) in metres as real sensors measured it; 0 is a hole.
+
+    The standard deviation is drawn for the picture, and grows with the square of the depth. Neighbouring pixels share
+    half of the variance. Holes are around edges and in patches. Equal steps are those of the inverse depth.
+    """
+    valid = depth_m > 0.0
+    shared = gaussian_filter(rng.normal(size=depth_m.shape), _SHARED_PX)
+    error = (rng.normal(size=depth_m.shape) + shared / shared.std()) / math.sqrt(2.0)
+    spoilt = np.maximum(depth_m + rng.uniform(*_SENSED_GROWTH) * depth_m**2 * error, _NEAREST_M)
+    across = np.abs(np.diff(depth_m, axis=1, prepend=depth_m[:, :1])) > _JUMP_M
+    down = np.abs(np.diff(depth_m, axis=0, prepend=depth_m[:1])) > _JUMP_M
+    near_jumps = binary_dilation(across | down, iterations=_AROUND_JUMPS_PX)
+    valid &= ~(near_jumps & (rng.random(depth_m.shape) < _SENSED_AT_JUMPS))
+    patches = gaussian_filter(rng.normal(size=depth_m.shape), _PATCH_PX)
+    valid &= patches < np.quantile(patches, 1.0 - _SENSED_HOLES)
+    return np.where(valid, 1.0 / (np.maximum(np.round(1.0 / spoilt / _INVERSE_STEP), 1.0) * _INVERSE_STEP), 0.0)
 
 
 def mono_like(depth_m: Array, rng: np.random.Generator) -> Array:
@@ -119,7 +148,7 @@ def mocked_boxes(
     return found
 
 
-TrackName = Literal["A", "B", "C", "D", "E", "F", "G"]
+TrackName = Literal["A", "B", "C", "D", "E", "F", "G", "S"]
 TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
         "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
@@ -132,12 +161,14 @@ TITLES: Mapping[TrackName, str] = MappingProxyType(
         "simulator, picture and camera alone",
         "G": "track G: things of foreign shapes in the place of all items, photographed as for a task, noisy "
         "depth, and the simulator's own boxes, spoilt, without names; only the foreign things count",
+        "S": "track S: depth with the noise of real sensors, and a mocked detector: the simulator's own boxes, spoilt",
     }
 )
 """Track -> title of its table."""
 
 _CLEAN = "taken from the simulator as it is"
 _NOISY = "drawn from the simulator, with the noise of a depth camera"
+_SENSED = "drawn from the simulator, with the noise, holes and steps of real sensors"
 _MONO = "drawn from the simulator, bent, blurred and of wrong scale like a network's"
 
 
@@ -189,6 +220,9 @@ def input_of(
     elif track == "E":
         guessed = Depth(mono_like(shot.depth_m, rng), _MONO, depth_distortion=DEFAULT_DEPTH_DISTORTION)
         depth, observation, floor = observe_by_height(picture, guessed, camera, height_m)
+    elif track == "S":
+        depth = Depth(sensed(shot.depth_m, rng), _SENSED)
+        observation, floor = observe(picture, depth, camera)
     elif track != "D":
         depth = Depth(noisy(shot.depth_m, rng), _NOISY)
         observation, floor = observe(picture, depth, camera)

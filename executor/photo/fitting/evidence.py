@@ -36,7 +36,7 @@ light and shade."""
 _INDEPENDENT_EDGE_SHARE = 0.3  # Share of pairs along an edge that are independent measurements.
 _BOX_MARGIN_SHARE = 0.12  # Of the box's sides, looked at around it.
 _MODEL_ERROR_M = 0.004  # Error of a correct model.
-_SEEN_THROUGH_COST, _HIDDEN_COST, _OUTSIDE_BOX_COST = 8.0, 5.0, 4.0
+_TRANSPARENCY_COST, _HIDDEN_COST, _OUTSIDE_BOX_COST = 8.0, 5.0, 4.0
 """Largest cost of a pixel: seen through the hypothesis; nearer than everything known; covered outside the box."""
 
 _BOX_SIGMA_SHARE = 0.04  # Of the box's sides: how exact boxes are.
@@ -298,7 +298,7 @@ class PixelEvidence:
         z_m, bend_cost = self._unbent(depth)
         off = (z_m - np.minimum(depth, self.other_m)) / self.sigma_m
         beyond = off > 0.0
-        square = np.minimum(0.5 * off * off, np.where(beyond, _SEEN_THROUGH_COST, _HIDDEN_COST))
+        square = np.minimum(0.5 * off * off, np.where(beyond, _TRANSPARENCY_COST, _HIDDEN_COST))
         outside = np.where(beyond, square, 0.0) + np.where(off > -3.0, self.claim, 0.0)
         mean_cost = float(np.where(self.inside, square, outside * (depth < self.other_m)).mean())
         weight = min(self.weight, _DISTORTED_WEIGHT) if self.observation.monocular else self.weight

@@ -271,7 +271,7 @@ MICROWAVE_SUPPORT_M = 0.60
 """Least width of a microwave's support."""
 
 # Room beside them: the door of the one reaches beyond its side when it is open, the knobs of the other stand out.
-BESIDE_M = MappingProxyType({"upright_one_door": 0.06, "oven_bottom_hinge": 0.02})
+SIDE_GAP_M = MappingProxyType({"upright_one_door": 0.06, "oven_bottom_hinge": 0.02})
 COOKERS = ("oven", "dishwasher")
 COOKER_HEIGHTS_M, UNIT_HEIGHTS_M = (0.80, 0.82), (0.72, 0.80)
 """Heights of worktops, with an oven or a dishwasher below them and without."""
@@ -423,13 +423,13 @@ def _set_along(
         items = (REST, *items, REST)
     furniture = [pieces[item.id] for item in items if isinstance(item, Thing)]
     taken = sum(item for item in items if isinstance(item, float))
-    taken += sum(row_length_m(room, [piece]) + 2 * BESIDE_M.get(piece.model, 0.0) for piece in furniture)
+    taken += sum(row_length_m(room, [piece]) + 2 * SIDE_GAP_M.get(piece.model, 0.0) for piece in furniture)
     left_m = max(0.0, wall_length_m(room, wall) - 2 * CORNER_M - taken)
     share = left_m / items.count(REST)
     gaps = [0.0]
     for item in items:
         if isinstance(item, Thing):
-            margin_m = BESIDE_M.get(pieces[item.id].model, 0.0)
+            margin_m = SIDE_GAP_M.get(pieces[item.id].model, 0.0)
             gaps[-1] += margin_m
             gaps.append(margin_m)
         else:

@@ -70,7 +70,7 @@ TIGHT = 0.25
 TIGHT_FRONTS_M = (0.60, 0.95)
 """Range of the free floor between table and piece in tight kitchens [m]; a door is 0.55 to 0.70 m wide."""
 
-TIGHT_BESIDE_M = 0.45  # Most lateral offset of the table's centre from the piece's centre [m].
+TIGHT_LATERAL_M = 0.45  # Most lateral offset of the table's centre from the piece's centre [m].
 
 INSET_M = (0.08, 0.16)  # [m] Near enough for a hand that reaches in over that edge.
 NEAR_EDGE = Clearance(edge_m=0.01)
@@ -133,7 +133,7 @@ def _stand_in_front(room: Room, piece: SceneObject, gap_m: float) -> Table:
     mine = Footprint.of(piece)
     behind_m = float(mine.corners_m[:, 0].min()) - gap_m - table.extent_m[0] + room.depth_m / 2
     span = room.width_m / 2 - table.extent_m[1] / 2
-    offset_m = float(room.rng.uniform(-TIGHT_BESIDE_M, TIGHT_BESIDE_M))
+    offset_m = float(room.rng.uniform(-TIGHT_LATERAL_M, TIGHT_LATERAL_M))
     along = float(np.clip(mine.y_m + offset_m, -span, span))
     # Move it against the wall behind it if the gap is narrow: things behind it would be unreachable.
     against(room, "west", table, along, behind_m=behind_m if behind_m > PASSAGES_M[0] else 0.01)

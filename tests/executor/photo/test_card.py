@@ -11,7 +11,7 @@ import pytest
 
 from executor.assets.library import sample
 from executor.bench.photo.score import card_rows, compare_thing, iou, support_counts, turned_rad, visible_box
-from executor.bench.photo.tracks import MockedDetector, mocked_boxes, noisy
+from executor.bench.photo.tracks import MockedDetector, mocked_boxes, noisy, sensed
 from oag import SceneObject
 from oag.model.scene import about_z
 from tests.source_tree import first_party_imports, modules
@@ -77,6 +77,23 @@ def test_the_sensor_is_noisier_far_away_and_loses_edges() -> None:
     near, far = seen[:, 5:45], seen[:, 55:95]
     assert float(far[far > 0].std()) > 10 * float(near[near > 0].std())
     assert (seen[:, 48:52] == 0).mean() > 0.2 > (near == 0).mean()
+
+
+def test_real_sensors_are_noisier_share_errors_and_measure_in_steps() -> None:
+    for seed in range(5):
+        flat = sensed(np.full((120, 160), 2.0), np.random.default_rng(seed))
+        seen = flat > 0
+        assert 0.011 < float(flat[seen].std()) < 0.031 and (~seen).mean() == pytest.approx(0.05, abs=0.01)
+        beside = np.corrcoef(*(part[seen[:, 1:] & seen[:, :-1]] for part in (flat[:, 1:], flat[:, :-1])))[0, 1]
+        assert 0.3 < beside < 0.6
+        steps = 1.0 / flat[seen] / 0.001
+        assert np.abs(steps - np.round(steps)).max() < 1e-6
+    depth = np.full((120, 160), 1.0)
+    depth[:, 80:] = 4.0
+    edged = sensed(depth, np.random.default_rng(0))
+    assert (edged[:, 78:82] == 0).mean() > 0.5 > (edged[:, 10:60] == 0).mean()
+    far, near = (float(part[part > 0].std()) for part in (edged[:, 90:], edged[:, :70]))
+    assert far == pytest.approx(16 * near, rel=0.2)
 
 
 def test_the_mocked_detector_is_as_bad_as_it_says() -> None:
