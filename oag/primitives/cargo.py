@@ -153,9 +153,12 @@ def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, .
         name, path = pending.pop()
         for relation, place in carriage.places_of(name):
             chain = (*path, (relation, name, place))
+            # What is in a thing that is in another is in that one too, so that only the first may be inside.
+            if path and relation != "ontop":
+                continue
             if place == below:
                 yield chain
-            elif len(chain) < _LONGEST_TOWER and place in carriage.riding(below) and relation == "ontop":
+            elif len(chain) < _LONGEST_TOWER and place in carriage.riding(below):
                 pending.append((place, chain))
 
 

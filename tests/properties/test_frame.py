@@ -104,7 +104,9 @@ def check_primitive(situation: tuple[World, Part], action: Action) -> None:
 def test_p11_invariants_survive_every_primitive(situation: tuple[World, Part], primitive: Primitive) -> None:
     state, part = situation
     assert consistent(state)
-    assume(allowed(state, part, int(primitive), KINDS))
+    if primitive is Primitive.UNGRASP and not allowed(state, part, int(primitive), KINDS):
+        # Nothing is put on what it carries: the row's need keeps the invariant.
+        return
     assert consistent(world_of(step(known(state), Rows(context_of(part)), primitive, time=2)[1]))
 
 
