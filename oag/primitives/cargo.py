@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property
+from itertools import islice
 from typing import NamedTuple
 
 from oag.model.symbols import ANY, GRIPPER, Fact, Value
@@ -23,8 +24,8 @@ _Writes = dict[Fact, Value]
 # Where an item rests, and relations that motion of an item makes unknown.
 RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
-# Things that rest on each other in a row; what would take more is no tower that a hand builds.
-_LONGEST_TOWER = 3
+# Beginnings of towers that are looked at, the lowest first: all of them where it is known what rests where.
+_MOST_TOWERS = 1_000
 
 
 class Carriage(NamedTuple):
@@ -79,7 +80,7 @@ def carriage_of(
     if not any(place in items for place in above) and all(fact[1] in items for fact in resting):
         return NOTHING_CARRIED
     within = closed(resting)
-    riders = {name: tuple(thing for thing in _all_above(name, above) if thing in items) for name in names}
+    riders = {name: tuple(thing for thing in _reached(name, above) if thing in items) for name in names}
     places: dict[str, list[tuple[str, str]]] = {}
     for relation, thing, place in sorted(within):
         places.setdefault(thing, []).append((relation, place))
@@ -99,15 +100,23 @@ def _open_facts(
                 yield relation, thing, place
 
 
-def _all_above(name: str, above: Mapping[str, Mapping[str, None]]) -> tuple[str, ...]:
+def _reached(name: str, steps: Mapping[str, Mapping[str, None]]) -> tuple[str, ...]:
     found: dict[str, None] = {}
     pending = [name]
     while pending:
-        for thing in above.get(pending.pop(), ()):
+        for thing in steps.get(pending.pop(), ()):
             if thing not in found and thing != name:
                 found[thing] = None
                 pending.append(thing)
     return tuple(found)
+
+
+def below(name: str, resting: Collection[Fact]) -> tuple[str, ...]:
+    """Return what a thing rests on or in by some facts, directly or through others."""
+    under: dict[str, dict[str, None]] = {}
+    for _, thing, place in sorted(resting):
+        under.setdefault(thing, {})[place] = None
+    return _reached(name, under)
 
 
 def closed(resting: Iterable[Fact]) -> set[Fact]:
@@ -149,8 +158,7 @@ def circle(resting: Iterable[Fact]) -> tuple[Fact, ...]:
 def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, ...]]:
     """Yield the ways in which a thing may stand on or in another: chains of facts that would all hold."""
     pending: list[tuple[str, tuple[Fact, ...]]] = [(above, ())]
-    while pending:
-        name, path = pending.pop()
+    for name, path in islice(pending, _MOST_TOWERS):
         for relation, place in carriage.places_of(name):
             chain = (*path, (relation, name, place))
             # What is in a thing that is in another is in that one too, so that only the first may be inside.
@@ -158,7 +166,7 @@ def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, .
                 continue
             if place == below:
                 yield chain
-            elif len(chain) < _LONGEST_TOWER and place in carriage.riding(below):
+            elif place in carriage.riding(below) and all(fact[1] != place for fact in path):
                 pending.append((place, chain))
 
 
