@@ -1,7 +1,7 @@
 """An oracle for plans with cargo: things stand in a forest of direct relations, and everything else is derived from it.
 
 It was written from docs/semantics.md alone, and shares no code with the package or with the other oracle. Worlds are
-larger than there: bowls, boxes in boxes, trays, a drawer in a cabinet. A start is complete; a plan goes one way from it.
+larger than there: bowls, boxes in boxes, trays, a drawer in a cabinet. A plan goes one way from a complete start.
 """
 
 from __future__ import annotations

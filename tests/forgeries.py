@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 from typing import Any
 
@@ -232,7 +232,10 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
     known |= {fact: True for fact in implied if fact in known and fact not in stated}
     unknown = tuple(fact for fact in universe if fact not in known)
     # Where it is open what carries what, an answer may be left open that there is.
-    loose = any(fact[0] in ("ontop", "inside") for fact in unknown)
+    pairs = [(name, *pair) for name in ("ontop", "inside") for pair in permutations(scene["items"], 2)]
+    carrying = any(known.get(pair) or _stated(pair, stated) is None for pair in pairs)
+    carrying = carrying or any(part.place is not None and part.place[1] in scene["items"] for part in parts)
+    loose = carrying and any(fact[0] in ("ontop", "inside") for fact in unknown)
     if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
         return None
     kinds = Kinds(frozenset(scene["items"]), frozenset(scene["articulated"]))

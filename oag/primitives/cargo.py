@@ -219,7 +219,10 @@ class Load:
         """Return what a release on or in a support writes: it and its cargo are inside what the support is inside."""
         read, written = self._read, dict[Fact, Value]()
         around: dict[str, Value] = {place: read(("inside", support, place)) for place in self._carriage.around(support)}
-        for thing, sure in {self._carrier: True, **self.riding}.items():
+        moved: dict[str, bool | None] = {self._carrier: True, **self.riding}
+        # Nothing is put on what it carries: the support stays where it is.
+        moved.pop(support, None)
+        for thing, sure in moved.items():
             own = {support: True, **around} if relation == "inside" and thing != self._carrier else around
             for place, value in own.items():
                 fact = ("inside", thing, place)

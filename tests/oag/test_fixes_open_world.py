@@ -35,12 +35,14 @@ def broken(subtask: int, step: int | None) -> dict[str, Any]:
     return data
 
 
-def test_the_right_plan_rests_on_two_unknown_things() -> None:
+def test_the_right_plan_rests_on_three_unknown_things() -> None:
+    """The last one is new: nothing is put into a bowl that stands on it, and nobody says where the bowl is."""
     report = verified(RIGHT)
     assert report.verdict is oag.Verdict.CONDITIONAL
     assert [line.partition(":")[0] for line in report.assumptions if line.endswith("unknown, and needed")] == [
         "not inside(egg_0, fridge_0)",
         "not inside(bowl_0, fridge_0)",
+        "not ontop(bowl_0, egg_0)",
     ]
 
 
