@@ -71,6 +71,18 @@ class Drift(NamedTuple):
     turn_deg: float
 
 
+def stays_near(flow: Iterable[Action], most_m: float) -> bool:
+    """Decide whether a base stays within a distance and a quarter turn even if all its moves went one way."""
+    distance_m = turn_deg = 0.0
+    for action in flow:
+        if isinstance(action.parameter, float):
+            if action.primitive in _AHEAD:
+                distance_m += abs(action.parameter)
+            elif action.primitive in _TURNS:
+                turn_deg += abs(action.parameter)
+    return distance_m <= most_m and turn_deg <= MOST_TURN_DEG
+
+
 def drifts(flow: Iterable[Action], at: Iterable[Primitive]) -> Iterator[Drift]:
     """Yield the drift of the base before each step of some primitives, by the numbers that a flow gives."""
     asked = frozenset(at)

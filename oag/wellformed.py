@@ -33,7 +33,7 @@ from oag.model.symbols import (
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
 from oag.primitives.table import NAVIGATION, placement_of
-from oag.room import MOST_TURN_DEG, both_inside, drifts, heights_inside
+from oag.room import MOST_TURN_DEG, both_inside, drifts, heights_inside, stays_near
 from oag.sizes import Gripper, farthest_m, longest_motion_m, scale_factor, too_small
 from oag.task import NO_TARGET, SimpleTask, Task, step_place, subtask_place
 
@@ -382,13 +382,17 @@ def _check_scales(found: _Findings) -> None:
 
 def _check_room(found: _Findings) -> None:
     """Report what sizes and distances exclude: things that do not go in, and a hand that was driven away."""
-    contents = _contents(found.scene)
+    contents, near_m = _contents(found.scene), farthest_m(found.scene.robot)
     for index, subtask in enumerate(found.task.subtasks):
         target = found.scene.objects[subtask.target]
         flow = () if subtask.flow is None else subtask.flow
+        near, item = stays_near(flow, near_m), target.kind is Kind.ITEM
+        if near and not item:
+            continue
         placement = placement_of(subtask.goal, target.id)
-        _check_drift(found, index, subtask, None if placement is None else placement.support)
-        if target.kind is not Kind.ITEM:
+        if not near:
+            _check_drift(found, index, subtask, None if placement is None else placement.support)
+        if not item:
             continue
         if subtask.flow is None or any(action.primitive is Primitive.GRASP for action in flow):
             for inside in contents.values():
@@ -406,10 +410,10 @@ def _contents(scene: Scene) -> dict[str, dict[str, None]]:
         if literal.value and literal.atom.predicate in RESTING and set(literal.atom.args) <= scene.objects.keys()
     ]
     contents: dict[str, dict[str, None]] = {}
-    for atom in resting:
+    for atom in (atom for atom in resting if atom.predicate == "inside"):
         thing, place = atom.args
         others = [other for other in resting if other.args[0] == thing and other != atom]
-        if atom.predicate == "inside" and not any(scene.objects[o.args[1]].kind is Kind.ITEM for o in others):
+        if not any(scene.objects[other.args[1]].kind is Kind.ITEM for other in others):
             contents.setdefault(place, {})[thing] = None
     return contents
 
