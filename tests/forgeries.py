@@ -232,10 +232,15 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
     known |= {fact: True for fact in implied if fact in known and fact not in stated}
     unknown = tuple(fact for fact in universe if fact not in known)
     # Where it is open what carries what, an answer may be left open that there is.
-    pairs = [(name, *pair) for name in ("ontop", "inside") for pair in permutations(scene["items"], 2)]
+    resting = ("ontop", "inside")
+    pairs = [(name, *pair) for name in resting for pair in permutations(scene["items"], 2)]
+    solid = {name for name in scene["items"] if name.split("_")[0] == "apple"}
+    pairs = [pair for pair in pairs if pair[0] == "ontop" or pair[2] not in solid]
     carrying = any(known.get(pair) or _stated(pair, stated) is None for pair in pairs)
+    # A plan may ask for furniture on or in a thing, of which no start says anything.
+    carrying = carrying or any(fact[0] in resting and fact[2] in scene["items"] for fact in unknown)
     carrying = carrying or any(part.place is not None and part.place[1] in scene["items"] for part in parts)
-    loose = carrying and any(fact[0] in ("ontop", "inside") for fact in unknown)
+    loose = carrying and any(fact[0] in resting for fact in unknown)
     if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
         return None
     kinds = Kinds(frozenset(scene["items"]), frozenset(scene["articulated"]))
