@@ -231,6 +231,8 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
     implied = following(fact for fact, value in known.items() if value)
     known |= {fact: True for fact in implied if fact in known and fact not in stated}
     unknown = tuple(fact for fact in universe if fact not in known)
+    if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
+        return None
     # Where it is open what carries what, an answer may be left open that there is.
     resting = ("ontop", "inside")
     pairs = [(name, *pair) for name in resting for pair in permutations(scene["items"], 2)]
@@ -241,8 +243,6 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
     carrying = carrying or any(fact[0] in resting and fact[2] in scene["items"] for fact in unknown)
     carrying = carrying or any(part.place is not None and part.place[1] in scene["items"] for part in parts)
     loose = carrying and any(fact[0] in resting for fact in unknown)
-    if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
-        return None
     kinds = Kinds(frozenset(scene["items"]), frozenset(scene["articulated"]))
     robots = list(_robots(data, stated.get(("hand",))))
     starts = [replace(s, base=b, arm=a, hand=h) for s in completions(known, unknown, None) for b, a, h in robots]
