@@ -39,7 +39,7 @@ from oag.model.symbols import (
     known_as,
     satisfying_value,
 )
-from oag.primitives.state import START, UNWRITTEN, Entry, Reader, State, facts_of, step, truth_of
+from oag.primitives.state import START, UNWRITTEN, Entry, Reader, State, carriage_in, facts_of, step, truth_of
 from oag.primitives.table import (
     Clause,
     Context,
@@ -76,21 +76,22 @@ def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[Compiled
     items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
     articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
     tables: dict[Context, Rows] = {}
+    goals = [needed(subtask.goal) for subtask in subtasks]
+    placements = [
+        placement_among(goal, each.target) if isinstance(goal, tuple) else placement_of(goal, each.target)
+        for each, goal in zip(subtasks, goals, strict=True)
+    ]
+    placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
+    carriage = carriage_in(scene, placed)
     compiled = []
-    for subtask in subtasks:
-        target, goal = subtask.target, needed(subtask.goal)
-        placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+    for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
+        target = subtask.target
         is_item = scene.objects[target].kind is Kind.ITEM
-        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels)
+        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels, carriage)
         # Subtasks with the same objects share their table.
         rows = tables.setdefault(context, Rows(context))
         compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
     return tuple(compiled)
-
-
-def compile_subtask(subtask: SimpleTask, scene: Scene) -> CompiledSubtask:
-    """Return one subtask ready for progression; its target must be in the scene."""
-    return compile_plan((subtask,), scene)[0]
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
@@ -110,6 +111,8 @@ def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mappi
                 facts.setdefault(("inside", context.target, fixture))
         if not context.target_is_item:
             facts.setdefault(("open", context.target))
+        for thing, places in context.carriage.places:
+            facts.update(dict.fromkeys((relation, thing, place) for relation, place in places))
     facts.update(dict.fromkeys(facts_of(goal, objects)))
     return tuple(facts)
 
@@ -334,7 +337,7 @@ class Trace:
         self, start: State, objects: dict[str, str], decision: Decision = NOTHING_DECIDED, *, chose: bool = False
     ) -> None:
         """Start a progression; `chose` says that the decision rests on what might not have been needed."""
-        self.start = self.state = start
+        self.start = self.state = self._sure = start
         self.writes: list[tuple[int, Effect]] = []
         self.steps: list[Step] = []
         self.obligations: list[Obligation] = []
@@ -418,7 +421,9 @@ class Trace:
             self._need("precondition", index, position, subtask.rows.row(primitive, hand, parameter)[0])
             # A condition on the hand that failed, or was unknown, counts as met from here on.
             time = self.boundary_time + 1
-            written, self.state = step(self.state, subtask.rows, primitive, parameter, time)
+            written, self.state = step(self.state, subtask.rows, primitive, parameter, time, self._sure.value)
+            if subtask.rows.carries:
+                self._sure = self._sure.after(written, time)
             self.writes.append((time, written))
             self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:

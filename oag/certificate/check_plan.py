@@ -42,10 +42,12 @@ from oag.model.symbols import (
     holding,
     parameter_problem,
 )
+from oag.primitives.cargo import RESTING, Carriage, carriage_of, circle, closed
 from oag.primitives.table import (
     Clause,
     Context,
     Needed,
+    Placement,
     Rows,
     excluded,
     impossible,
@@ -324,6 +326,22 @@ class Impossible(Rejected):
     """An assumption breaks an invariant, so that no state satisfies it."""
 
 
+def _last(latest: Mapping[Fact, tuple[int, Value]], fact: Fact) -> tuple[int, Value]:
+    best = latest.get(fact, NEVER)
+    if len(fact) == 3:
+        name, first, second = fact
+        for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
+            if pattern in latest and latest[pattern][0] > best[0]:
+                best = latest[pattern]
+    elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
+        best = latest[fact[0], ANY]
+    return best
+
+
+def _placement(goal: Needed, target: str) -> Placement | None:
+    return placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+
+
 class PlanRun:
     """A plan followed from its start.
 
@@ -356,19 +374,35 @@ class PlanRun:
                     self.latest[stated] = (0, known)
                 elif self.last(stated)[1] != known:
                     raise Rejected(f"the start breaks an invariant: {fact}")
+        self._start = start_of(data)
+        self._close()
+        # What holds without anything assumed, by which cargo is recognised.
+        self._sure = dict(self.latest)
+
+    def _close(self) -> None:
+        """State what follows: a thing is inside whatever its carrier is inside, and nothing carries itself."""
+        resting = {fact for fact, (_, value) in self.latest.items() if value is True and fact[0] in RESTING}
+        require(not circle(resting), "the start breaks an invariant: things carry each other in a circle")
+        for fact in closed(resting) - resting:
+            require(fact not in self._start, f"the start denies {fact}, which follows from what carries it")
+            self.latest[fact] = (0, True)
+
+    def _carriage(self) -> Carriage:
+        placed = set[Fact]()
+        for subtask in self._plan["subtasks"]:
+            place = _placement(needed_of(subtask["goal"]), subtask["target"])
+            if place is not None:
+                placed.add((place.relation, subtask["target"], place.support))
+        stated = {**self._start, **{fact: value for fact, (_, value) in self.latest.items()}}
+        return carriage_of(self._scene["objects"], frozenset(self._scene["items"]), stated, placed)
+
+    def sure(self, fact: Fact) -> Value:
+        """Return what the start and the steps so far make of a fact, without anything assumed."""
+        return _last(self._sure, fact)[1]
 
     def last(self, fact: Fact) -> tuple[int, Value]:
         """Return when a fact was last written (-1 for never) and what; at one time the most specific write counts."""
-        latest = self.latest
-        best = latest.get(fact, NEVER)
-        if len(fact) == 3:
-            name, first, second = fact
-            for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
-                if pattern in latest and latest[pattern][0] > best[0]:
-                    best = latest[pattern]
-        elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
-            best = latest[fact[0], ANY]
-        return best
+        return _last(self.latest, fact)
 
     def value(self, fact: Fact) -> Value:
         """Return what a fact is known to be. None is unknown; in a complete run only the robot's facts can be."""
@@ -384,11 +418,11 @@ class PlanRun:
         articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
         vessels = tuple(key for key in self._scene["items"] if open_at_top(self._scene["objects"][key]))
         latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
+        carriage = self._carriage()
         for index, subtask in enumerate(self._plan["subtasks"]):
             target, goal = subtask["target"], needed_of(subtask["goal"])
-            placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
-            key = (target, subtask["support_goal"], placement)
-            context = Context(*key, target in items, articulated, vessels)
+            key = (target, subtask["support_goal"], _placement(goal, target))
+            context = Context(*key, target in items, articulated, vessels, carriage)
             rows = tables.setdefault(key, Rows(context))
             self.context = context
             if given:
@@ -405,6 +439,9 @@ class PlanRun:
                 if wanted:
                     yield ("precondition", index, position), wanted
                 now = time + 1
+                if rows.carries:
+                    written = rows.written(primitive, latest[HAND][1], parameter, self.sure)
+                    self._sure.update((fact, (now, value)) for fact, value in written)
                 for fact, value in written:
                     latest[fact] = (now, value)
                 self.time = time = now + 1

@@ -105,6 +105,7 @@ class _Run:
 
     def __init__(self, plan: RefutedPlan, given: Iterable[Given] = ()) -> None:
         self.state, self.time = plan.start, 1
+        self._sure = plan.start
         self._plan = plan
         # Stable by time: a later entry may follow from an earlier one of the same time, not the other way round.
         self._given = sorted(given, key=lambda entry: entry[0])
@@ -122,7 +123,9 @@ class _Run:
                 wanted = subtask.rows.row(action.primitive, self.state.hand, action.parameter)[0]
                 if wanted:
                     yield ("precondition", index, position), wanted
-                _, self.state = step(self.state, subtask.rows, action.primitive, action.parameter, self.time + 1)
+                number, sure = action.parameter, self._sure.value
+                written, self.state = step(self.state, subtask.rows, action.primitive, number, self.time + 1, sure)
+                self._sure = self._sure.after(written, self.time + 1)
                 self.time += 2
             self._take_due()
             yield ("goal", index, -1), subtask.goal

@@ -34,8 +34,9 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, scene_facts, truth_of
-from oag.primitives.table import RESTING, needed
+from oag.primitives.table import needed
 from oag.progression import (
     Assumption,
     CausalLink,
@@ -43,7 +44,7 @@ from oag.progression import (
     RootFailure,
     Step,
     Trace,
-    compile_subtask,
+    compile_plan,
     producer_place,
 )
 from oag.sizes import planned_resizings
@@ -312,7 +313,7 @@ class Explainer:
         """Return the alternatives to a condition on which a step would run, each with whether it may hold there."""
         if condition is None or obligation.kind != "precondition":
             return {}
-        rows = compile_subtask(self.task.subtasks[obligation.subtask], self.scene).rows
+        rows = compile_plan(self.task.subtasks, self.scene)[obligation.subtask].rows
         step = self.trace.steps[obligation.time // 2]
         clauses = rows.row(step.primitive, step.hand)[0]
         others = next((clause for clause in clauses if condition in clause), ())
