@@ -18,10 +18,10 @@ import oag
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
 from executor.scenes.file import load_scene
-from oag import AdmittedTask, Scene
+from oag import Scene
 from oag.measurements import clopper_pearson
 from oag.model.robots import FULL_SIZE
-from oag.wish_list import KINDS
+from oag.wish_list import KINDS, AdmittedTask
 
 SCENES = (
     *("kitchen_t1", "kitchen_t2", "kitchen_t3", "kitchen_t4", "kitchen02-a"),

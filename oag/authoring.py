@@ -23,7 +23,7 @@ from oag.model.diagnostics import SceneError, TaskError
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject, id_problem
 from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.cargo import RESTING
-from oag.primitives.state import State, assume_true, start_state, step
+from oag.primitives.state import START, State, assume_true, start_state, step
 from oag.primitives.table import Placement
 from oag.progression import compile_plan
 from oag.task_definition import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
@@ -46,7 +46,7 @@ def scene(
     Args:
         objects: Id -> category, such as `{"drawer_0": "drawer"}`, or -> a `SceneObject` with its box.
         facts: Literals that hold at the start, as formulas or texts.
-        closed: Predicates of which everything that holds is stated, or "all".
+        closed: Closed-world predicates, of which everything that holds is stated, or "all"; no door is meant.
         name: For people and records.
         robot: Where the robot starts, and how large it is; by default the paper's at the origin.
 
@@ -206,14 +206,16 @@ def task(
     given = tuple(steps)
     drafts = [_draft(index, one, scene) for index, one in enumerate(given)]
     state = start_state(scene, drafts[0].target if drafts else None)
-    subtasks = []
+    subtasks, time = [], START
     for one, draft, compiled in zip(given, drafts, compile_plan(drafts, scene), strict=True):
         written = draft if isinstance(one, SimpleTask) else _written(one, draft, state, scene)
         subtasks.append(written)
         for action in written.flow or ():
-            state = step(state, compiled.rows, action.primitive, action.parameter)[1]
+            time += 1
+            state = step(state, compiled.rows, action.primitive, action.parameter, time)[1]
         # A step that cannot work is reported by `verify`; those after it are written as if it had.
-        state = assume_true(state, compiled.goal)
+        time += 1
+        state = assume_true(state, compiled.goal, time)
     wanted = default_goal(subtasks) if goal is None else formula_of(goal, "goal")
     return Task(name, detail, wanted, goal is not None, tuple(subtasks), dict(scales or {}), scene)
 

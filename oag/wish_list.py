@@ -282,10 +282,8 @@ class _Listing:
 
     def _enclosing(self, key: str) -> Iterator[str]:
         """Yield what has to be open to get at an object, the innermost first."""
-        for relation, host in self.hosts.get(key, ()):
-            if relation == "inside":
-                yield host
-            yield from self._enclosing(host)
+        for each in (key, *self._around(key)):
+            yield from (host for relation, host in self.hosts.get(each, ()) if relation == "inside")
 
     def _wish(
         self,

@@ -29,8 +29,8 @@ OBJECTS = {
     "cabinet_0": "cabinet",
 }
 _OF_EVERY_COMMAND = {"-h, --help", "--json", "--debug"}
-# Wide enough that an option and its help stand in few lines.
-_WIDTH = "300"
+# Wide enough that an option and its help stand in few lines, and too narrow for groups of options side by side.
+_WIDTH = "120"
 
 
 def main() -> None:

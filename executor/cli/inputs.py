@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.cli.errors import BadOption
+from executor.cli.errors import BadOption, check
 from executor.cli.output import tell_notes
 from executor.scenes.file import load_with_notes
 from oag import Scene, Task, TaskError
 from oag.model.codec import load
+from oag.model.robots import FULL_SIZE, chosen_robot
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
@@ -30,6 +31,16 @@ def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
     found = load_with_notes(scene if scene is not None else _default_scene(task_path))
     tell_notes(found.notes)
     return Task.from_json(task_path, scene=found.scene), found.scene
+
+
+def robot_asked_for(name: str | None, *, full_size: bool) -> str:
+    """Return the name of the robot that options choose; empty where none does.
+
+    Raises:
+        BadOption: They choose two.
+    """
+    check(not full_size or name in (None, FULL_SIZE.name), "--full-size", "is given", f"none beside --robot {name}")
+    return chosen_robot(name or "", full_size=full_size)
 
 
 def query_in(task_path: Path) -> str:

@@ -241,7 +241,8 @@ def reusable_scene(folder: Path, given: PhotoInput) -> Path | None:
 def write_boxes(folder: Path, given: PhotoInput) -> None:
     """Write what a detector found as a file of boxes; what a person gave is theirs, and stays as it is."""
     found = [one for one in given.detections if one.provenance == "detector"]
-    if not found:
+    # A table that the depth shows is no detection; boxes that a person corrected are not written over.
+    if not found or any(one.provenance == "person" for one in given.detections):
         return
     things = [{"label": one.label, "box": list(one.box_px), "score": one.score} for one in found]
     left_out = [{"label": one.label, "box": list(one.box_px), "reason": one.reason} for one in given.left_out]

@@ -283,7 +283,8 @@ def _sensed(
         intrinsics = read_camera(auxiliary.camera, shown)
     except PhotoRefused as problem:
         # Where nothing gives the camera, a network that guesses depth may guess it.
-        guessed = auxiliary.depth(shown, None) if auxiliary.depth is not None and auxiliary.camera is None else None
+        asked = auxiliary.depth if auxiliary.camera is None and auxiliary.detect is not None else None
+        guessed = None if asked is None else asked(shown, None)
         if guessed is not None and guessed.camera is not None:
             return shown, _of_kind(guessed, facts), guessed.camera
         if auxiliary.camera is not None:

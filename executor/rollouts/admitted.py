@@ -13,8 +13,9 @@ from typing import Any
 from bddl.errors import Scene2DemoError
 from executor.records import Event
 from executor.rollouts.feasibility import feasible
-from executor.system.files import content_key, json_text
-from oag import AdmittedTask, Scene, compose
+from executor.system.files import content_key, json_text, plain
+from oag import Scene, compose
+from oag.wish_list import AdmittedTask
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,10 @@ class Judged:
         """Return the wish with the answer as plain data."""
         answer = {"feasible": self.feasible, "reason": self.reason, "cpu_s": round(self.cpu_s, 3)}
         return {**self.found.to_json(), **answer}
+
+
+class NotAnswers(Scene2DemoError, ValueError):
+    """A file has something else than answers."""
 
 
 class _TimeUp(Exception):
@@ -77,18 +82,25 @@ class Answers:
         path: The file; None keeps nothing.
         scene: The scene; answers about another one do not count.
         seed: Seed of the planning.
+        version: Of what decides the answers; those of another one do not count.
+
+    Raises:
+        NotAnswers: The file has something else.
     """
 
-    def __init__(self, path: Path | None, scene: Scene, seed: int) -> None:
+    def __init__(self, path: Path | None, scene: Scene, seed: int, version: str = "") -> None:
         self._path, self._scene, self._seed = path, scene, seed
-        self._key = content_key(json_text(scene.to_json()), str(seed))
+        self._key = content_key(json_text(scene.to_json()), str(seed), version)
         self._known: dict[tuple[str, str], dict[str, Any]] = {}
         if path is not None and path.is_file():
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8", errors="replace")
+            lines = text.splitlines()
+            if lines and _read(lines[0]) is None and not lines[0].startswith('{"key"'):
+                raise NotAnswers(f"{path} has something else than answers; choose another file with --out")
             if not text.endswith("\n"):
                 # What was interrupted within a line must not swallow the next one.
                 path.write_text(f"{text}\n", encoding="utf-8")
-            for line in text.splitlines():
+            for line in lines:
                 kept = _read(line)
                 if kept is not None and kept.get("key") == self._key:
                     self._known[kept["sentence"], kept["goal"]] = kept
@@ -98,14 +110,19 @@ class Answers:
         for found in tasks:
             data = found.to_json()
             kept = self._known.get((str(data["sentence"]), str(data["goal"])))
-            if kept is not None:
+            # What had no answer in less time is asked again; equal sentences may have plans of other sizes.
+            if (
+                kept is not None
+                and kept.get("task") == plain(data.get("task"))
+                and (kept["feasible"] is not None or float(kept.get("limit_s", 0.0)) >= limit_s)
+            ):
                 yield Judged(found, kept["feasible"], kept["reason"], kept["cpu_s"])
                 continue
             answer = judged(found, self._scene, self._seed, limit_s)
             if self._path is not None:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
                 with self._path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"key": self._key, **answer.to_json()}) + "\n")
+                    file.write(json.dumps({"key": self._key, "limit_s": limit_s, **answer.to_json()}) + "\n")
             yield answer
 
 

@@ -129,8 +129,9 @@ class Feasibility:
         """Why the plan is not feasible, in one sentence with the subtask's name; empty where it is."""
         if self.failure is None:
             return ""
-        step = f" ({self.primitive})" if self.primitive else ""
-        return f"{self.subtasks[-1].record.name}{step}: {self.failure.message}"
+        if not self.primitive:
+            return self.failure.message
+        return f"{self.subtasks[-1].record.name} ({self.primitive}): {self.failure.message}"
 
     def __bool__(self) -> bool:
         return self.feasible

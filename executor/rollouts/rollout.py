@@ -192,7 +192,8 @@ class Run:
                 continue
             self.recorder.rewind(samples, start.state_hash)
             reason = f"no place can be got to with this grasp: {item} is taken again from {support}"
-            self.detours = (*detours, Detour(index, MORE, reason))
+            later = (replace(one, first=one.first + MORE) if one.first >= index else one for one in detours)
+            self.detours = tuple(sorted((*later, Detour(index, MORE, reason)), key=lambda one: one.first))
             self.tell_revision(index + MORE, start, reason)
             done: list[tuple[SubtaskRecord, Checkpoint]] = []
             for added in range(MORE + 1):

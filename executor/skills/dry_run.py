@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from executor.assets.asset_geometry import rolls_freely
-from executor.geometry import Array, inverse
+from executor.geometry import Array, inverse, pose_vector
 from executor.planning.articulation import riders
 from executor.records import Failure
 from executor.sim.engine import GROUND, ROBOT, BodyRef, Contact
@@ -252,8 +252,8 @@ class DryWorld(World):
         self._stale = False
 
     def root_poses(self, object_ids: Iterable[str]) -> NDArray[np.float32]:
-        """Not asked of a dry world: nothing is recorded of it."""
-        raise NotImplementedError
+        """Return (N, 7) where the root links of some objects are: position and quaternion w x y z."""
+        return np.array([pose_vector(self.T_world_link(name, None)) for name in object_ids], dtype=np.float32)
 
 
 class DryController(Controller):

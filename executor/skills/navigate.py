@@ -306,7 +306,10 @@ def with_stance(session: Session) -> Session | Failure:
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
     if articulation is not None and asset.handles:
         action = articulation[1]
-        handles = _handles_for(session, action)
+        handles = tuple(bar for bar in _handles_for(session, action) if asset.joint(bar.joint).opens)
+        if not handles:
+            message = f"a handle of {target} moves too little to open anything"
+            return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
         where = f"the handle of {target}"
         serves = _purpose(session, action).serves
         strategies = articulation_stances(

@@ -19,8 +19,6 @@ from executor.view.records import (
     command,
 )
 
-EVALUATION = "evaluation.json"
-
 
 @dataclass(frozen=True, slots=True)
 class BenchListing:

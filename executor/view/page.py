@@ -33,7 +33,7 @@ def listing_of(path: Path) -> Listing:
     known = next((file for file in _KINDS if (path / file).is_file()), None)
     if known is None and next(path.glob("seed_*/rollout.json"), None) is not None:
         known = "rollout.json"
-    # The rooms of each kind are loaded where they are needed: benchmarks bring all generators of scenes.
+    # Modules are imported where they are needed: benchmarks bring all generators of scenes.
     match known:
         case "rollout.json" | "dataset.json":
             from executor.view import stores

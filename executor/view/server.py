@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote, unquote, urlsplit
 
-from bddl.errors import Scene2DemoError
 from bddl.files import open_input
 from executor.view.page import detail_json
 from executor.view.records import EpisodeDetail, Listing, NothingToView
@@ -64,13 +63,16 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 60
 
     def do_GET(self) -> None:
+        self._begun = False
         try:
             self._answer(urlsplit(self.path).path)
         except NothingToView as problem:
             self.send_error(HTTPStatus.NOT_FOUND, explain=str(problem))
-        except (Scene2DemoError, OSError, ValueError, KeyError, TypeError) as problem:
-            # A damaged episode does not end the server.
-            if not isinstance(problem, ConnectionError):
+        except Exception as problem:
+            # A damaged episode, or a browser that stops reading, does not end the server.
+            if self._begun or isinstance(problem, ConnectionError | TimeoutError):
+                self.close_connection = True
+            else:
                 self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR, explain=str(problem))
 
     def _answer(self, path: str) -> None:
@@ -84,14 +86,15 @@ class _Handler(BaseHTTPRequestHandler):
             raise NothingToView(f"there is no page {path}")
         detail = self.server.detail(parts[1])
         if parts[0] == "episode" and len(parts) == 2:
-            described = detail_json(detail, lambda file: f"/file/{quote(parts[1], safe='')}/{quote(file.name)}")
+            files, start = _files(detail), f"/file/{quote(parts[1], safe='')}"
+            described = detail_json(detail, lambda file: f"{start}/{files.index(file)}/{quote(file.name)}")
             return self._send(json.dumps(described).encode(), "application/json")
         if parts[0] == "scene" and len(parts) == 2 and detail.scene is not None:
             return self._send(scene_page(detail.scene).encode(), "text/html; charset=utf-8")
-        if parts[0] == "file" and len(parts) == 3:
-            listed = {file.name: file for file in (*detail.files, *(clip.file for clip in detail.clips))}
-            if parts[2] in listed:
-                return self._send_file(listed[parts[2]])
+        if parts[0] == "file" and len(parts) == 4 and parts[2].isdecimal():
+            files = _files(detail)
+            if int(parts[2]) < len(files) and files[int(parts[2])].name == parts[3]:
+                return self._send_file(files[int(parts[2])])
         raise NothingToView(f"there is no page {path}")
 
     def _send(self, body: bytes, kind: str) -> None:
@@ -105,6 +108,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_stream(self, stream: IO[bytes], size: int, kind: str) -> None:
         first, end = self._range(size)
         partial_answer = (first, end) != (0, size)
+        self._begun = True
         self.send_response(HTTPStatus.PARTIAL_CONTENT if partial_answer else HTTPStatus.OK)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(end - first))
@@ -127,6 +131,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:
         """Say nothing: the terminal shows what the command has to say."""
+
+
+def _files(detail: EpisodeDetail) -> list[Path]:
+    """Return the files of an episode; videos of a data set are called alike in different folders."""
+    return list(dict.fromkeys((*detail.files, *(clip.file for clip in detail.clips))))
 
 
 _POLICY = "default-src 'self' data: blob: 'unsafe-inline'"

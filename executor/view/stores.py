@@ -184,10 +184,17 @@ class RunListing:
         return sorted(file.parent for file in (*self.path.glob(ROLLOUT), *self.path.glob(f"seed_*/{ROLLOUT}")))
 
     def _row(self, folder: Path) -> EpisodeRow:
-        rollout = read_json(folder / ROLLOUT)
+        name = folder.name if folder != self.path else self.path.absolute().name
+        try:
+            return self._row_of(name, folder, read_json(folder / ROLLOUT))
+        except (OSError, ValueError, KeyError, TypeError) as problem:
+            # One damaged run hides no other.
+            return EpisodeRow(name, "", "", None, "unreadable", failure=str(problem))
+
+    def _row_of(self, name: str, folder: Path, rollout: Mapping[str, Any]) -> EpisodeRow:
         failure, subtasks = rollout["failure"] or {}, rollout["subtasks"]
         return EpisodeRow(
-            name=folder.name if folder != self.path else self.path.absolute().name,
+            name=name,
             task=_query(folder) or str(rollout["task"]).replace("_", " "),
             series="",
             seed=rollout["seed"],

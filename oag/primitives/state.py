@@ -311,8 +311,8 @@ def step(
     return written, state.after(written, time)
 
 
-def assume_true(state: _Known, wanted: Needed) -> _Known:
-    """Return the state in which unknown or false clauses are made true; formulas change nothing."""
+def assume_true(state: _Known, wanted: Needed, time: int = START) -> _Known:
+    """Return the state in which unknown or false clauses are made true at a time; formulas change nothing."""
     if not isinstance(wanted, tuple):
         return state
     made: dict[Fact, Value] = {}
@@ -322,7 +322,7 @@ def assume_true(state: _Known, wanted: Needed) -> _Known:
             # The last alternative is the one that a step can bring about.
             condition = clause[grades.index(None) if None in grades else -1]
             made[condition.fact] = satisfying_value(condition)
-    return state.after(tuple(made.items())) if made else state
+    return state.after(tuple(made.items()), time) if made else state
 
 
 def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool | None:

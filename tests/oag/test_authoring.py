@@ -231,3 +231,13 @@ def test_states_are_those_of_a_simulation_of_complete_states(data: st.DataObject
             world = act(world, part, action, kinds)
         assert all(map(world.holds, part.goal))
     assert bddl.conjuncts(task.goal) == bddl.conjuncts(default_goal(task.subtasks))
+
+
+def test_what_is_carried_twice_is_taken_from_where_it_was_put() -> None:
+    scene = oag.scene(
+        {"desk_0": "desk", "table_0": "table", "apple_0": "apple"}, ["(ontop apple_0 desk_0)"], closed="all"
+    )
+    there, back = oag.place("apple_0", ontop="table_0"), oag.place("apple_0", ontop="desk_0")
+    task = oag.task(scene, steps=[oag.pick("apple_0"), there, oag.pick("apple_0"), back])
+    assert bddl.format(task.subtasks[2].init) == "(ontop apple_0 table_0)"
+    assert oag.compose(task).verify().verdict is oag.Verdict.PROVED

@@ -26,7 +26,7 @@ def test_tasks_are_proved_and_wordings_have_their_form(drawn: tuple[oag.Task, oa
     assert oag.compose(oag.canonical(worded)).verify()
 
 
-def test_mistakes_change_the_form_and_nearly_all_are_seen() -> None:
+def test_nearly_all_mistakes_are_noticed_and_equal_forms_have_equal_verdicts() -> None:
     counts: Counter[str] = Counter()
 
     @given(
@@ -36,12 +36,15 @@ def test_mistakes_change_the_form_and_nearly_all_are_seen() -> None:
     def count(drawn: tuple[oag.Task, oag.Task]) -> None:
         task, wrong = drawn
         assert wrong != task
-        counts[oag.compose(wrong).verify().verdict.value] += 1
-        counts["same form"] += oag.canonical_digest(wrong) == oag.canonical_digest(task)
+        verdict = oag.compose(wrong).verify().verdict
+        counts[verdict.value] += 1
+        # Two subtasks that do not touch each other may change places: the form is the same, and so is the verdict.
+        same = oag.canonical_digest(wrong) == oag.canonical_digest(task)
+        counts["same form, other verdict"] += same and verdict is not oag.Verdict.PROVED
 
     count()
     assert counts["REFUTED"] >= 0.9 * sum(counts[verdict.value] for verdict in oag.Verdict), counts
-    assert not counts["same form"], counts
+    assert not counts["same form, other verdict"], counts
 
 
 def opens_first(query: str, scene: oag.Scene) -> oag.Task:

@@ -218,29 +218,30 @@ def _classic_door(
 
 def fridge_one_door(obj: SceneObject) -> Asset:
     """Return a refrigerator with one door over its whole height."""
-    return _cold(obj, Column((Compartment("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
+    return cold_appliance(obj, Column((Compartment("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
 
 
 def fridge_top_freezer(obj: SceneObject) -> Asset:
     """Return a refrigerator with a freezer above it, each with a door of its own, hinged on the same side."""
     main = Compartment("door", hinge_of(obj), 0.68, SHELVES.count(obj))
-    return _cold(obj, Column((main, Compartment("freezer_door", hinge_of(obj), 0.32))))
+    return cold_appliance(obj, Column((main, Compartment("freezer_door", hinge_of(obj), 0.32))))
 
 
 def fridge_freezer_drawer(obj: SceneObject) -> Asset:
     """Return a refrigerator with a freezer drawer below its door."""
     main = Compartment("door", hinge_of(obj), 0.68, SHELVES.count(obj))
-    return _cold(obj, Column((Compartment("freezer_drawer", "drawer", 0.32), main)))
+    return cold_appliance(obj, Column((Compartment("freezer_drawer", "drawer", 0.32), main)))
 
 
 def fridge_side_by_side(obj: SceneObject) -> Asset:
     """Return a refrigerator on the right and a freezer on the left, hinged at the outer sides."""
     count = SHELVES.count(obj)
     left, right = Compartment("left_door", "left", shelves=count), Compartment("right_door", "right", shelves=count)
-    return _cold(obj, Column((left,), 0.46), Column((right,), 0.54))
+    return cold_appliance(obj, Column((left,), 0.46), Column((right,), 0.54))
 
 
-def _cold(obj: SceneObject, *columns: Column) -> Asset:
+def cold_appliance(obj: SceneObject, *columns: Column) -> Asset:
+    """Return a refrigerator of some columns of doors and drawers."""
     case = Case(
         extent_m=require_size(obj, (0.50, 0.45 if len(columns) == 1 else 0.70, 1.0)),
         columns=columns,

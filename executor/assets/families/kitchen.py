@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executor.assets.families.appliances import HANDLE_HEIGHT, SHELVES
-from executor.assets.families.casework import HANDLE_PARAMETERS, Case, Column, Compartment, Grip, assemble, plinth
+from executor.assets.families.appliances import HANDLE_HEIGHT, SHELVES, cold_appliance
+from executor.assets.families.casework import HANDLE_PARAMETERS, Case, Column, Compartment, Grip, assemble
 from executor.assets.families.furniture import SHELVES as BOARDS
 from executor.assets.families.shapes import UP, box, fixture
 from executor.assets.model import Asset, Region
@@ -33,21 +33,7 @@ def fridge_french_door(obj: SceneObject) -> Asset:
         Column((Compartment(f"{side}_drawer", "drawer", 0.32), Compartment(f"{side}_door", side, 0.68, count)))
         for side in ("left", "right")
     )
-    case = Case(
-        extent_m=require_size(obj, (0.50, 0.70, 1.0)),
-        columns=columns,
-        grip=Grip.of(obj),
-        base_m=0.06,
-        wall_m=0.035,
-        panel_m=0.050,
-        density_kg_m3=200.0,
-        handle_height_m=HANDLE_HEIGHT.read(obj),
-        shelf_setback_m=0.060,
-        body=_WHITE,
-        front=_STEEL,
-        inner=_GLASS,
-    )
-    return assemble(case, obj.category, "electric_refrigerator.n.01", extra=[plinth(case)])
+    return cold_appliance(obj, *columns)
 
 
 def sink(obj: SceneObject) -> Asset:

@@ -37,7 +37,7 @@ class Options(CommonOptions):
     families: tyro.conf.Positional[
         Annotated[tuple[BenchFamily, ...], tyro.conf.arg(metavar="T1..T7", help_behavior_hint="(required)")]
     ]
-    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing, T7
+    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking up, T7
     any wishes in any homes, impossible ones among them, by a robot of full size."""
     out: ResultsFolder
     episodes: int = 20
@@ -155,16 +155,27 @@ def _print_main_table(cells: Sequence[Cell]) -> None:
 def _checked(options: Options) -> Shard:
     """Return the shard, after refusing options that make no sense."""
     from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
+    from executor.cli.inputs import robot_asked_for
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
 
     if not options.families:
         raise BadOption("T1..T7", "is missing", f"at least one of {', '.join((*FAMILIES, 'T7'))}")
+    robot_asked_for(options.robot, full_size=options.full_size)
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     shard = read_shard(options.shard)
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
+    given = {
+        "--evolve": options.evolve,
+        "--views": options.views,
+        "--keep-sizes": options.keep_sizes,
+        "--full-size": options.full_size,
+        "--robot": options.robot,
+    }
+    if "T7" in options.families and (named := [name for name, value in given.items() if value]):
+        raise BadOption("T7", f"with {', '.join(named)}", "T7 without them: it has a robot and sizes of its own")
     return shard
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import (
@@ -116,7 +117,7 @@ def execute(options: Options) -> int:
     from executor.campaign.engine import Campaign
     from executor.cli.execution import read_shard
     from executor.data.generation import WORKER
-    from executor.data.store import EpisodeStore, NotADataset
+    from executor.data.store import EpisodeStore
     from executor.data.views import check_drawable
     from executor.data.work import check_plannable, starts_alike
     from executor.view.stores import StoreListing
@@ -137,7 +138,8 @@ def execute(options: Options) -> int:
     code = make_missing(
         campaign, series, _budget(options), shard=shard, again=options.again, more=unvaried, as_json=options.json
     )
-    with suppress(NotADataset):  # The index of `view`; a unit that cannot be read is for `dataset check`.
+    # The index of `view`; a unit that cannot be read, or is being replaced, is for `dataset check`.
+    with suppress(Scene2DemoError, OSError, ValueError, KeyError, TypeError):
         StoreListing(options.out).rows()
     return code
 
@@ -216,6 +218,8 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
     if plans:
         check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing beside it")
         check(options.scene is None, "--scene", options.scene, "none beside a plan, which names its scenes itself")
+        check(options.all_tasks is None, "--all-tasks", options.all_tasks, "none beside a plan")
+        check(options.limit is None, "--limit", options.limit, "none beside a plan")
         usual = _request_fields(Options(what=(), out=options.out))
         return read_plan(
             Path(plans[0]), {name: value for name, value in _request_fields(options).items() if value != usual[name]}
@@ -228,17 +232,18 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
 
 def _everything(options: Options, name: str) -> Iterator[dict[str, Any]]:
     """Yield a source for every feasible wish of a scene; the answers are kept next to the folder for the next run."""
+    from executor.campaign.versions import outcome_version
+    from executor.cli.inputs import robot_asked_for
     from executor.rollouts.admitted import Answers, in_turn
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
     from llm import tasks
-    from oag.model.robots import chosen_robot
     from oag.sizes import Sizing
 
     check(not options.what and options.scene is None, "--all-tasks", name, "no family, sentence or --scene with it")
-    scene = scene_for("", name, robot=chosen_robot(options.robot or "", full_size=options.full_size))
+    scene = scene_for("", name, robot=robot_asked_for(options.robot, full_size=options.full_size))
     require_valid(scene)
-    answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed)
+    answers = Answers(options.out.with_name(f"{options.out.name}-tasks.jsonl"), scene, options.seed, outcome_version())
     counts: Counter[str] = Counter()
     for answer in answers.of(in_turn(tasks(scene, sizing=Sizing(None, options.keep_sizes))), _FEASIBLE_S):
         word = "feasible" if answer.feasible else answer.reason

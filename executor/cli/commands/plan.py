@@ -51,11 +51,11 @@ def execute(options: Options) -> int:
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed
+        from executor.cli.inputs import robot_asked_for
         from executor.rollouts.feasibility import feasible
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
         from oag import compose
-        from oag.model.robots import chosen_robot
         from oag.planning import NoPlan
         from oag.sizes import Sizing
     check_seed(options.seed)
@@ -64,7 +64,7 @@ def execute(options: Options) -> int:
         scene = scene_for(
             asked,
             options.scene,
-            robot=chosen_robot(options.robot or "", full_size=options.full_size),
+            robot=robot_asked_for(options.robot, full_size=options.full_size),
             listen=tell_notes,
         )
         tell_warnings(require_valid(scene))

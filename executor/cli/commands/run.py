@@ -108,12 +108,12 @@ def _run(options: Options) -> int:
     """Run the whole chain and return the exit code; everything finished is on disk when it returns."""
     from executor.cli.evolution_setup import REPLAY, connect_model, report_spending_on_error, spending_of, tell_kept
     from executor.cli.execution import check_limit, check_seed
+    from executor.cli.inputs import robot_asked_for
     from executor.reports.run_folder import RunFolder
     from executor.scenes.file import scene_for
     from executor.scenes.validation import require_valid
     from executor.sim.render.frames import check_size
     from llm import propose
-    from oag.model.robots import chosen_robot
     from oag.sizes import Sizing
 
     check_seed(options.seed)
@@ -129,7 +129,7 @@ def _run(options: Options) -> int:
     scene = scene_for(
         options.query,
         options.scene,
-        robot=chosen_robot(options.robot or "", full_size=options.full_size),
+        robot=robot_asked_for(options.robot, full_size=options.full_size),
         listen=tell_notes,
     )
     # Validate the scene before paying for a model call.

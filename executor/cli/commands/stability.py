@@ -69,20 +69,19 @@ def execute(options: Options) -> int:
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
         from executor.cli.evolution_setup import connect_model, report_spending_on_error, spending_of
-        from executor.cli.inputs import refuse_existing
+        from executor.cli.inputs import refuse_existing, robot_asked_for
         from executor.scenes.file import scene_for
         from executor.system.files import write_text
         from llm import AnswersRefused, QueryError
         from llm.offline.reader import paraphrases
         from oag import stability
-        from oag.model.robots import chosen_robot
     for name, path in (("--out", options.out), ("--record", options.record)):
         if path is not None:
             refuse_existing(path, force=options.force, option=name)
     scene = scene_for(
         options.query,
         options.scene,
-        robot=chosen_robot(options.robot or "", full_size=options.full_size),
+        robot=robot_asked_for(options.robot, full_size=options.full_size),
         listen=lambda notes: None,
     )
     words = [word.strip() for word in options.perturb.split(",") if word.strip()]

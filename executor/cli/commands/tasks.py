@@ -19,8 +19,8 @@ from executor.cli.options import READ_SCENE, CommonOptions, Flag, FullSize, Keep
 from executor.cli.output import OUT, counting, print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
-    from oag import AdmittedTask, Wish
     from oag.planning import NoPlan
+    from oag.wish_list import AdmittedTask, Wish
 
 Kind = Literal["open", "close", "pick", "take-out", "put-into", "put-onto", "fill", "stack", "all", "empty"]
 
@@ -34,7 +34,7 @@ class Options(CommonOptions):
 
     scene: tyro.conf.Positional[Annotated[str, READ_SCENE]]
     """Name of a scene, or a scene's JSON file."""
-    kind: Annotated[tuple[Kind, ...], tyro.conf.arg(metavar="KIND...", help_behavior_hint="(default: all)")] = ()
+    kind: Annotated[tuple[Kind, ...], tyro.conf.arg(metavar="KIND...", help_behavior_hint="(default: every kind)")] = ()
     """Which kinds of wishes: open, close, pick, take-out, put-into, put-onto, fill (put into an item), stack (onto an
     item), all (of a kind), empty (all that is at a place)."""
     feasible: Flag = False
@@ -58,17 +58,18 @@ def execute(options: Options) -> int:
     check(options.out is None or options.feasible, "--out", options.out, "--feasible as well")
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
+        from executor.campaign.versions import outcome_version
         from executor.cli.execution import check_seed, check_unit_limit
+        from executor.cli.inputs import robot_asked_for
         from executor.scenes.file import scene_for
         from executor.scenes.validation import require_valid
         from llm import tasks
-        from oag.model.robots import chosen_robot
         from oag.sizes import Sizing
         from oag.wish_list import KINDS
     check_seed(options.seed)
     check_unit_limit(options.limit_s)
     scene = scene_for(
-        "", options.scene, robot=chosen_robot(options.robot or "", full_size=options.full_size), listen=tell_notes
+        "", options.scene, robot=robot_asked_for(options.robot, full_size=options.full_size), listen=tell_notes
     )
     tell_warnings(require_valid(scene))
     refused: list[tuple[Wish, NoPlan]] = []
@@ -82,7 +83,7 @@ def execute(options: Options) -> int:
     if options.feasible:
         from executor.rollouts.admitted import Answers
 
-        answers = Answers(options.out, scene, options.seed)
+        answers = Answers(options.out, scene, options.seed, outcome_version())
         for answer in answers.of(islice(found, options.most), options.limit_s):
             listing.add(answer.found, answer.feasible, answer.reason, asked=True)
     else:

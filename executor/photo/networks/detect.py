@@ -145,7 +145,7 @@ def _concepts(network: Network, picture: Photograph, names: Sequence[str], least
     tokenizer = network.tokenizer()
     config = network.model.config
     with network.torch.inference_mode():
-        seen = network.model.get_vision_features(network.pixels(picture.rgb, int(config.vision_config.image_size)))
+        features = network.model.get_vision_features(network.pixels(picture.rgb, int(config.vision_config.image_size)))
     for name in names:
         words = tokenizer(
             name,
@@ -155,7 +155,7 @@ def _concepts(network: Network, picture: Photograph, names: Sequence[str], least
             return_tensors="pt",
         )
         answer = network.answer(
-            vision_embeds=seen, input_ids=words["input_ids"], attention_mask=words["attention_mask"]
+            vision_embeds=features, input_ids=words["input_ids"], attention_mask=words["attention_mask"]
         )
         scores = (answer.pred_logits[0].sigmoid() * answer.presence_logits[0].sigmoid()).numpy()
         for row in np.flatnonzero(scores >= least):

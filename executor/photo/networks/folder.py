@@ -149,7 +149,7 @@ def loaded(folder: Path, kind: NetworkClass) -> Network:
     with _quiet(transformers):
         try:
             network, loading_info = getattr(transformers, kind.model).from_pretrained(
-                folder, use_safetensors=True, output_loading_info=True, **_LOCAL
+                folder, use_safetensors=True, dtype=torch.float32, output_loading_info=True, **_LOCAL
             )
             processor_class = getattr(transformers, kind.processor)
             written, _ = processor_class.get_image_processor_dict(folder, **_LOCAL)

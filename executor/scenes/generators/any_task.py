@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 import bddl
-from executor.assets.library import LIBRARY, asset_for, kind
+from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.generators import household, long_horizon
 from executor.scenes.pair import NotDrawn
@@ -109,10 +109,8 @@ def _furnished(name: str, rng: np.random.Generator) -> Room:
     kind_of_room = str(rng.choice(["kitchen", "living_room", "bedroom"]))
     depth_m, width_m = map(float, rng.uniform(3.4, 5.2, 2))
     room = Room(name, kind_of_room, rng, depth_m, width_m)
-    models = {kind_: [model for model in LIBRARY if kind(LIBRARY[model]) is kind_] for kind_ in Kind}
-    furniture = [
-        m for m in (*models[Kind.ARTICULATED], *models[Kind.SUPPORT]) if m not in ("wall", "microwave_side_hinge")
-    ]
+    models = _data()["models"]
+    furniture = [m for m in (*models["articulated"], *models["support"]) if m not in ("wall", "microwave_side_hinge")]
     for _ in range(int(rng.integers(3, 8))):
         model = str(rng.choice(furniture))
         tall = {"z": round(float(rng.uniform(*_HIGH_TOPS_M)), 3)} if model == "counter_plain" else {}
@@ -138,7 +136,7 @@ def _furnished(name: str, rng: np.random.Generator) -> Room:
     for _ in range(int(rng.integers(4, 15))):
         vessels = [key for key, thing in room.objects.items() if thing.category in ("bowl", "box", "plate")]
         near = vessels if vessels and rng.uniform() < 0.2 else hosts
-        _somewhere(room, str(rng.choice(models[Kind.ITEM])), near, rng, tops_only=rng.uniform() < 0.75)
+        _somewhere(room, str(rng.choice(models["item"])), near, rng, tops_only=rng.uniform() < 0.75)
     build_walls(room)
     stand_robot(room)
     return room

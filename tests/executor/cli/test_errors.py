@@ -60,7 +60,7 @@ EXIT_CODES = {
     "executor.sim.faults.FaultUnfit": BAD_INPUT,
     "executor.sim.render.frames.BadPictureSize": BAD_INPUT,
     "executor.sim.robot.description.RobotDataMissing": BAD_INPUT,
-    "executor.system.extras.MissingExtra": BAD_INPUT,
+    "bddl.errors.MissingExtra": BAD_INPUT,
     "executor.system.vulkan.RendererNotFound": BAD_INPUT,
     "llm.errors.LlmError": BAD_INPUT,
     "oag.model.diagnostics.OagError": BAD_INPUT,

@@ -57,7 +57,9 @@ def run(tmp_path: Path) -> int:
     return app.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--no-video"])
 
 
-@pytest.mark.parametrize("size", [100, 2_000, 20_000])
+@pytest.mark.parametrize(
+    "size", [pytest.param(100, marks=pytest.mark.slow), 2_000, pytest.param(20_000, marks=pytest.mark.slow)]
+)
 def test_a_run_leaves_no_half_of_it(
     invented: Rollout, tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int
 ) -> None:

@@ -64,6 +64,7 @@ def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixtur
     assert out == GOLDEN.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_robot_does_not_move_and_nothing_is_written(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -84,6 +85,7 @@ def test_the_robot_does_not_move_and_nothing_is_written(
     assert parts[2]["region"].startswith("shelf") and told["feasibility"]["failure"] is None
 
 
+@pytest.mark.slow
 def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
     capsys: pytest.CaptureFixture[str], high_shelf: Path
 ) -> None:
@@ -93,6 +95,7 @@ def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
     assert "✗ pick_up_can (NAVIGATE_TO_TARGET): " in out and "the hand stays " in out
 
 
+@pytest.mark.slow
 def test_a_run_of_it_is_refused_before_anything_moves(
     capsys: pytest.CaptureFixture[str], high_shelf: Path, tmp_path: Path
 ) -> None:
@@ -101,6 +104,7 @@ def test_a_run_of_it_is_refused_before_anything_moves(
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "not-run" and told["rollout"] is None
     assert told["feasibility"]["failure"]["kind"] == "unreachable"
+    assert "Why it was not run" in (tmp_path / "refused" / "report.html").read_text()
     assert app.run([*words, str(tmp_path / "tried"), "--anyway"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "failed" and told["feasibility"] is None
@@ -119,6 +123,7 @@ def test_of_a_plan_that_is_not_proved_feasibility_is_not_asked(
     assert code == 1 and told["feasibility"] is None and told["diagnostics"]
 
 
+@pytest.mark.slow
 def test_a_goal_is_planned_for_as_a_sentence_is(capsys: pytest.CaptureFixture[str]) -> None:
     goal = "(exists (?r - refrigerator) (and (inside glass_0 ?r) (not (open ?r))))"
     code, told = as_json(capsys, "--goal", goal, "--scene", "kitchen_t1")

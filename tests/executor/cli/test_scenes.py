@@ -33,11 +33,11 @@ def test_a_reconstruction_is_told_and_written_as_a_scene(tmp_path: Path, capsys:
 
 
 def test_what_is_not_taken_over_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = write(tmp_path, kitchen() | {"lamp_0": thing("floor_lamp", (0.3, 0.3, 1.5), (0.5, 1.0, 0.75))})
+    file = write(tmp_path, kitchen() | {"piano_0": thing("grand_piano", (1.5, 1.5, 1.0), (0.5, 1.0, 0.5))})
     query = "open the fridge"
     assert app.run(["run", query, "--scene", str(file), "--out", str(tmp_path / "out")]) == 2
     message = capsys.readouterr().err
-    assert "1 of 8 objects cannot be taken over" in message and "- lamp_0: the library has nothing" in message
+    assert "1 of 8 objects cannot be taken over" in message and "- piano_0: the library has nothing" in message
     assert not (tmp_path / "out").exists()
 
 

@@ -29,7 +29,7 @@ from oag.model.actions import flow_from_json
 from oag.revision import Attempt, History, Iteration, Revision
 from tests.executor.data.conftest import SIZE, film
 
-pytestmark = pytest.mark.physics
+pytestmark = [pytest.mark.physics, pytest.mark.slow]
 
 
 def draw(unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> RenderedViews:
@@ -59,7 +59,6 @@ def episode(store: EpisodeStore) -> StoredEpisode:
     return found
 
 
-@pytest.mark.slow
 def test_what_failed_is_kept_with_what_was_done_about_it(store: EpisodeStore, episode: StoredEpisode) -> None:
     assert episode.succeeded and episode.corrections and list(find_flaws(store)) == []
     for pair in episode.corrections:
@@ -90,7 +89,6 @@ def test_a_file_that_a_unit_names_elsewhere_is_refused(episode: StoredEpisode) -
 
 
 @pytest.mark.render
-@pytest.mark.slow
 def test_corrections_are_drawn_anew_with_their_episode(
     store: EpisodeStore, episode: StoredEpisode, tmp_path: Path
 ) -> None:

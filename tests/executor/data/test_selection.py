@@ -90,7 +90,7 @@ def test_origins_and_endings_are_chosen(mixed: EpisodeStore, made_store: Episode
 @pytest.mark.parametrize(
     ("only", "words"),
     [
-        ("orgin=T5", "episodes have no 'orgin': expected with a key out of origin (family"),
+        ("orgin=T5", "episodes have no 'orgin': expected with a key out of episode (its folder's name"),
         ("T5", "'T5' chooses nothing: expected KEY=VALUE"),
         ("origin=", "'origin=' chooses nothing"),
         ("origin=T5,origin=T6", "origin is there twice"),

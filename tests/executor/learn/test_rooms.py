@@ -84,7 +84,7 @@ def test_a_mirror_image_is_what_the_robot_would_look_like_in_a_mirror(picked: Ep
     rng = np.random.default_rng(0)
     joints = np.zeros((4, 12))
     joints[:, 3:10] = rng.uniform(-1.0, 1.0, (4, 7))
-    chain, mirror = arm_chain(0.7), np.diag([1.0, -1.0, 1.0, 1.0])
+    chain, mirror = arm_chain(PAPER_ROBOT), np.diag([1.0, -1.0, 1.0, 1.0])
     seen = mirror @ chain.forward(joints[:, 3:10]) @ mirror
     assert np.allclose(chain.forward(mirror_joints(PAPER_ROBOT, joints)[:, 3:10]), seen)
 

@@ -65,6 +65,7 @@ def test_the_vertical_and_both_heights_are_those_that_were_drawn(
     assert [one.height_m for one in found.planes] == pytest.approx([floor_m, top_m], abs=0.02)
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.floats(20.0, 60.0), st.floats(-10.0, 10.0), st.floats(0.25, 0.7))
 def test_a_top_that_fills_the_picture_is_a_table_of_usual_height(

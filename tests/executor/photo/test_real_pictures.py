@@ -242,6 +242,7 @@ def write_tiny(folder: Path) -> None:
     (folder / "pictures.toml").write_text(INDEX.format(tilt=tilt_deg))
 
 
+@pytest.mark.slow
 @pytest.mark.physics
 def test_two_tiny_pictures_go_the_whole_way(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_tiny(tmp_path)

@@ -61,6 +61,7 @@ def test_a_door_that_meets_a_chair_is_named_with_the_chair(kitchen: Scene) -> No
     assert "chair_0" in found.reason and found.to_json()["failed"] == found.subtasks[0].record.name
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_choices(kitchen: Scene) -> None:
     graph = planned(kitchen, "open the refrigerator")
     one, other = (executor.feasible(graph, kitchen, 3).subtasks[0] for _ in range(2))

@@ -53,11 +53,13 @@ def test_the_plan_is_proved_and_what_it_takes_hold_of_fits_the_gripper(family: s
             assert target.role == "A" or min(target.extent_m[:2]) <= PAPER_GRIPPER.widest_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_ids_name_files(family: str) -> None:
     assert [pair.id for pair in drawn(family)] == [f"{family}-{seed:06d}" for seed in SEEDS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["T1", "T2"])
 def test_refrigerators_vary(family: str) -> None:
     fridges = [pair.scene["refrigerator_0"] for pair in drawn(family)]
@@ -83,6 +85,7 @@ def test_widths_of_what_is_taken_vary_and_a_kitchen_without_scaling_says_why_the
     assert "cup_0" in cup.scene.objects and cup.scene["cup_0"].scale == (1.0, 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_corners_aisles_and_doors_that_open_half_way_are_drawn() -> None:
     kitchens = [pair for family in ("T1", "T2", "T3") for pair in drawn(family)]
     gaps = [_before(pair) for pair in kitchens]
@@ -94,6 +97,7 @@ def test_corners_aisles_and_doors_that_open_half_way_are_drawn() -> None:
     assert any(not _in_a_corner(pair) for pair in drawn("T1") + drawn("T2"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_tables_clutter_and_robots_vary(family: str) -> None:
     pairs = drawn(family)

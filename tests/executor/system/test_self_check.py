@@ -7,6 +7,7 @@ import pytest
 from executor.system import doctor
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_a_box_is_drawn() -> None:
     assert doctor.problem_with("drawing") == ""

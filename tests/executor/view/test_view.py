@@ -125,6 +125,14 @@ def test_a_failed_run_shows_where_it_failed(finished_run: Path) -> None:
     assert detail.plots is not None
 
 
+def test_a_damaged_run_hides_no_other(finished_run: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    shutil.copytree(finished_run, folder / "seed_00000")
+    (folder / "seed_00001").mkdir()
+    (folder / "seed_00001" / "rollout.json").write_text('{"task": "a')
+    assert [row.ended for row in listing_of(folder).rows()] == ["failed", "unreadable"]
+
+
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NothingToView, match=r"dataset\.json \(a store\)"):
         listing_of(tmp_path)
@@ -201,10 +209,11 @@ def test_the_server_gives_the_page_details_and_parts_of_files(store: Path) -> No
     "path",
     [
         "/episode/nothing",
-        "/file/{name}/dataset.json",
-        "/file/{name}/..%2f..%2fdataset.json",
+        "/file/{name}/0/dataset.json",
+        "/file/{name}/99/samples.xz",
+        "/file/{name}/0/..%2f..%2fdataset.json",
         "/file/..%2f..%2f/x",
-        "/file/{name}/%2fetc%2fpasswd",
+        "/file/{name}/0/%2fetc%2fpasswd",
         "/elsewhere",
         "/scene/",
         "//etc/passwd",

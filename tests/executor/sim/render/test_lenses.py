@@ -123,6 +123,7 @@ def test_the_overview_sees_most_of_what_is_inside_of_what_is_opened() -> None:
 
 
 # T4 is taken from beside a wall, where a lens behind the robot was inside it for a quarter of the time.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "unit",
     [
