@@ -15,7 +15,7 @@ Source: docs/semantics.md, Knowledge, Verdicts and Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal, NamedTuple, TypeAlias
@@ -39,7 +39,21 @@ from oag.model.symbols import (
     known_as,
     satisfying_value,
 )
-from oag.primitives.state import START, UNWRITTEN, Entry, Reader, State, carriage_in, facts_of, step, truth_of
+from oag.primitives.cargo import NOTHING_CARRIED, Starts
+from oag.primitives.state import (
+    NEVER,
+    START,
+    UNWRITTEN,
+    Entry,
+    Reader,
+    Start,
+    State,
+    carriage_in,
+    facts_of,
+    scene_facts,
+    step,
+    truth_of,
+)
 from oag.primitives.table import (
     Clause,
     Context,
@@ -71,8 +85,13 @@ class CompiledSubtask:
         return self.rows.context
 
 
-def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[CompiledSubtask, ...]:
-    """Return subtasks ready for progression; their targets must be in the scene."""
+def compile_plan(
+    subtasks: Sequence[SimpleTask], scene: Scene, stated: Start | None = None
+) -> tuple[CompiledSubtask, ...]:
+    """Return subtasks ready for progression; their targets must be in the scene.
+
+    `stated` has the statements of the scene, where they are known already.
+    """
     items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
     articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
     tables: dict[Context, Rows] = {}
@@ -82,7 +101,7 @@ def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[Compiled
         for each, goal in zip(subtasks, goals, strict=True)
     ]
     placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
-    carriage = carriage_in(scene, placed)
+    carriage = carriage_in(scene, scene_facts(scene) if stated is None else stated, placed)
     compiled = []
     for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
         target = subtask.target
@@ -235,12 +254,20 @@ MOST_READS = 300_000
 TOO_MANY_CASES: CaseTree = ()
 
 
+# Whether no start gives a fact a value in a case.
+Exclusion = Callable[[Fact, bool, Mapping[Fact, bool]], bool]
+
+
 def case_tree(
-    wanted: Needed, read: Reader, objects: Mapping[str, str], largest: int = LARGEST_TREE
+    wanted: Needed,
+    read: Reader,
+    objects: Mapping[str, str],
+    largest: int = LARGEST_TREE,
+    excludes: Exclusion = lambda *_: False,
 ) -> tuple[bool, CaseTree] | None:
     """Return the value that clauses or a formula have in every case, with the cases.
 
-    None when the cases disagree, are too many, or take too long to evaluate.
+    None when the cases disagree, are too many, or take too long to evaluate. `excludes` says which cases cannot be.
     """
     reads = 0
 
@@ -270,9 +297,10 @@ def case_tree(
             return None
         else:
             tree.append(unknown)
-            pending.append({**case, unknown: False})
             # None stands for a case that the invariants exclude.
-            pending.append(None if excluded(unknown, known) else {**case, unknown: True})
+            never = excluded(unknown, known) or excludes(unknown, True, case)
+            pending.append(None if excludes(unknown, False, case) else {**case, unknown: False})
+            pending.append(None if never else {**case, unknown: True})
     return None if result is None else (result, tuple(tree))
 
 
@@ -329,6 +357,8 @@ class Trace:
         counterexample: A complete start state from which the plan runs up to its first failure, as (time, fact, value).
             Values at later times belong to facts that a step leaves open. None when none was searched.
         miss: A run that misses an obligation, in the same form, where an exact decision needs an assumption; else None.
+        starts: What can be so where the plan starts.
+        about_start: What is assumed of the start.
         checkable: False when links and cases do not show the verdict, so that no checker can confirm it.
         unsettled: Why a needed exact decision failed; None when none was needed, or it succeeded.
     """
@@ -358,6 +388,8 @@ class Trace:
         self._suspects: set[str] = set()
         self._names: tuple[str, ...] = ()
         self._failed_subtask: int | None = None
+        self.starts = Starts(NOTHING_CARRIED, start.value)
+        self.about_start: dict[Fact, Value] = {}
 
     @property
     def boundary_time(self) -> int:
@@ -401,6 +433,8 @@ class Trace:
 
     def run(self, subtasks: Sequence[CompiledSubtask], goal: Needed) -> None:
         """Follow all subtasks and decides every obligation up to the task goal."""
+        if subtasks:
+            self.starts = Starts(subtasks[0].context.carriage, self.start.value)
         for index, subtask in enumerate(subtasks):
             self._names = subtask.context.names
             self._need("init", index, -1, subtask.init)
@@ -494,7 +528,10 @@ class Trace:
             # Another clause of the same obligation has assumed it.
             return CausalLink(condition, known.time, known.value)
         value = satisfying_value(condition)
-        self.assumptions.append(Assumption(time, condition, None, obligation, link.producer < 0))
+        of_start = link.producer < 0
+        self.assumptions.append(Assumption(time, condition, None, obligation, of_start))
+        if of_start:
+            self.about_start[condition.fact] = value
         self._write(with_consequences(condition.fact, value))
         return CausalLink(condition, time, value)
 
@@ -568,7 +605,7 @@ class Trace:
             entry = read[fact] = self.state.read(fact)
             return entry.value
 
-        found = case_tree(wanted, look, self._objects)
+        found = case_tree(wanted, look, self._objects, excludes=self._excludes)
         if found is not None and len(found[1]) == 1:
             return None
         links = tuple(CausalLink(known_as(f, e.value), e.time, e.value) for f, e in read.items() if e.value is not None)
@@ -577,6 +614,13 @@ class Trace:
         self.checkable = self.checkable and found is not None
         grade = Grade.FAILS if fails else self._decision.grades[number]
         return grade, links, TOO_MANY_CASES if found is None else found[1]
+
+    def _excludes(self, fact: Fact, value: bool, case: Mapping[Fact, bool]) -> bool:
+        """Decide whether no start gives a fact a value; what a step left open is no fact of the start."""
+        if self.starts.carriage == NOTHING_CARRIED or self.state.read(fact).time != NEVER:
+            return False
+        given = {each: truth for each, truth in case.items() if self.state.read(each).time == NEVER}
+        return self.starts.exclude(fact, value, {**self.about_start, **given})
 
 
 def _objects_of(condition: Condition, value: Value) -> set[str]:

@@ -9,14 +9,15 @@ Source: docs/semantics.md, Numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from itertools import permutations
 from typing import NamedTuple
 
 from oag.model.actions import Action
 from oag.model.symbols import Primitive
 
-Extent = Sequence[float]
+Extent = tuple[float, ...]
 # A wall has some thickness: what is as wide as its place does not go in [m].
 _WALL_M = 0.001
 # A robot that has turned by more faces away from what it stood at [degrees].
@@ -31,6 +32,7 @@ _TURNS = {Primitive.TURN_BASE_LEFT: 1.0, Primitive.TURN_BASE_RIGHT: -1.0}
 _ARRIVALS = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 
 
+@lru_cache(maxsize=1024)
 def heights_inside(thing_m: Extent, place_m: Extent, *, open_top: bool) -> tuple[float, ...]:
     """Return the heights [m] at which a box can stand in another, turned any way; none when it does not go in.
 

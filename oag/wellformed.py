@@ -32,7 +32,7 @@ from oag.model.symbols import (
 )
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
-from oag.primitives.table import NAVIGATION, placement_of
+from oag.primitives.table import NAVIGATION, Placement, placement_of
 from oag.room import MOST_TURN_DEG, both_inside, drifts, heights_inside, stays_near
 from oag.sizes import Gripper, farthest_m, scale_factor, too_small
 from oag.task_definition import NO_TARGET, SimpleTask, Task, step_place, subtask_place
@@ -80,6 +80,8 @@ class _Findings:
         self._sound: set[bddl.Atom] = set()
         # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
         self.instances = 0
+        # Where the goal of each subtask wants its target.
+        self.placements: list[Placement | None] = []
 
     def __bool__(self) -> bool:
         return bool(self._found)
@@ -183,6 +185,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     """Report unknown roles, and roles that do not fit each other or the goal."""
     target, supports, objects = subtask.target, (subtask.support_init, subtask.support_goal), found.scene.objects
     placement = placement_of(subtask.goal, target)
+    found.placements.append(placement)
     known = target in objects and all(name is None or name in objects for name in supports)
     if known and target not in supports and (placement is None or placement.support == supports[1]):
         return
@@ -383,13 +386,12 @@ def _check_scales(found: _Findings) -> None:
 def _check_room(found: _Findings) -> None:
     """Report what sizes and distances exclude: things that do not go in, and a hand that was driven away."""
     contents, near_m = _contents(found.scene), farthest_m(found.scene.robot)
-    for index, subtask in enumerate(found.task.subtasks):
+    for index, (subtask, placement) in enumerate(zip(found.task.subtasks, found.placements, strict=True)):
         target = found.scene.objects[subtask.target]
         flow = () if subtask.flow is None else subtask.flow
         near, item = stays_near(flow, near_m), target.kind is Kind.ITEM
         if near and not item:
             continue
-        placement = placement_of(subtask.goal, target.id)
         if not near:
             _check_drift(found, index, subtask, None if placement is None else placement.support)
         if not item:
@@ -409,12 +411,15 @@ def _contents(scene: Scene) -> dict[str, dict[str, None]]:
         for literal in bddl.literals(fact) or ()
         if literal.value and literal.atom.predicate in RESTING and set(literal.atom.args) <= scene.objects.keys()
     ]
+    # What is on or in an item is only through that in what the item is in.
+    carriers: dict[str, set[bddl.Atom]] = {}
+    for atom in resting:
+        if scene.objects[atom.args[1]].kind is Kind.ITEM:
+            carriers.setdefault(atom.args[0], set()).add(atom)
     contents: dict[str, dict[str, None]] = {}
-    for atom in (atom for atom in resting if atom.predicate == "inside"):
-        thing, place = atom.args
-        others = [other for other in resting if other.args[0] == thing and other != atom]
-        if not any(scene.objects[other.args[1]].kind is Kind.ITEM for other in others):
-            contents.setdefault(place, {})[thing] = None
+    for atom in resting:
+        if atom.predicate == "inside" and not carriers.get(atom.args[0], set()) - {atom}:
+            contents.setdefault(atom.args[1], {})[atom.args[0]] = None
     return contents
 
 

@@ -15,6 +15,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from oag.certificate.check_plan import (
@@ -395,7 +396,7 @@ class LinkedPlan:
         for write in set(linked.items()) & self.statements.keys() if self.unneeded else ():
             assumption, statements = self.statements[write]
             without = self._without(read, assumption, statements)
-            if assumption in self.unneeded and not self._holds_without(wanted, tree, without):
+            if assumption in self.unneeded and not self._holds_without(wanted, tree, without, statements):
                 del self.unneeded[assumption]
 
     def _without(self, read: Reader, assumption: _Write, statements: tuple[Fact, ...]) -> Reader:
@@ -403,13 +404,15 @@ class LinkedPlan:
         run, time = self.run, assumption[1]
         return with_values(read, {fact: run.before[fact, time] for fact in statements if run.last(fact)[0] == time})
 
-    def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
+    def _truth(
+        self, wanted: Needed, tree: list[Any] | None, read: Reader, ignored: tuple[Fact, ...] = ()
+    ) -> bool | None:
         if tree is None:
             return truth_of(wanted, read, self.objects)
-        return truth_by_cases(wanted, tree, read, self.objects)
+        return truth_by_cases(wanted, tree, read, self.objects, partial(self.run.excludes, ignored=ignored))
 
-    def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool:
+    def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader, left_out: tuple[Fact, ...]) -> bool:
         try:
-            return self._truth(wanted, tree, read) is True
+            return self._truth(wanted, tree, read, left_out) is True
         except Rejected:
             return False

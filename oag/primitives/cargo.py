@@ -28,6 +28,11 @@ VAGUE = ("nextto", "touching", "under")
 _MOST_TOWERS = 1_000
 
 
+def is_place(fact: Fact) -> bool:
+    """Decide whether a fact says where a thing is."""
+    return len(fact) == 3 and fact[0] in RESTING
+
+
 class Carriage(NamedTuple):
     """Who may carry whom in a plan, and what may be inside what.
 
@@ -67,20 +72,20 @@ def carriage_of(
         placed: The facts that goals of the plan place their targets by.
     """
     names = tuple(objects)
-    resting: set[Fact] = {f for f, value in stated.items() if value is True and len(f) == 3 and f[0] in RESTING}
+    resting: set[Fact] = {f for f, value in stated.items() if value is True and is_place(f)}
     resting |= set(placed)
     for relation in RESTING:
         if stated.get((relation, ANY, ANY)) is not False:
             resting |= set(_open_facts(relation, names, items, stated))
     resting = {fact for fact in resting if fact[1] != fact[2] and GRIPPER not in fact and fact[1] in names}
+    # Nothing carries, and no furniture is inside furniture: the usual plan.
+    if all(thing in items and place not in items for _, thing, place in resting):
+        return NOTHING_CARRIED
     above: dict[str, dict[str, None]] = {}
     for _, thing, place in sorted(resting):
         above.setdefault(place, {})[thing] = None
-    # Nothing carries, and no furniture is inside furniture: the usual plan.
-    if not any(place in items for place in above) and all(fact[1] in items for fact in resting):
-        return NOTHING_CARRIED
     within = closed(resting)
-    riders = {name: tuple(thing for thing in _reached(name, above) if thing in items) for name in names}
+    riders = {name: tuple(thing for thing in reached(name, above) if thing in items) for name in names}
     places: dict[str, list[tuple[str, str]]] = {}
     for relation, thing, place in sorted(within):
         places.setdefault(thing, []).append((relation, place))
@@ -100,7 +105,8 @@ def _open_facts(
                 yield relation, thing, place
 
 
-def _reached(name: str, steps: Mapping[str, Mapping[str, None]]) -> tuple[str, ...]:
+def reached(name: str, steps: Mapping[str, Mapping[str, None]]) -> tuple[str, ...]:
+    """Return what can be reached from a name in one step or more, itself left out."""
     found: dict[str, None] = {}
     pending = [name]
     while pending:
@@ -116,7 +122,19 @@ def below(name: str, resting: Collection[Fact]) -> tuple[str, ...]:
     under: dict[str, dict[str, None]] = {}
     for _, thing, place in sorted(resting):
         under.setdefault(thing, {})[place] = None
-    return _reached(name, under)
+    return reached(name, under)
+
+
+def denied(resting: Iterable[Fact], stated: Mapping[Fact, Value]) -> set[Fact]:
+    """Return what is not so of carriers: they are inside nothing that their cargo is known not to be inside."""
+    if stated.get(("inside", ANY, ANY)) is False:
+        return set()
+    outside = [fact for fact, value in stated.items() if value is False and is_place(fact) and fact[0] == "inside"]
+    under: dict[str, dict[str, None]] = {}
+    for _, thing, place in sorted(resting) if outside else ():
+        under.setdefault(thing, {})[place] = None
+    found: set[Fact] = {("inside", place, f[2]) for f in outside for place in reached(f[1], under) if place != f[2]}
+    return found - stated.keys()
 
 
 def closed(resting: Iterable[Fact]) -> set[Fact]:
@@ -168,6 +186,29 @@ def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, .
                 yield chain
             elif place in carriage.riding(below) and all(fact[1] != place for fact in path):
                 pending.append((place, chain))
+
+
+class Starts:
+    """What can be so where a plan starts, by what carries what: no circles, and cargo is inside what its carrier is in.
+
+    Attributes:
+        carriage: Who may carry whom.
+    """
+
+    def __init__(self, carriage: Carriage, read: Reader) -> None:
+        """Take what is known of the start as a reader of facts."""
+        self.carriage, self._read = carriage, read
+        places = ((relation, thing, place) for thing, found in carriage.places for relation, place in found)
+        self._true = {fact for fact in places if read(fact) is True}
+
+    def exclude(self, fact: Fact, value: bool, given: Mapping[Fact, Value]) -> bool:
+        """Decide whether no start gives a fact a value, where others have the given values."""
+        if self.carriage == NOTHING_CARRIED or not is_place(fact):
+            return False
+        stated = {**given, fact: value}
+        true = self._true | {each for each, truth in stated.items() if truth is True and is_place(each)}
+        follows = (stated[each] if each in stated else self._read(each) for each in closed(true) - self._true)
+        return bool(circle(true)) or False in follows
 
 
 class Load:

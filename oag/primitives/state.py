@@ -36,7 +36,7 @@ from oag.model.symbols import (
     generalisations,
     satisfying_value,
 )
-from oag.primitives.cargo import RESTING, Carriage, carriage_of, circle, closed
+from oag.primitives.cargo import Carriage, carriage_of, circle, closed, denied, is_place
 from oag.primitives.table import Clause, Effect, Needed, Rows, converse, impossible
 
 RESET_REASONS = {
@@ -71,7 +71,8 @@ def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
 def scene_facts(scene: Scene) -> Start:
     """Return the statements of a scene: an entry for each closed predicate, then each literal with what it excludes.
 
-    What is carried is inside whatever its carrier is inside, whether or not the scene says so.
+    What is carried is inside whatever its carrier is inside, whether or not the scene says so. A carrier is not inside
+    what its cargo is known not to be inside.
     """
     values: dict[Fact, Value] = {}
     for predicate in sorted(scene.closed):
@@ -87,16 +88,17 @@ def scene_facts(scene: Scene) -> Start:
                     values.setdefault(other, False)
             elif condition.fact != HAND:
                 values[condition.fact] = False
-    resting = {fact for fact, value in values.items() if value is True and len(fact) == 3 and fact[0] in RESTING}
+    resting = {fact for fact, value in values.items() if value is True and is_place(fact)}
     for fact in sorted(closed(resting) - resting):
         values.setdefault(fact, True)
+    values |= dict.fromkeys(sorted(denied(resting, values)), False)
     return tuple(values.items())
 
 
-def carriage_in(scene: Scene, placed: Iterable[Fact]) -> Carriage:
-    """Return who may carry whom in a scene, when goals place things by these facts."""
+def carriage_in(scene: Scene, stated: Start, placed: Iterable[Fact]) -> Carriage:
+    """Return who may carry whom in a scene with these statements, when goals place things by these facts."""
     items = {key for key, thing in scene.objects.items() if thing.kind is Kind.ITEM}
-    return carriage_of(scene.objects, items, _never(scene) | dict(scene_facts(scene)), placed)
+    return carriage_of(scene.objects, items, _never(scene) | dict(stated), placed)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
@@ -213,9 +215,12 @@ class State:
         yield from ((fact, Entry(*written)) for fact, written in (self._older | self._recent).items())
 
 
-def start_state(scene: Scene, first_target: str | None) -> State:
-    """Return what is known at S_0: by the reset, by kinds of objects, and by the scene, which contradicts neither."""
-    stated = scene_facts(scene)
+def start_state(scene: Scene, first_target: str | None, stated: Start | None = None) -> State:
+    """Return what is known at S_0: by the reset, by kinds of objects, and by the scene, which contradicts neither.
+
+    `stated` has the statements of the scene, where they are known already.
+    """
+    stated = scene_facts(scene) if stated is None else stated
     reset = reset_facts(first_target, dict(stated).get(HAND))
     return State().after((*reset.items(), *_never(scene).items(), *stated), START)
 

@@ -33,6 +33,7 @@ from oag.model.symbols import (
     generalisations,
     held_by,
     holding,
+    satisfying_value,
 )
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, scene_facts, truth_of
@@ -320,7 +321,10 @@ class Explainer:
         return {other: not self._known_false(other, obligation) for other in others if other != condition}
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
-        written = (e.value for e in self.trace.history(condition.fact) if e.time <= obligation.time)
+        written = [e.value for e in self.trace.history(condition.fact) if e.time <= obligation.time]
+        value = satisfying_value(condition)
+        if not written and isinstance(value, bool):
+            return self.trace.starts.exclude(condition.fact, value, {})
         return condition.grade([None, *written][-1]) is False
 
     def _closing_hint(self, assumption: Assumption) -> str | None:

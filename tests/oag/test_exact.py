@@ -117,6 +117,36 @@ def test_no_run_means_refuted_with_one_run_that_fails() -> None:
     assert "in every state in which the plan gets here" in found.errors[0].message
 
 
+CARRIED = ("(open box_0)", "(not (inside cup_0 cup_1))")
+CUP_IN_BOX = "(inside cup_0 box_0) (ontop cup_1 cup_0)"
+
+
+@pytest.mark.parametrize(
+    ("facts", "init"),
+    [
+        ((*CARRIED, "(ontop cup_1 cup_0)", "(not (inside cup_1 box_0))"), "(inside cup_0 box_0)"),
+        ((*CARRIED, "(not (inside cup_1 box_0))"), f"(and {CUP_IN_BOX})"),
+        ((*CARRIED, "(ontop cup_0 cup_1)"), "(inside cup_1 cup_0)"),
+    ],
+)
+def test_a_plan_whose_assumptions_no_start_meets_is_refuted(facts: tuple[str, ...], init: str) -> None:
+    """A thing is inside what its carrier is inside, and nothing carries what it stands on."""
+    found = report("(and)", *facts, init=init)
+    assert found.verdict is oag.Verdict.REFUTED, str(found)
+    result = oag.recheck(found.certificate)
+    assert result, result.reason
+
+
+def test_what_follows_from_what_carries_what_is_not_assumed() -> None:
+    found = report("(and)", *CARRIED, init=f"(and {CUP_IN_BOX} (inside cup_1 box_0))")
+    assert found.verdict is oag.Verdict.CONDITIONAL, str(found)
+    assert found.trace is not None
+    said = [assumption.condition.text() for assumption in found.trace.assumptions if assumption.condition is not None]
+    assert len(said) == 2 and set(said) < {"inside(cup_0, box_0)", "ontop(cup_1, cup_0)", "inside(cup_1, box_0)"}
+    result = oag.recheck(found.certificate)
+    assert result, result.reason
+
+
 def test_what_contradicts_itself_is_refuted() -> None:
     found = report("(and (open box_0) (or (not (open box_0)) (ontop cup_1 cup_1)))", APART)
     assert found.verdict is oag.Verdict.REFUTED

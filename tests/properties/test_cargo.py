@@ -10,6 +10,9 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
+from oag.model.symbols import Fact
+from oag.primitives.cargo import NOTHING_CARRIED, Starts, carriage_of
+from tests.bruteforce import added, completions
 from tests.carried import PLACES, copied, outcome, plan_from, possible, scene_json, start, task_json, wishes
 
 VERDICTS = {True: "PROVED", False: "REFUTED", None: "CONDITIONAL"}
@@ -74,3 +77,34 @@ def test_a_verdict_on_cargo_that_is_known_in_part_is_that_of_all_runs(draw: Rand
 def test_verdicts_on_two_thousand_plans_with_cargo_that_is_known_in_part() -> None:
     found = Counter(check_open(Random(seed)) for seed in range(2_000))
     assert found["PROVED"] > 300 and found["REFUTED"] > 300
+
+
+ON_ITEMS = ("cup_0", "cup_1", "plate_0")
+ON_FACTS = tuple(
+    (relation, item, place)
+    for relation in ("ontop", "inside")
+    for item in ON_ITEMS
+    for place in (*ON_ITEMS, "fridge_0")
+    if place != item
+)
+
+
+@given(st.sets(st.sampled_from(ON_FACTS), max_size=4), st.lists(st.sampled_from(ON_FACTS), max_size=7), st.data())
+@settings(max_examples=150, deadline=None)
+def test_what_carries_what_excludes_exactly_the_values_that_no_start_has(
+    drawn: set[Fact], unknown: list[Fact], data: st.DataObject
+) -> None:
+    """Facts get values one after another; the oracle lists every start that is left."""
+    true = frozenset[Fact]()
+    for fact in sorted(drawn):
+        true = added(true, fact)
+    known = {fact: fact in true for fact in ON_FACTS if fact not in unknown}
+    worlds = [world.true for world in completions(known, tuple(dict.fromkeys(unknown)), None)]
+    starts = Starts(carriage_of((*ON_ITEMS, "fridge_0"), ON_ITEMS, known, ()), known.get)
+    given: dict[Fact, bool] = {}
+    for fact in dict.fromkeys(unknown):
+        left = {value: [true for true in worlds if (fact in true) is value] for value in (False, True)}
+        for value, found in left.items():
+            assert starts.exclude(fact, value, given) is (not found and starts.carriage != NOTHING_CARRIED), fact
+        given[fact] = data.draw(st.sampled_from([value for value, found in left.items() if found]))
+        worlds = left[given[fact]]
