@@ -450,14 +450,18 @@ class Trace:
     def _run_flow(self, index: int, subtask: CompiledSubtask) -> None:
         if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
+        rows = subtask.rows
         for position, action in enumerate(subtask.flow or ()):
             primitive, parameter, hand = action.primitive, action.parameter, self.state.hand
-            self._need("precondition", index, position, subtask.rows.row(primitive, hand, parameter)[0])
-            # A condition on the hand that failed, or was unknown, counts as met from here on.
+            needs, written = rows.row(primitive, hand, parameter)
+            self._need("precondition", index, position, needs)
             time = self.boundary_time + 1
-            written, self.state = step(self.state, subtask.rows, primitive, parameter, time, self._sure.value)
-            if subtask.rows.carries:
-                self._sure = self._sure.after(written, time)
+            # A condition on the hand that failed, or was unknown, counts as met from here on.
+            if rows.carries or self.state.hand != hand:
+                written, self.state = step(self.state, rows, primitive, parameter, time, self._sure.value)
+                self._sure = self._sure.after(written, time) if rows.carries else self._sure
+            else:
+                self.state = self.state.after(written, time)
             self.writes.append((time, written))
             self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:
@@ -469,6 +473,9 @@ class Trace:
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
+        if wanted == () and not self._decision.given:
+            self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, Grade.HOLDS, ()))
+            return
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
             self._assume(CausalLink(condition, self.state.read(condition.fact).time, None), number)
@@ -511,7 +518,7 @@ class Trace:
         """Return the link of the first alternative that holds, else of the first unknown one."""
         unknown: CausalLink | None = None
         for condition in clause:
-            value, time = self.state.read(condition.fact)
+            value, time = self.state.last(condition.fact)
             grade = condition.grade(value)
             if grade:
                 return CausalLink(condition, time, value)

@@ -218,8 +218,11 @@ def truth_by_cases(
             known = with_values(read, case or {})
             require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
             # None stands for a case without a state.
-            pending.append(None if case is None or excludes(fact, False, case) else {**case, fact: False})
-            never = case is None or excluded(fact, known) or excludes(fact, True, case)
+            if case is None:
+                pending += [None, None]
+                continue
+            never = excluded(fact, known) or excludes(fact, True, case)
+            pending.append(None if excludes(fact, False, case) else {**case, fact: False})
             pending.append(None if never else {**case, fact: True})
         elif case is not None:
             results.add(truth_of(wanted, with_values(counted, case), objects))

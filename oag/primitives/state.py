@@ -177,13 +177,14 @@ class State:
 
     def read(self, fact: Fact) -> Entry:
         """Return the last write that covers a fact; of writes at one time the most specific one counts."""
-        return Entry(*self._last(fact))
+        return Entry(*self.last(fact))
 
     def value(self, fact: Fact) -> Value:
         """Return what a fact is known to be; None when that is unknown."""
-        return self._last(fact)[0]
+        return self.last(fact)[0]
 
-    def _last(self, fact: Fact) -> tuple[Value, int]:
+    def last(self, fact: Fact) -> tuple[Value, int]:
+        """Return what `read` does as a plain pair, for places that ask it of every step."""
         recent, older = self._recent, self._older
         best = recent.get(fact) or older.get(fact, UNWRITTEN)
         # The robot's variables, of which most is asked, have no patterns.

@@ -80,7 +80,7 @@ def test_verdicts_on_two_thousand_plans_with_cargo_that_is_known_in_part() -> No
 
 
 ON_ITEMS = ("cup_0", "cup_1", "plate_0")
-ON_FACTS = tuple(
+ON_FACTS: tuple[Fact, ...] = tuple(
     (relation, item, place)
     for relation in ("ontop", "inside")
     for item in ON_ITEMS
