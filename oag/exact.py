@@ -247,6 +247,7 @@ class Unrolled:
         self._every = every
         self._script = Script()
         self._known: dict[tuple[Condition, int], str] = {}
+        self._apart: dict[tuple[Unknown, Unknown], None] = {}
 
     def text(self) -> str:
         """Return the SMT-LIB text that defines the terms and states the invariants of the start."""
@@ -263,14 +264,11 @@ class Unrolled:
     def exclusions(self) -> Iterator[tuple[Unknown, Unknown]]:
         """Yield the pairs of unknowns of which at most one is true; a pair of twice the same is false.
 
+        Both are so at one moment, though one may be open since a later step than the other.
+
         Source: docs/semantics.md, States: `inside` and `ontop` are irreflexive and antisymmetric.
         """
-        for unknown in self.names:
-            excluding = converse(unknown.fact)
-            if excluding is not None and excluding >= unknown.fact:
-                other = unknown._replace(fact=excluding)
-                if other in self.names:
-                    yield unknown, other
+        yield from ((one, other) for one, other in self._apart if one in self.names and other in self.names)
 
     def add(self, number: int, wanted: Needed, state: State) -> None:
         """Add what is needed at one place, where `state` is what is known there."""
@@ -313,6 +311,10 @@ class Unrolled:
             name = self.names[unknown] = f"u{len(self.names)}"
             self._script.declare(name)
         found[unknown] = None
+        excluding = converse(fact)
+        if excluding is not None:
+            other = Unknown(excluding, state.read(excluding).time)
+            self._apart[(unknown, other) if unknown <= other else (other, unknown)] = None
         return name if condition.positive else negation(name)
 
     def _constant(self, condition: Condition, time: int, truth: bool) -> str:
