@@ -100,8 +100,8 @@ def _open_facts(
 ) -> Iterator[Fact]:
     for thing in (name for name in names if name in items):
         for place in names:
-            said = ((relation, thing, place), (relation, thing, ANY), (relation, ANY, place))
-            if next((stated[fact] for fact in said if fact in stated), None) is None:
+            covering = ((relation, thing, place), (relation, thing, ANY), (relation, ANY, place))
+            if next((stated[fact] for fact in covering if fact in stated), None) is None:
                 yield relation, thing, place
 
 
