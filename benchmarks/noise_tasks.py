@@ -21,6 +21,8 @@ Block = tuple[Json, ...]
 _DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 _FURNITURE = (0.7, 0.7, 1.0)
 _THING = (0.05, 0.05, 0.1)
+# Something goes into a bowl.
+_BOWL = (0.14, 0.14, 0.08)
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,9 @@ def carrying(item: str, rests: str, source: str, relation: str, end: str) -> Blo
 
 def _scene(name: str, furniture: Json, things: Iterable[str], facts: Iterable[str]) -> Json:
     objects: Json = {key: {"category": category, "bbox_extent": _FURNITURE} for key, category in furniture.items()}
-    objects |= {key: {"category": key.rsplit("_", 1)[0], "bbox_extent": _THING} for key in things}
+    for key in things:
+        category = key.rsplit("_", 1)[0]
+        objects[key] = {"category": category, "bbox_extent": _BOWL if category == "bowl" else _THING}
     return {"name": name, "objects": objects, "facts": list(facts), "closed": ["inside", "ontop", "open"]}
 
 

@@ -22,8 +22,9 @@ from oag.model.codec import brief, expected, shown
 from oag.model.diagnostics import SceneError, TaskError
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject, id_problem
 from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, State, assume_true, start_state, step
-from oag.primitives.table import RESTING, Placement
+from oag.primitives.table import Placement
 from oag.progression import compile_plan
 from oag.task_definition import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
 

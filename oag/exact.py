@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count as numbers
 from typing import NamedTuple
 
 import bddl
@@ -21,7 +22,8 @@ from bddl.smt import FALSE, TRUE, Assumed, Script, Solver, SolverAnswer, conjunc
 from oag.model.codec import short_repr
 from oag.model.scene import Scene
 from oag.model.symbols import ANY, EEF, HAND, NEAR, Condition, Fact, Value, condition_of, fact_text, satisfying_value
-from oag.primitives.state import START, State, scene_facts
+from oag.primitives.cargo import NOTHING_CARRIED, RESTING, Carriage, closed, is_place, reached
+from oag.primitives.state import NEVER, START, Reader, State, scene_facts
 from oag.primitives.table import Clause, Needed, converse, with_consequences
 from oag.progression import Assumption, CompiledSubtask, Decision, Grade, Obligation, Step, Trace
 from oag.task_definition import Task, label
@@ -56,12 +58,13 @@ def needs_exact_decision(trace: Trace) -> bool:
     """Decide whether progression alone may differ from what holds of all runs.
 
     It may where a formula stayed unknown, where one of several unknown alternatives was assumed, and where one of two
-    assumptions entails the other. Anything after a failure does not matter.
+    assumptions entails the other, or what carries what ties them. Anything after a failure does not matter.
     """
     failed = trace.failures[0].obligation if trace.failures else len(trace.obligations)
     before = [assumption for assumption in trace.assumptions if assumption.obligation <= failed]
     conditions = {assumption.condition for assumption in before}
-    return None in conditions or (trace.chose and bool(before)) or any(_entailed(c, conditions) for c in conditions)
+    chosen = None in conditions or (trace.chose and bool(before))
+    return chosen or any(_entailed(c, conditions) for c in conditions) or _tied_by_cargo(trace, before)
 
 
 def _entailed(condition: Condition | None, others: Collection[Condition | None]) -> bool:
@@ -70,6 +73,16 @@ def _entailed(condition: Condition | None, others: Collection[Condition | None])
         return False
     other = converse(condition.fact)
     return other is not None and (other == condition.fact or Condition(other, True) in others)
+
+
+def _tied_by_cargo(trace: Trace, assumptions: Collection[Assumption]) -> bool:
+    """Decide whether what carries what excludes an assumption about the start, or its opposite, given the others."""
+    made = {a.condition.fact: satisfying_value(a.condition) for a in assumptions if a.about_start and a.condition}
+    for fact in made if trace.starts.carriage != NOTHING_CARRIED else ():
+        others = {other: value for other, value in made.items() if other != fact}
+        if any(trace.starts.exclude(fact, value, others) for value in (True, False)):
+            return True
+    return False
 
 
 class _Deciding:
@@ -125,8 +138,9 @@ class _Deciding:
 
     def _needed_of(self, run: Mapping[Unknown, bool]) -> dict[Unknown, bool]:
         """Return the values of a run that the open obligations need: without any one of them, some run misses one."""
-        names = self._unrolled.names
-        assumed = [(names[unknown], value) for unknown, value in run.items()]
+        # What only later obligations mention is of no use to those that are open.
+        names, spoken = self._unrolled.names, {unknown for each, _ in self._open for unknown in each.unknowns}
+        assumed = [(names[unknown], value) for unknown, value in run.items() if unknown in spoken]
         clash = self._ask([*assumed, (self._met, False)]).core
         kept = {name: value for name, value in assumed if (name, value) in clash}
         for name in reversed(list(kept)):
@@ -214,18 +228,26 @@ class Unrolled:
             is none.
     """
 
-    def __init__(self, objects: Mapping[str, str], *, every: bool = False) -> None:
-        """Start with nothing.
+    def __init__(
+        self,
+        objects: Mapping[str, str],
+        start: State | None = None,
+        carriage: Carriage = NOTHING_CARRIED,
+        *,
+        every: bool = False,
+    ) -> None:
+        """Begin without obligations, with what is known of the start, and who may carry whom.
 
         `every` writes what is known as constants with given values too, so that nothing is decided beforehand.
         """
         self.names: dict[Unknown, str] = {}
         self.open: list[OpenObligation] = []
         self.fails: int | None = None
-        self._objects = objects
+        self._objects, self._start, self._carriage = objects, start or State(), carriage
         self._every = every
         self._script = Script()
         self._known: dict[tuple[Condition, int], str] = {}
+        self._apart: dict[tuple[Unknown, Unknown], None] = {}
 
     def text(self) -> str:
         """Return the SMT-LIB text that defines the terms and states the invariants of the start."""
@@ -233,19 +255,20 @@ class Unrolled:
         for left, right in self.exclusions():
             apart = disjunction(negation(self.names[each]) for each in (left, right))
             lines.append(f"(assert {apart})")
+        if self._carriage != NOTHING_CARRIED:
+            of_start = {unknown.fact: name for unknown, name in self.names.items() if unknown.time == NEVER}
+            resting = {fact: name for fact, name in of_start.items() if is_place(fact)}
+            lines.append(_cargo_text(resting, self._carriage, self._start.value))
         return "\n".join(lines)
 
     def exclusions(self) -> Iterator[tuple[Unknown, Unknown]]:
         """Yield the pairs of unknowns of which at most one is true; a pair of twice the same is false.
 
+        Both are so at one moment, though one may be open since a later step than the other.
+
         Source: docs/semantics.md, States: `inside` and `ontop` are irreflexive and antisymmetric.
         """
-        for unknown in self.names:
-            excluding = converse(unknown.fact)
-            if excluding is not None and excluding >= unknown.fact:
-                other = unknown._replace(fact=excluding)
-                if other in self.names:
-                    yield unknown, other
+        yield from ((one, other) for one, other in self._apart if one in self.names and other in self.names)
 
     def add(self, number: int, wanted: Needed, state: State) -> None:
         """Add what is needed at one place, where `state` is what is known there."""
@@ -288,6 +311,10 @@ class Unrolled:
             name = self.names[unknown] = f"u{len(self.names)}"
             self._script.declare(name)
         found[unknown] = None
+        excluding = converse(fact)
+        if excluding is not None:
+            other = Unknown(excluding, state.read(excluding).time)
+            self._apart[(unknown, other) if unknown <= other else (other, unknown)] = None
         return name if condition.positive else negation(name)
 
     def _constant(self, condition: Condition, time: int, truth: bool) -> str:
@@ -300,6 +327,56 @@ class Unrolled:
         return name
 
 
+def _cargo_text(named: Mapping[Fact, str], carriage: Carriage, known: Reader) -> str:
+    """Return what holds of places at the start: nothing carries itself, and cargo is inside what its carrier is inside.
+
+    There is a constant for two things, of which one follows to be inside the other, or is carried by it in a circle.
+
+    Args:
+        named: The constant of each unknown fact about places.
+        carriage: Who may carry whom.
+        known: What is known of the start.
+    """
+    edges: dict[str, list[tuple[str, str, str]]] = {}
+    for (relation, thing, place), name in named.items():
+        edges.setdefault(thing, []).append((name, relation, place))
+    for thing, places in carriage.places:
+        sure = [(TRUE, relation, place) for relation, place in places if known((relation, thing, place)) is True]
+        edges.setdefault(thing, []).extend(sure)
+    steps = {thing: dict.fromkeys(place for *_, place in found) for thing, found in edges.items()}
+    under = {thing: reached(thing, steps) for thing in steps}
+    # What is known alone is consistent: only what rests on something open is written, and what is below that.
+    touched = dict.fromkeys(thing for _, thing, _ in named)
+    touched |= dict.fromkeys(thing for thing in edges if any(place in touched for place in under[thing]))
+    touched |= dict.fromkeys(place for thing in tuple(touched) for place in under[thing])
+    script, number = Script(), numbers()
+    inside: dict[str, dict[str, str]] = {thing: {} for thing in touched}
+    carried: dict[str, dict[str, str]] = {thing: {} for thing in touched}
+    for thing in touched:
+        below = under.get(thing, ())
+        holders = [
+            place for each in (thing, *below) for _, relation, place in edges.get(each, ()) if relation == "inside"
+        ]
+        inside[thing] = {place: f"r{next(number)}" for place in dict.fromkeys(holders) if place != thing}
+        carried[thing] = {place: f"r{next(number)}" for place in below if thing in under.get(place, ())}
+        script.declare(*inside[thing].values(), *carried[thing].values())
+    for thing in touched:
+        for term, relation, place in edges.get(thing, ()):
+            for table, direct in ((inside, ("inside",)), (carried, RESTING)):
+                if relation in direct and place in table[thing]:
+                    script.require(disjunction((negation(term), table[thing][place])))
+                for outer, name in table[place].items():
+                    if outer in table[thing]:
+                        script.require(disjunction((negation(term), negation(name), table[thing][outer])))
+            if thing in carried[place]:
+                script.require(disjunction((negation(term), negation(carried[place][thing]))))
+        for place, name in inside[thing].items():
+            fact = ("inside", thing, place)
+            if fact in named or known(fact) is False:
+                script.require(disjunction((negation(name), named.get(fact, FALSE))))
+    return script.text()
+
+
 def unroll(
     trace: Trace, subtasks: Sequence[CompiledSubtask], goal: Needed, objects: Mapping[str, str], *, every: bool = False
 ) -> Unrolled:
@@ -307,7 +384,7 @@ def unroll(
 
     Of the trace, only its start, its steps and the places of its obligations are read. For `every` see `Unrolled`.
     """
-    unrolled = Unrolled(objects, every=every)
+    unrolled = Unrolled(objects, trace.start, trace.starts.carriage, every=every)
     state, done = trace.start, 0
     for number, obligation in enumerate(trace.obligations):
         while 2 * done + 1 < obligation.time:
@@ -403,6 +480,10 @@ def counterexample(task: Task, scene: Scene, trace: Trace) -> Counterexample | N
     for time, fact, value in given:
         if time == START:
             known = known.after(with_consequences(fact, value))
+    resting = {f for f, entry in known.entries() if entry.value is True and is_place(f)}
+    implied = {fact for fact in closed(resting) if known.value(fact) is None}
+    known = known.after(tuple((fact, True) for fact in sorted(implied)))
+    spoken |= dict.fromkeys(sorted(implied))
     state = {fact: _settled(known, fact, False) for fact in spoken if known.value(fact) or len(fact) > 1}
     start = tuple(state.items())
     moments = []

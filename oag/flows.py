@@ -40,9 +40,10 @@ from oag.model.symbols import (
     has_boards,
     held_by,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import View, Window, assume_true, contradictions, facts_of, start_state, step, truth_of
-from oag.primitives.table import NAVIGATION, RESTING, Needed, needed, placement_of
-from oag.progression import CompiledSubtask, Trace, compile_plan, compile_subtask, facts_read
+from oag.primitives.table import NAVIGATION, Needed, needed, placement_of
+from oag.progression import CompiledSubtask, Trace, compile_plan, facts_read
 from oag.task_definition import SimpleTask, Task, chosen_scene, subtask_place
 from oag.wellformed import check
 
@@ -496,7 +497,7 @@ def prove_no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     if index is None:
         return None
     subtask = task.subtasks[index]
-    compiled, objects = compile_subtask(subtask, scene), scene.categories
+    compiled, objects = compile_plan(task.subtasks, scene)[index], scene.categories
     window = Window(facts_read((compiled,), compiled.goal, objects), objects)
     start = window.view(trace.state)
     legal = legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal)

@@ -47,8 +47,9 @@ from oag.model.symbols import (
     holding,
     parameter_kind,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import START
-from oag.primitives.table import NAVIGATION, RESTING
+from oag.primitives.table import NAVIGATION
 from oag.progression import Step, Trace
 from oag.rewriting import normalize, normalize_goal, rename_objects, sorted_conjunction
 from oag.task_definition import SimpleTask, Task, chosen_scene, default_goal

@@ -37,8 +37,9 @@ from oag.model.symbols import (
     held_by,
 )
 from oag.planning_estimate import Estimate
-from oag.primitives.state import View, Window, contradictions, start_state, step
-from oag.primitives.table import RESTING, Needed, Placement, needed
+from oag.primitives.cargo import RESTING, below
+from oag.primitives.state import State, View, Window, contradictions, start_state, step
+from oag.primitives.table import Needed, Placement, needed
 from oag.progression import CompiledSubtask, compile_plan, facts_read
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
 from oag.task_definition import SimpleTask, Task, chosen_scene, formula_of, required_scene
@@ -254,7 +255,7 @@ class _Planning:
         for _ in range(_MOST_REJECTED):
             allowed = [operator for operator in operators if _key(operator.subtask) not in banned]
             kept = [operator if _key(operator.subtask) not in banned else None for operator in given]
-            estimate = Estimate(goals, compiled[0].context.articulated if compiled else ())
+            estimate = Estimate(goals, compiled[0].context) if compiled else Estimate(goals)
             found, complete_search = self._search(origin, allowed, kept, estimate)
             if found is None:
                 return self._refused(self._why_none(complete_search, report, goals, origin), report)
@@ -331,6 +332,7 @@ class _Planning:
                 places.setdefault(item, {}).setdefault(Placement(fact[0], fact[2]))
         held = held_by(state.hand)
         unmet |= {} if held is None else {held: None}
+        self._add_cargo(goals, state, unmet, places)
         for subtask in self.task.subtasks:
             if subtask.target in objects and objects[subtask.target].kind is Kind.ITEM:
                 unmet.setdefault(subtask.target)
@@ -358,6 +360,32 @@ class _Planning:
             parts.append(self._picking(item, None))
         compiled = compile_plan(parts, self.scene)
         return tuple(map(_Operator, count(), parts, compiled))
+
+    def _add_cargo(
+        self,
+        goals: Sequence[tuple[Condition, ...]],
+        state: State,
+        unmet: dict[str, None],
+        places: dict[str, dict[Placement, None]],
+    ) -> None:
+        """Add what may carry a thing to where a goal wants it, or off it, and what has to leave a carrier before."""
+        objects = self.scene.objects
+        known = {fact for fact, entry in state.entries() if entry.value is True and fact[0] in RESTING}
+        resting = {fact for fact in known if objects[fact[1]].kind is Kind.ITEM}
+        for goal in goals:
+            wanted = {each.fact for each in goal if each.positive and each.fact[0] in RESTING}
+            for condition in goal:
+                fact = condition.fact
+                if fact[0] != "inside" or condition.grade(state.value(fact)):
+                    continue
+                for carrier in below(fact[1], resting | wanted if condition.positive else resting):
+                    if carrier in objects and objects[carrier].kind is Kind.ITEM and carrier != fact[2]:
+                        unmet.setdefault(carrier)
+                        if condition.positive:
+                            places.setdefault(carrier, {}).setdefault(Placement("inside", fact[2]))
+        asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
+        riders = {fact[1] for fact in resting if not unmet.keys().isdisjoint(below(fact[1], resting))}
+        unmet |= dict.fromkeys(sorted(riders & asked))
 
     def _picking(self, item: str, place: Placement | None) -> SimpleTask:
         part = picking(item, place)

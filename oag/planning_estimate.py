@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from oag.model.symbols import HAND, Condition, held_by
+from oag.model.symbols import HAND, Condition, Fact, held_by
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import View
-from oag.primitives.table import RESTING
+from oag.primitives.table import Context
 
 
 class Estimate:
@@ -18,12 +19,17 @@ class Estimate:
 
     Args:
         goals: Literals of each way.
-        articulated: Ids of what can be open.
+        context: What can be open, and who may carry whom.
     """
 
-    def __init__(self, goals: Sequence[tuple[Condition, ...]], articulated: Collection[str]) -> None:
+    def __init__(self, goals: Sequence[tuple[Condition, ...]], context: Context | None = None) -> None:
         self._goals = goals
-        self._articulated = tuple(articulated)
+        self._articulated = () if context is None else context.articulated
+        self._carriers: dict[str, list[Fact]] = {}
+        if context is not None:
+            names = {name for name, _ in context.carriage.riders}
+            for thing, places in context.carriage.places:
+                self._carriers[thing] = [(relation, thing, place) for relation, place in places if place in names]
 
     def of(self, state: View) -> int:
         """Return the number of subtasks that the goal takes from a state; 0 where a way is met."""
@@ -50,13 +56,16 @@ class Estimate:
                     put.setdefault(item, 0)
                     put[item] += not positive
             elif fact[0] in RESTING:
-                put.setdefault(fact[1], 0)
+                # Being inside something may come from what carries a thing, and go with it.
+                item = self._carrier(state, fact[1]) if fact[0] == "inside" else fact[1]
+                put.setdefault(item, 0)
                 if positive:
-                    put[fact[1]] += 1
+                    # One release brings a thing into all that its place is in.
+                    put[item] = max(1, put[item])
                     if fact[0] == "inside" and fact[2] in self._articulated:
                         behind.add(fact[2])
                         # The hand has to put down what it holds, open the door, and pick it up again.
-                        redo = 2 if fact[1] == held and self._shut(state, (fact[2],)) else redo
+                        redo = 2 if item == held and self._shut(state, (fact[2],)) else redo
         shut = self._shut(state, behind)
         left_in_hand = 0
         taken_from: set[str] = set()
@@ -76,6 +85,13 @@ class Estimate:
         if held is not None and held not in put and total:
             total += 1
         return total
+
+    def _carrier(self, state: View, name: str) -> str:
+        """Return the lowest thing that carries one, or the thing itself."""
+        for fact in self._carriers.get(name, ()):
+            if state.value(fact) is True:
+                return self._carrier(state, fact[2])
+        return name
 
     @staticmethod
     def _shut(state: View, doors: Collection[str]) -> set[str]:

@@ -15,7 +15,7 @@ Source: docs/semantics.md, Knowledge, Verdicts and Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal, NamedTuple, TypeAlias
@@ -39,7 +39,21 @@ from oag.model.symbols import (
     known_as,
     satisfying_value,
 )
-from oag.primitives.state import START, UNWRITTEN, Entry, Reader, State, facts_of, step, truth_of
+from oag.primitives.cargo import NOTHING_CARRIED, Starts
+from oag.primitives.state import (
+    NEVER,
+    START,
+    UNWRITTEN,
+    Entry,
+    Reader,
+    Start,
+    State,
+    carriage_in,
+    facts_of,
+    scene_facts,
+    step,
+    truth_of,
+)
 from oag.primitives.table import (
     Clause,
     Context,
@@ -71,26 +85,32 @@ class CompiledSubtask:
         return self.rows.context
 
 
-def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[CompiledSubtask, ...]:
-    """Return subtasks ready for progression; their targets must be in the scene."""
+def compile_plan(
+    subtasks: Sequence[SimpleTask], scene: Scene, stated: Start | None = None
+) -> tuple[CompiledSubtask, ...]:
+    """Return subtasks ready for progression; their targets must be in the scene.
+
+    `stated` has the statements of the scene, where they are known already.
+    """
     items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
     articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
     tables: dict[Context, Rows] = {}
+    goals = [needed(subtask.goal) for subtask in subtasks]
+    placements = [
+        placement_among(goal, each.target) if isinstance(goal, tuple) else placement_of(goal, each.target)
+        for each, goal in zip(subtasks, goals, strict=True)
+    ]
+    placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
+    carriage = carriage_in(scene, scene_facts(scene) if stated is None else stated, placed)
     compiled = []
-    for subtask in subtasks:
-        target, goal = subtask.target, needed(subtask.goal)
-        placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+    for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
+        target = subtask.target
         is_item = scene.objects[target].kind is Kind.ITEM
-        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels)
+        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels, carriage)
         # Subtasks with the same objects share their table.
         rows = tables.setdefault(context, Rows(context))
         compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
     return tuple(compiled)
-
-
-def compile_subtask(subtask: SimpleTask, scene: Scene) -> CompiledSubtask:
-    """Return one subtask ready for progression; its target must be in the scene."""
-    return compile_plan((subtask,), scene)[0]
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
@@ -110,6 +130,8 @@ def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mappi
                 facts.setdefault(("inside", context.target, fixture))
         if not context.target_is_item:
             facts.setdefault(("open", context.target))
+        for thing, places in context.carriage.places:
+            facts.update(dict.fromkeys((relation, thing, place) for relation, place in places))
     facts.update(dict.fromkeys(facts_of(goal, objects)))
     return tuple(facts)
 
@@ -232,12 +254,20 @@ MOST_READS = 300_000
 TOO_MANY_CASES: CaseTree = ()
 
 
+# Whether no start gives a fact a value in a case.
+Exclusion = Callable[[Fact, bool, Mapping[Fact, bool]], bool]
+
+
 def case_tree(
-    wanted: Needed, read: Reader, objects: Mapping[str, str], largest: int = LARGEST_TREE
+    wanted: Needed,
+    read: Reader,
+    objects: Mapping[str, str],
+    largest: int = LARGEST_TREE,
+    excludes: Exclusion = lambda *_: False,
 ) -> tuple[bool, CaseTree] | None:
     """Return the value that clauses or a formula have in every case, with the cases.
 
-    None when the cases disagree, are too many, or take too long to evaluate.
+    None when the cases disagree, are too many, or take too long to evaluate. `excludes` says which cases cannot be.
     """
     reads = 0
 
@@ -267,9 +297,10 @@ def case_tree(
             return None
         else:
             tree.append(unknown)
-            pending.append({**case, unknown: False})
             # None stands for a case that the invariants exclude.
-            pending.append(None if excluded(unknown, known) else {**case, unknown: True})
+            never = excluded(unknown, known) or excludes(unknown, True, case)
+            pending.append(None if excludes(unknown, False, case) else {**case, unknown: False})
+            pending.append(None if never else {**case, unknown: True})
     return None if result is None else (result, tuple(tree))
 
 
@@ -326,6 +357,8 @@ class Trace:
         counterexample: A complete start state from which the plan runs up to its first failure, as (time, fact, value).
             Values at later times belong to facts that a step leaves open. None when none was searched.
         miss: A run that misses an obligation, in the same form, where an exact decision needs an assumption; else None.
+        starts: What can be so where the plan starts.
+        about_start: What is assumed of the start.
         checkable: False when links and cases do not show the verdict, so that no checker can confirm it.
         unsettled: Why a needed exact decision failed; None when none was needed, or it succeeded.
     """
@@ -334,7 +367,7 @@ class Trace:
         self, start: State, objects: dict[str, str], decision: Decision = NOTHING_DECIDED, *, chose: bool = False
     ) -> None:
         """Start a progression; `chose` says that the decision rests on what might not have been needed."""
-        self.start = self.state = start
+        self.start = self.state = self._sure = start
         self.writes: list[tuple[int, Effect]] = []
         self.steps: list[Step] = []
         self.obligations: list[Obligation] = []
@@ -355,6 +388,8 @@ class Trace:
         self._suspects: set[str] = set()
         self._names: tuple[str, ...] = ()
         self._failed_subtask: int | None = None
+        self.starts = Starts(NOTHING_CARRIED, start.value)
+        self.about_start: dict[Fact, Value] = {}
 
     @property
     def boundary_time(self) -> int:
@@ -398,6 +433,8 @@ class Trace:
 
     def run(self, subtasks: Sequence[CompiledSubtask], goal: Needed) -> None:
         """Follow all subtasks and decides every obligation up to the task goal."""
+        if subtasks:
+            self.starts = Starts(subtasks[0].context.carriage, self.start.value)
         for index, subtask in enumerate(subtasks):
             self._names = subtask.context.names
             self._need("init", index, -1, subtask.init)
@@ -413,12 +450,18 @@ class Trace:
     def _run_flow(self, index: int, subtask: CompiledSubtask) -> None:
         if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
+        rows = subtask.rows
         for position, action in enumerate(subtask.flow or ()):
             primitive, parameter, hand = action.primitive, action.parameter, self.state.hand
-            self._need("precondition", index, position, subtask.rows.row(primitive, hand, parameter)[0])
-            # A condition on the hand that failed, or was unknown, counts as met from here on.
+            needs, written = rows.row(primitive, hand, parameter)
+            self._need("precondition", index, position, needs)
             time = self.boundary_time + 1
-            written, self.state = step(self.state, subtask.rows, primitive, parameter, time)
+            # A condition on the hand that failed, or was unknown, counts as met from here on.
+            if rows.carries or self.state.hand != hand:
+                written, self.state = step(self.state, rows, primitive, parameter, time, self._sure.value)
+                self._sure = self._sure.after(written, time) if rows.carries else self._sure
+            else:
+                self.state = self.state.after(written, time)
             self.writes.append((time, written))
             self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:
@@ -430,6 +473,9 @@ class Trace:
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
+        if wanted == () and not self._decision.given:
+            self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, Grade.HOLDS, ()))
+            return
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
             self._assume(CausalLink(condition, self.state.read(condition.fact).time, None), number)
@@ -472,7 +518,7 @@ class Trace:
         """Return the link of the first alternative that holds, else of the first unknown one."""
         unknown: CausalLink | None = None
         for condition in clause:
-            value, time = self.state.read(condition.fact)
+            value, time = self.state.last(condition.fact)
             grade = condition.grade(value)
             if grade:
                 return CausalLink(condition, time, value)
@@ -489,7 +535,10 @@ class Trace:
             # Another clause of the same obligation has assumed it.
             return CausalLink(condition, known.time, known.value)
         value = satisfying_value(condition)
-        self.assumptions.append(Assumption(time, condition, None, obligation, link.producer < 0))
+        of_start = link.producer < 0
+        self.assumptions.append(Assumption(time, condition, None, obligation, of_start))
+        if of_start:
+            self.about_start[condition.fact] = value
         self._write(with_consequences(condition.fact, value))
         return CausalLink(condition, time, value)
 
@@ -563,7 +612,7 @@ class Trace:
             entry = read[fact] = self.state.read(fact)
             return entry.value
 
-        found = case_tree(wanted, look, self._objects)
+        found = case_tree(wanted, look, self._objects, excludes=self._excludes)
         if found is not None and len(found[1]) == 1:
             return None
         links = tuple(CausalLink(known_as(f, e.value), e.time, e.value) for f, e in read.items() if e.value is not None)
@@ -572,6 +621,13 @@ class Trace:
         self.checkable = self.checkable and found is not None
         grade = Grade.FAILS if fails else self._decision.grades[number]
         return grade, links, TOO_MANY_CASES if found is None else found[1]
+
+    def _excludes(self, fact: Fact, value: bool, case: Mapping[Fact, bool]) -> bool:
+        """Decide whether no start gives a fact a value; what a step left open is no fact of the start."""
+        if self.starts.carriage == NOTHING_CARRIED or self.state.read(fact).time != NEVER:
+            return False
+        given = {each: truth for each, truth in case.items() if self.state.read(each).time == NEVER}
+        return self.starts.exclude(fact, value, {**self.about_start, **given})
 
 
 def _objects_of(condition: Condition, value: Value) -> set[str]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import bddl
 from oag.model.symbols import GRIPPER
-from oag.primitives.table import RESTING
+from oag.primitives.cargo import RESTING
 
 Rebuild = Callable[[bddl.Formula, tuple[bddl.Formula, ...]], bddl.Formula]
 """Returns the replacement of a node, given the replacements of its operands."""

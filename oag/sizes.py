@@ -64,6 +64,11 @@ PAPER_GRIPPER = Gripper.of(RobotPose())
 """The hand of the paper's robot; a robot of full size takes everything that it takes."""
 
 
+def farthest_m(robot: RobotPose) -> float:
+    """Return how far [m] a base may move while one point stays within the arm's reach: from one side to the other."""
+    return round(2 * robot.model.stretched_m, 2)
+
+
 @dataclass(frozen=True, slots=True)
 class Sizing:
     """Rule for the sizes of the objects that a plan handles.

@@ -19,7 +19,8 @@ from oag.model.codec import Document, ReadBy, Source, brief, load, missing, numb
 from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene, SceneError, TaskError
 from oag.model.scene import SCALES, Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, overlap
-from oag.primitives.table import RESTING, carries, placement_of
+from oag.primitives.cargo import RESTING
+from oag.primitives.table import carries, placement_of
 
 # Stands for an unreadable formula; the task then carries the reason as an issue.
 UNREADABLE: bddl.Formula = bddl.And(())

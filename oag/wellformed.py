@@ -5,6 +5,7 @@ Source: docs/semantics.md, Verdicts; docs/codes.md, The subtasks and The flows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
@@ -26,11 +27,14 @@ from oag.model.symbols import (
     applicable,
     has_inside,
     has_rim,
+    is_known,
     parameter_problem,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
-from oag.primitives.table import NAVIGATION, placement_of
-from oag.sizes import Gripper, scale_factor, too_small
+from oag.primitives.table import NAVIGATION, Placement, placement_of
+from oag.room import MOST_TURN_DEG, both_inside, drifts, heights_inside, stays_near
+from oag.sizes import Gripper, farthest_m, scale_factor, too_small
 from oag.task_definition import NO_TARGET, SimpleTask, Task, step_place, subtask_place
 
 # Other places of one mistake that are listed; further ones are only counted.
@@ -59,6 +63,8 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
     if (task.goal_given or not found) and not found.sound(task.goal):
         _check_formula(found, task.goal, None, "goal")
     _check_scales(found)
+    if not found:
+        _check_room(found)
     return found.diagnostics()
 
 
@@ -74,6 +80,8 @@ class _Findings:
         self._sound: set[bddl.Atom] = set()
         # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
         self.instances = 0
+        # Where the goal of each subtask wants its target.
+        self.placements: list[Placement | None] = []
 
     def __bool__(self) -> bool:
         return bool(self._found)
@@ -177,6 +185,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     """Report unknown roles, and roles that do not fit each other or the goal."""
     target, supports, objects = subtask.target, (subtask.support_init, subtask.support_goal), found.scene.objects
     placement = placement_of(subtask.goal, target)
+    found.placements.append(placement)
     known = target in objects and all(name is None or name in objects for name in supports)
     if known and target not in supports and (placement is None or placement.support == supports[1]):
         return
@@ -231,7 +240,8 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             if atom in affirmed or ROBOT in atom.args:
                 _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
-    if broken is not None:
+    # A goal that is read off the subtasks may ask for what cargo undoes: that is decided where the plan ends.
+    if broken is not None and (index is not None or found.task.goal_given):
         found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
 
 
@@ -281,6 +291,10 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
         if thing is not None and thing.kind is not Kind.ARTICULATED:
             message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
             return KindProblem(message, _openable(scene), ("kind", thing.id))
+        if thing is not None and not _known_to_open(thing, scene):
+            message = f"nothing says that {thing.id} ({thing.category}) opens: its kind is a guess from its size"
+            hint = f"if it has a door or a drawer, say so in the scene's facts: (not (open {thing.id}))"
+            return KindProblem(message, hint, ("kind", thing.id))
     elif atom.predicate == "inside" and len(atom.args) == 2:
         if atom.args[1] == ROBOT:
             hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
@@ -291,6 +305,14 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
             hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
             return KindProblem(message, hint, ("inside", thing.id))
     return None
+
+
+def _known_to_open(thing: SceneObject, scene: Scene) -> bool:
+    """Decide whether a category, the library's parameters or a fact of the scene says that something opens."""
+    if is_known(thing.category) or thing.parameters:
+        return True
+    literals = (literal for fact in scene.facts for literal in bddl.literals(fact) or ())
+    return any(literal.atom == bddl.Atom("open", (thing.id,)) for literal in literals)
 
 
 def _openable(scene: Scene) -> str:
@@ -359,3 +381,104 @@ def _check_scales(found: _Findings) -> None:
         if found.check_name(name, SCALES, None) and unfit:
             hint = "name a smaller object, or give it the size that it really has in the scene"
             found.add("task/size", f"{name} {unfit}", SCALES, None, hint=hint, cause=("size", name))
+
+
+def _check_room(found: _Findings) -> None:
+    """Report what sizes and distances exclude: things that do not go in, and a hand that was driven away."""
+    contents, near_m = _contents(found.scene), farthest_m(found.scene.robot)
+    for index, (subtask, placement) in enumerate(zip(found.task.subtasks, found.placements, strict=True)):
+        target = found.scene.objects[subtask.target]
+        flow = () if subtask.flow is None else subtask.flow
+        near, item = stays_near(flow, near_m), target.kind is Kind.ITEM
+        if near and not item:
+            continue
+        if not near:
+            _check_drift(found, index, subtask, None if placement is None else placement.support)
+        if not item:
+            continue
+        if subtask.flow is None or any(action.primitive is Primitive.GRASP for action in flow):
+            for inside in contents.values():
+                inside.pop(target.id, None)
+        if placement is not None and placement.relation == "inside" and placement.support in found.scene.objects:
+            _check_inside(found, index, target, found.scene.objects[placement.support], contents)
+
+
+def _contents(scene: Scene) -> dict[str, dict[str, None]]:
+    """Return what the scene says to be directly inside its items."""
+    resting = [
+        literal.atom
+        for fact in scene.facts
+        for literal in bddl.literals(fact) or ()
+        if literal.value and literal.atom.predicate in RESTING and set(literal.atom.args) <= scene.objects.keys()
+    ]
+    # What is on or in an item is only through that in what the item is in.
+    carriers: dict[str, set[bddl.Atom]] = {}
+    for atom in resting:
+        if scene.objects[atom.args[1]].kind is Kind.ITEM:
+            carriers.setdefault(atom.args[0], set()).add(atom)
+    contents: dict[str, dict[str, None]] = {}
+    for atom in resting:
+        if atom.predicate == "inside" and not carriers.get(atom.args[0], set()) - {atom}:
+            contents.setdefault(atom.args[1], {})[atom.args[0]] = None
+    return contents
+
+
+def _check_inside(
+    found: _Findings, index: int, thing: SceneObject, place: SceneObject, contents: dict[str, dict[str, None]]
+) -> None:
+    """Report a thing that does not go into a place, or not beside what is in it; without sizes, nothing."""
+    if not (thing.has_box and place.has_box):
+        return
+    vessel = place.kind is Kind.ITEM
+    thing_m, place_m = _size_m(found, thing), _size_m(found, place)
+    where = subtask_place(found.task, index)
+    remedy = f"name something larger than {thing.id}"
+    nests = has_rim(thing.category) and has_rim(place.category) and all(map(float.__le__, thing_m, place_m))
+    if not nests and not heights_inside(thing_m, place_m, open_top=vessel):
+        message = f"{thing.id} does not go into {place.id}: it measures {_cm(thing_m)}, and {place.id} {_cm(place_m)}"
+        cause = ("room", thing.id, place.id)
+        found.add("task/size", message, where, index, hint=f"{remedy}, or a smaller thing", cause=cause)
+        return
+    inside = contents.setdefault(place.id, {})
+    for other in inside if vessel and not has_rim(thing.category) else ():
+        other_m = _size_m(found, found.scene.objects[other])
+        if (
+            other != thing.id
+            and not has_rim(found.scene[other].category)
+            and not both_inside(thing_m, other_m, place_m)
+        ):
+            message = (
+                f"{thing.id} does not go into {place.id} beside {other}: they measure {_cm(thing_m)} and "
+                f"{_cm(other_m)}, and {place.id} {_cm(place_m)}"
+            )
+            cause = ("room", thing.id, place.id)
+            found.add("task/size", message, where, index, hint=f"take {other} out before, or {remedy}", cause=cause)
+    inside[thing.id] = None
+
+
+def _size_m(found: _Findings, thing: SceneObject) -> tuple[float, ...]:
+    return tuple(side * found.task.scales.get(thing.id, 1.0) for side in thing.extent_m)
+
+
+def _cm(extent_m: tuple[float, ...]) -> str:
+    return " x ".join(f"{100 * side:.3g}" for side in extent_m) + " cm"
+
+
+def _check_drift(found: _Findings, index: int, subtask: SimpleTask, support: str | None) -> None:
+    """Report steps that reach for something that the base was driven or turned away from, by the flow's numbers."""
+    reaching = (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)
+    at = (*reaching, Primitive.UNGRASP) if support is not None else reaching
+    for drift in drifts(subtask.flow or (), at):
+        primitive = (subtask.flow or ())[drift.step].primitive
+        name = support if primitive is Primitive.UNGRASP else subtask.target
+        if name is None or name not in found.scene.objects or not found.scene.objects[name].has_box:
+            continue
+        wide, deep, _ = _size_m(found, found.scene.objects[name])
+        most_m = farthest_m(found.scene.robot) + math.hypot(wide, deep)
+        moved = f"moved {drift.distance_m:.3g} m" if drift.distance_m > most_m else ""
+        turned = f"turned by {drift.turn_deg:.3g} degrees" if drift.turn_deg > MOST_TURN_DEG else ""
+        if moved or turned:
+            bound = f"{most_m:.3g} m" if moved else f"{MOST_TURN_DEG:g} degrees"
+            message = f"{primitive.name} is out of reach of {name}: the base has {moved or turned} since it arrived"
+            hint = f"at most {bound} leave {name} in reach: give smaller numbers, or navigate to it afterwards"
+            found.add_step("flow/parameter", f"{message}", (index, drift.step), hint=hint, cause=("drift", str(index)))

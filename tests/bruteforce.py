@@ -6,7 +6,7 @@ the property open, items, fixtures and surfaces, and nothing of knowledge, links
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any
@@ -165,7 +165,9 @@ def allowed(world: World, part: Part, action: Action, kinds: Kinds) -> bool:
         return False
     if action == 5 and part.place is not None and world.hand == target and target in kinds.items:
         relation, support = part.place
-        if world.base != support:
+        if world.base != support or support in system(world, target):
+            return False
+        if any(("inside", support, f) in world.true and ("open", f) not in world.true for f in kinds.fixtures):
             return False
         return not (relation == "inside" and support in kinds.fixtures and ("open", support) not in world.true)
     return True
@@ -197,10 +199,24 @@ def act(world: World, part: Part, action: Action, kinds: Kinds) -> World:
         if world.hand != target or target not in kinds.items or part.place is None:
             return released
         relation, support = part.place
-        true = (world.true | {(relation, target, support)}) - {(relation, support, target)}
-        return replace(released, true=true)
+        true = set(world.true) | {(relation, target, support)}
+        true.discard((relation, support, target))
+        # What it carries comes along, into the support and into whatever that is in.
+        outer = {fact[2] for fact in world.true if fact[:2] == ("inside", support)}
+        for thing in system(world, target):
+            own = {support} if relation == "inside" else set()
+            true |= {("inside", thing, place) for place in outer | own if place != thing}
+        return replace(released, true=frozenset(true))
     out = None if action in (6, 13, 14, 15, 16) else kinds.open_at_top
     return _lifted(replace(world, arm=("home" if action == 6 else "free", "")), carried, out)
+
+
+def system(world: World, item: str) -> frozenset[str]:
+    """A thing with all that rests on or in it, on or in that, and so on."""
+    found = {item}
+    while more := {f[1] for f in world.true if f[0] in ("ontop", "inside") and f[2] in found} - found:
+        found |= more
+    return frozenset(found)
 
 
 def _ends_open(is_open: bool, action: int, limits: object) -> bool:
@@ -222,14 +238,17 @@ def _lifted(world: World, item: str | None, vessels: frozenset[str] | None = Non
 
     if item is None:
         return world
-    return replace(world, true=frozenset(f for f in world.true if not left(f) or f[1] != item))
+    moving = system(world, item)
+    gone = {f for f in world.true if left(f) and f[1] in moving and f[2] not in moving}
+    return replace(world, true=world.true - gone)
 
 
 def successors(world: World, part: Part, action: Action, kinds: Kinds) -> Iterator[World]:
     """Every state after a primitive's intended outcome: what is beside a thing that is carried along is left open."""
     after = act(world, part, action, kinds)
     carried = carried_by(world, action, kinds)
-    loose = frozenset(fact for fact in kinds.vague if carried in fact[1:])
+    moving = frozenset[str]() if carried is None else system(world, carried)
+    loose = frozenset(fact for fact in kinds.vague if not moving.isdisjoint(fact[1:]))
     for values in product((False, True), repeat=len(loose)):
         some = frozenset(fact for fact, value in zip(sorted(loose), values, strict=True) if value)
         yield replace(after, true=(after.true - loose) | some)
@@ -302,11 +321,37 @@ def reachable(world: World, part: Part, actions: tuple[int, ...], kinds: Kinds) 
 
 
 def consistent(world: World) -> bool:
-    """Whether a state could be: nothing on or in itself, and no two things each on, or each in, the other."""
-    for fact in world.true:
-        if fact[0] in ("ontop", "inside") and (fact[1] == fact[2] or (fact[0], fact[2], fact[1]) in world.true):
+    """Whether a state could be: nothing carries itself, and what is carried is inside what its carrier is inside."""
+    resting = [fact for fact in world.true if fact[0] in ("ontop", "inside")]
+    for _, thing, place in resting:
+        if place in system(world, thing):
+            return False
+        if any(("inside", thing, f[2]) not in world.true for f in resting if f[:2] == ("inside", place)):
             return False
     return True
+
+
+def following(facts: Iterable[Fact]) -> frozenset[Fact]:
+    """Facts about places with what follows from them: a thing is inside what its carrier is inside."""
+    true = set(facts)
+    while (
+        more := {
+            ("inside", thing, outer[2])
+            for name, thing, *place in true
+            if name in ("ontop", "inside")
+            for outer in true
+            if outer[:2] == ("inside", *place)
+        }
+        - true
+    ):
+        true |= more
+    return frozenset(true)
+
+
+def added(facts: frozenset[Fact], fact: Fact) -> frozenset[Fact]:
+    """The facts with another one and what follows, or without it where that cannot be."""
+    more = following({*facts, fact})
+    return more if consistent(World(more)) else facts
 
 
 def completions(known: dict[Fact, bool], unknown: tuple[Fact, ...], base: str | None) -> Iterator[World]:

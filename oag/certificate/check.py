@@ -15,6 +15,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from oag.certificate.check_plan import (
@@ -33,7 +34,7 @@ from oag.certificate.check_plan import (
     with_values,
 )
 from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Fact, Primitive, Value, fact_text, generalisations
-from oag.primitives.table import Clause, Context, Effect, Needed, effect, library_sha, requirements, with_consequences
+from oag.primitives.table import Clause, Context, Effect, Needed, Rows, library_sha, requirements, with_consequences
 
 # Kind of the place where a plan without a flow ends.
 _NO_FLOW = "no-flow"
@@ -167,13 +168,13 @@ def check_search(
     require(all(len(state) == len(facts) for state in states), "a state of a search has too few or too many values")
     start = tuple(map(read, facts))
     require(start == tuple(search["start"]) and start in states, "the start is not among the states of the search")
-    legal = _legal(context, objects)
+    legal, rows = _legal(context, objects), Rows(context)
     for state in states:
         known = dict(zip(facts, state, strict=True))
         require(truth_of(goal, known.get, objects) is False, f"a state of the search may meet the goal: {known}")
         for primitive in legal:
             if truth_of(requirements(primitive, context, known[HAND]), known.get, objects) is not False:
-                after = _after(known, effect(primitive, context, known[HAND]))
+                after = _after(known, rows.written(primitive, known[HAND], None, known.get))
                 require(after in states, f"{primitive.name} leads out of the states of the search")
 
 
@@ -197,6 +198,8 @@ def _after(known: dict[Fact, Value], written: Effect) -> _State:
 
 
 SCHEMA = "scene2demo-certificate/3"
+# Digests of earlier tables with the version that wrote them: what holds by the present table too is confirmed.
+EARLIER = {"71f0b2b678d7351c1a171c473e463b7edb558221b0777065a7547613f3172a48": "0.1.0"}
 NO_CERTIFICATE = (
     "there is no certificate: a report has none when its plan is not well formed, has a subtask without a flow that "
     "may have one, or was decided by more cases than can be listed; the report's diagnostics say which"
@@ -230,7 +233,13 @@ def recheck(certificate: Any) -> RecheckResult:
         if type(data) is not dict or "schema" not in data:
             data = certificate_in(certificate)
         _check_envelope(data)
-        confirmed = _confirm(data)
+        earlier = EARLIER.get(data["library_sha"])
+        try:
+            confirmed = _confirm(data)
+        except Rejected as problem:
+            if earlier is None:
+                raise
+            raise Rejected(_outdated(earlier, problem)) from problem
         # The links of a proof, of which there may be thousands, were checked one by one.
         place = schema_check()({**data, "links": data["links"][:0]} if data["failure"] is None else data)
         require(place is None, f"malformed certificate: {place} has another form than documented, or does not belong")
@@ -244,6 +253,13 @@ def recheck(certificate: Any) -> RecheckResult:
         elif isinstance(problem, RecursionError):
             form = "it is nested too deeply"
         return RecheckResult(False, f"malformed certificate: {form}")
+
+
+def _outdated(version: str, problem: Rejected) -> str:
+    return (
+        f"version {version} wrote it, which left what a thing carries where it was; by the present table {problem}: "
+        "verify the plan again"
+    )
 
 
 def certificate_in(given: Any) -> Any:
@@ -264,7 +280,8 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
     # Reasons are written only where they are needed: they would take a tenth of the time.
     if data["schema"] != SCHEMA:
         raise Rejected(f"it is written as {data['schema']!r}, and this checker reads {SCHEMA!r}")
-    require(data["library_sha"] == library_sha(), "it was made with another table of primitives")
+    known = data["library_sha"] == library_sha() or data["library_sha"] in EARLIER
+    require(known, "it was made with another table of primitives")
     for key, part in (("task_hash", data["plan"]), ("scene_sha", data["scene"])):
         digest = hashlib.sha256(_CANONICAL.encode(part).encode()).hexdigest()
         if data[key] != digest:
@@ -379,7 +396,7 @@ class LinkedPlan:
         for write in set(linked.items()) & self.statements.keys() if self.unneeded else ():
             assumption, statements = self.statements[write]
             without = self._without(read, assumption, statements)
-            if assumption in self.unneeded and not self._holds_without(wanted, tree, without):
+            if assumption in self.unneeded and not self._holds_without(wanted, tree, without, statements):
                 del self.unneeded[assumption]
 
     def _without(self, read: Reader, assumption: _Write, statements: tuple[Fact, ...]) -> Reader:
@@ -387,13 +404,15 @@ class LinkedPlan:
         run, time = self.run, assumption[1]
         return with_values(read, {fact: run.before[fact, time] for fact in statements if run.last(fact)[0] == time})
 
-    def _truth(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool | None:
+    def _truth(
+        self, wanted: Needed, tree: list[Any] | None, read: Reader, ignored: tuple[Fact, ...] = ()
+    ) -> bool | None:
         if tree is None:
             return truth_of(wanted, read, self.objects)
-        return truth_by_cases(wanted, tree, read, self.objects)
+        return truth_by_cases(wanted, tree, read, self.objects, partial(self.run.excludes, ignored=ignored))
 
-    def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader) -> bool:
+    def _holds_without(self, wanted: Needed, tree: list[Any] | None, read: Reader, left_out: tuple[Fact, ...]) -> bool:
         try:
-            return self._truth(wanted, tree, read) is True
+            return self._truth(wanted, tree, read, left_out) is True
         except Rejected:
             return False

@@ -42,10 +42,12 @@ from oag.model.symbols import (
     holding,
     parameter_problem,
 )
+from oag.primitives.cargo import NOTHING_CARRIED, Carriage, Starts, carriage_of, circle, closed, denied, is_place
 from oag.primitives.table import (
     Clause,
     Context,
     Needed,
+    Placement,
     Rows,
     excluded,
     impossible,
@@ -185,7 +187,13 @@ def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool |
     return all(True in clause for clause in grades) or None
 
 
-def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mapping[str, str]) -> bool | None:
+# Whether no start gives a fact a value in a case.
+Exclusion = Callable[[Fact, bool, Mapping[Fact, Value]], bool]
+
+
+def truth_by_cases(
+    wanted: Needed, tree: list[Any], read: Reader, objects: Mapping[str, str], excludes: Exclusion
+) -> bool | None:
     """Return the one value that clauses or a formula have in every case of a distinction.
 
     The cases are a tree in preorder: an unknown fact stands before its case true and its case false, null ends a case.
@@ -209,9 +217,13 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
             require(two_cases, f"{fact} is the robot's, or a pattern: it has no two cases")
             known = with_values(read, case or {})
             require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
-            pending.append(None if case is None else {**case, fact: False})
             # None stands for a case without a state.
-            pending.append(None if case is None or excluded(fact, known) else {**case, fact: True})
+            if case is None:
+                pending += [None, None]
+                continue
+            never = excluded(fact, known) or excludes(fact, True, case)
+            pending.append(None if excludes(fact, False, case) else {**case, fact: False})
+            pending.append(None if never else {**case, fact: True})
         elif case is not None:
             results.add(truth_of(wanted, with_values(counted, case), objects))
             require(reads <= MOST_READS, "a case distinction takes too long to look at")
@@ -324,6 +336,22 @@ class Impossible(Rejected):
     """An assumption breaks an invariant, so that no state satisfies it."""
 
 
+def _last(latest: Mapping[Fact, tuple[int, Value]], fact: Fact) -> tuple[int, Value]:
+    best = latest.get(fact, NEVER)
+    if len(fact) == 3:
+        name, first, second = fact
+        for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
+            if pattern in latest and latest[pattern][0] > best[0]:
+                best = latest[pattern]
+    elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
+        best = latest[fact[0], ANY]
+    return best
+
+
+def _placement(goal: Needed, target: str) -> Placement | None:
+    return placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+
+
 class PlanRun:
     """A plan followed from its start.
 
@@ -356,24 +384,58 @@ class PlanRun:
                     self.latest[stated] = (0, known)
                 elif self.last(stated)[1] != known:
                     raise Rejected(f"the start breaks an invariant: {fact}")
+        self._start = start_of(data)
+        self._close()
+        # What holds without anything assumed, by which cargo is recognised.
+        self._sure = dict(self.latest)
+        self._carriage = self._carriage_of()
+        self._starts, self._about_start = Starts(NOTHING_CARRIED, self.sure), dict[Fact, Value]()
+        # In a complete run cargo is inside what its carrier is inside, whether or not the run says so.
+        self._implied = set[Fact]()
+        if self._carriage != NOTHING_CARRIED:
+            first = dict(self.latest)
+            self._starts = Starts(self._carriage, lambda fact: _last(first, fact)[1])
+            given_true = {
+                fact for time, fact, value in self.given if complete and value and time == 0 and is_place(fact)
+            }
+            self._implied = closed(self._resting() | given_true) if given_true else set()
+
+    def _close(self) -> None:
+        """State what follows: a thing is inside whatever its carrier is inside, and nothing carries itself."""
+        resting = self._resting()
+        require(not circle(resting), "the start breaks an invariant: things carry each other in a circle")
+        for fact in closed(resting) - resting:
+            require(fact not in self._start, f"the start denies {fact}, which follows from what carries it")
+            self.latest[fact] = (0, True)
+        for fact in denied(resting, {fact: value for fact, (_, value) in self.latest.items()}):
+            self.latest[fact] = (0, False)
+
+    def _resting(self) -> set[Fact]:
+        return {fact for fact, (_, value) in self.latest.items() if value is True and is_place(fact)}
+
+    def _carriage_of(self) -> Carriage:
+        placed = set[Fact]()
+        for subtask in self._plan["subtasks"]:
+            place = _placement(needed_of(subtask["goal"]), subtask["target"])
+            if place is not None:
+                placed.add((place.relation, subtask["target"], place.support))
+        stated = {**self._start, **{fact: value for fact, (_, value) in self.latest.items()}}
+        return carriage_of(self._scene["objects"], frozenset(self._scene["items"]), stated, placed)
+
+    def sure(self, fact: Fact) -> Value:
+        """Return what the start and the steps so far make of a fact, without anything assumed."""
+        return _last(self._sure, fact)[1]
 
     def last(self, fact: Fact) -> tuple[int, Value]:
         """Return when a fact was last written (-1 for never) and what; at one time the most specific write counts."""
-        latest = self.latest
-        best = latest.get(fact, NEVER)
-        if len(fact) == 3:
-            name, first, second = fact
-            for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
-                if pattern in latest and latest[pattern][0] > best[0]:
-                    best = latest[pattern]
-        elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
-            best = latest[fact[0], ANY]
-        return best
+        return _last(self.latest, fact)
 
     def value(self, fact: Fact) -> Value:
         """Return what a fact is known to be. None is unknown; in a complete run only the robot's facts can be."""
-        value = self.last(fact)[1]
-        return False if value is None and self._complete and fact not in ROBOT_FACTS else value
+        since, value = self.last(fact)
+        if value is not None or not self._complete or fact in ROBOT_FACTS:
+            return value
+        return since < 0 and fact in self._implied
 
     def places(self) -> Iterator[tuple[Place, Needed]]:
         """Yield the needs of each place in order, while the steps in between write what the table says.
@@ -384,11 +446,11 @@ class PlanRun:
         articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
         vessels = tuple(key for key in self._scene["items"] if open_at_top(self._scene["objects"][key]))
         latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
+        carriage = self._carriage
         for index, subtask in enumerate(self._plan["subtasks"]):
             target, goal = subtask["target"], needed_of(subtask["goal"])
-            placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
-            key = (target, subtask["support_goal"], placement)
-            context = Context(*key, target in items, articulated, vessels)
+            key = (target, subtask["support_goal"], _placement(goal, target))
+            context = Context(*key, target in items, articulated, vessels, carriage)
             rows = tables.setdefault(key, Rows(context))
             self.context = context
             if given:
@@ -405,6 +467,9 @@ class PlanRun:
                 if wanted:
                     yield ("precondition", index, position), wanted
                 now = time + 1
+                if rows.carries:
+                    written = rows.written(primitive, latest[HAND][1], parameter, self.sure)
+                    self._sure.update((fact, (now, value)) for fact, value in written)
                 for fact, value in written:
                     latest[fact] = (now, value)
                 self.time = time = now + 1
@@ -426,9 +491,24 @@ class PlanRun:
         require(not self._complete or time == max(since, 0), f"a run changes {fact} at {time}, where nothing does")
         if value and excluded(fact, self.value):
             raise Impossible(f"{fact} is assumed against an invariant")
+        if since < 0:
+            if self._starts.exclude(fact, value, self._about_start):
+                raise Impossible(f"{fact} is assumed against what carries what")
+            self._about_start[fact] = value
         for stated, known in with_consequences(fact, value):
             self.before[stated, time] = self.last(stated)[1]
             self.latest[stated] = (time, known)
+
+    def excludes(self, fact: Fact, value: bool, case: Mapping[Fact, Value], ignored: Collection[Fact] = ()) -> bool:
+        """Decide whether no start gives a fact a value in a case; what a step left open is no fact of the start.
+
+        Assumptions about `ignored` facts do not count.
+        """
+        if self._carriage == NOTHING_CARRIED or self.last(fact)[0] >= 0:
+            return False
+        given = {each: truth for each, truth in case.items() if self.last(each)[0] < 0}
+        assumed = {each: truth for each, truth in self._about_start.items() if each not in ignored}
+        return self._starts.exclude(fact, value, {**assumed, **given})
 
     def _take(self) -> None:
         while self.given and self.given[-1][0] <= self.time:

@@ -22,7 +22,8 @@ from oag.exact import given_run, unknown_since
 from oag.flows import NoFlow
 from oag.model.scene import Scene
 from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, satisfying_value
-from oag.primitives.state import State, facts_of, scene_facts, step, truth_of
+from oag.primitives.cargo import NOTHING_CARRIED, Starts, is_place
+from oag.primitives.state import NEVER, State, facts_of, scene_facts, step, truth_of
 from oag.primitives.table import Needed, converse, excluded, library_sha, needed, with_consequences
 from oag.progression import Assumption, CausalLink, CompiledSubtask, Obligation, Trace, compile_plan
 from oag.task_definition import Task
@@ -52,6 +53,7 @@ class RefutedPlan:
         start: What the scene states and, of what the reset supplies, the plan uses.
         objects: Category of each object.
         failure: The place that fails; where it is one without a flow, a search shows that it fails.
+        starts: What can be so where the plan starts.
     """
 
     subtasks: tuple[CompiledSubtask, ...]
@@ -59,6 +61,7 @@ class RefutedPlan:
     start: State
     objects: Mapping[str, str]
     failure: Place
+    starts: Starts
 
 
 class Refutation(NamedTuple):
@@ -84,7 +87,8 @@ def refutation(plan: RefutedPlan, candidates: Iterable[Given]) -> Refutation:
         while left and left[0][0] < run.time:
             del left[0]
         for given in [*takewhile(lambda given: given[0] == run.time, left)]:
-            if run.state.value(given[1]) is None and run.forces(wanted, given[1], given[2]):
+            forced_here = run.state.value(given[1]) is None and run.forces(wanted, given[1], given[2])
+            if forced_here and run.can_start_with(given[1], given[2]):
                 run.take(*given)
                 forced.append(given)
                 left.remove(given)
@@ -105,7 +109,8 @@ class _Run:
 
     def __init__(self, plan: RefutedPlan, given: Iterable[Given] = ()) -> None:
         self.state, self.time = plan.start, 1
-        self._plan = plan
+        self._sure = plan.start
+        self._plan, self._about_start = plan, dict[Fact, Value]()
         # Stable by time: a later entry may follow from an earlier one of the same time, not the other way round.
         self._given = sorted(given, key=lambda entry: entry[0])
 
@@ -122,7 +127,9 @@ class _Run:
                 wanted = subtask.rows.row(action.primitive, self.state.hand, action.parameter)[0]
                 if wanted:
                     yield ("precondition", index, position), wanted
-                _, self.state = step(self.state, subtask.rows, action.primitive, action.parameter, self.time + 1)
+                number, sure = action.parameter, self._sure.value
+                written, self.state = step(self.state, subtask.rows, action.primitive, number, self.time + 1, sure)
+                self._sure = self._sure.after(written, self.time + 1)
                 self.time += 2
             self._take_due()
             yield ("goal", index, -1), subtask.goal
@@ -131,9 +138,16 @@ class _Run:
 
     def take(self, time: int, fact: Fact, value: bool) -> None:
         """Assume a value of an unknown fact; raises _Impossible when it breaks an invariant."""
-        if value and excluded(fact, self.state.value):
+        if (value and excluded(fact, self.state.value)) or not self.can_start_with(fact, value):
             raise _Impossible
+        if self.state.read(fact).time == NEVER:
+            self._about_start[fact] = value
         self.state = self.state.after(with_consequences(fact, value), time)
+
+    def can_start_with(self, fact: Fact, value: bool) -> bool:
+        """Decide whether a start has a value of a fact, unless a step left it open."""
+        written = self.state.read(fact).time != NEVER
+        return written or not self._plan.starts.exclude(fact, value, self._about_start)
 
     def forces(self, wanted: Needed, fact: Fact, value: bool) -> bool:
         """Decide whether clauses or a formula can only hold here if a fact has a value."""
@@ -171,6 +185,8 @@ def _look(plan: RefutedPlan, case: tuple[Given, ...]) -> tuple[Split | tuple[()]
     run, places = _Run(plan, case), 0
     split = {fact for _, fact, _ in case}
     split |= {other for fact in split if (other := converse(fact)) is not None}
+    # What carries what ties all places.
+    carries = plan.starts.carriage != NOTHING_CARRIED and any(map(is_place, split))
     tied: tuple[int, Fact] | None = None
     try:
         for place, wanted in run.places():
@@ -188,6 +204,8 @@ def _look(plan: RefutedPlan, case: tuple[Given, ...]) -> tuple[Split | tuple[()]
                 return unknown[0] if unknown else tied or (), places
             if unknown and tied is None and not split.isdisjoint(facts):
                 tied = unknown[0]
+            if carries and tied is None:
+                tied = next((each for each in unknown if is_place(each[1])), None)
     except _Impossible:
         return None, places
     return (), places
@@ -258,7 +276,7 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow
         left_out = {*ROBOT_FACTS} - {*reset, *(fact for fact, _ in scene_facts(scene))}
         known = trace.start.after(tuple((fact, None) for fact in left_out))
         subtasks = compile_plan(task.subtasks, scene)
-        refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
+        refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure, trace.starts)
         shown = _refutation(trace, refuted, last)
     supplied = [
         {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}

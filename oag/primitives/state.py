@@ -36,6 +36,7 @@ from oag.model.symbols import (
     generalisations,
     satisfying_value,
 )
+from oag.primitives.cargo import Carriage, carriage_of, circle, closed, denied, is_place
 from oag.primitives.table import Clause, Effect, Needed, Rows, converse, impossible
 
 RESET_REASONS = {
@@ -68,7 +69,11 @@ def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
 
 
 def scene_facts(scene: Scene) -> Start:
-    """Return the statements of a scene: an entry for each closed predicate, then each literal with what it excludes."""
+    """Return the statements of a scene: an entry for each closed predicate, then each literal with what it excludes.
+
+    What is carried is inside whatever its carrier is inside, whether or not the scene says so. A carrier is not inside
+    what its cargo is known not to be inside.
+    """
     values: dict[Fact, Value] = {}
     for predicate in sorted(scene.closed):
         arity = bddl.PREDICATES[predicate].arity
@@ -83,7 +88,17 @@ def scene_facts(scene: Scene) -> Start:
                     values.setdefault(other, False)
             elif condition.fact != HAND:
                 values[condition.fact] = False
+    resting = {fact for fact, value in values.items() if value is True and is_place(fact)}
+    for fact in sorted(closed(resting) - resting):
+        values.setdefault(fact, True)
+    values |= dict.fromkeys(sorted(denied(resting, values)), False)
     return tuple(values.items())
+
+
+def carriage_in(scene: Scene, stated: Start, placed: Iterable[Fact]) -> Carriage:
+    """Return who may carry whom in a scene with these statements, when goals place things by these facts."""
+    items = {key for key, thing in scene.objects.items() if thing.kind is Kind.ITEM}
+    return carriage_of(scene.objects, items, _never(scene) | dict(stated), placed)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
@@ -106,12 +121,25 @@ def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
             return f"nothing can be {atom.predicate} itself: {bddl.format(atom)}"
         if (atom.predicate, second, first) in related:
             return f"{bddl.format(atom)} excludes its converse"
-        related.add((atom.predicate, first, second))
         if atom.predicate == "inside" and second == GRIPPER:
             if held not in (None, first):
                 return f"the gripper holds one thing at a time, not {held} and {first}"
             held = first
+            continue
+        related.add((atom.predicate, first, second))
+    if len(related) < 2:
+        return None
+    ring = circle(sorted(related))
+    if ring:
+        return f"things carry each other in a circle: {', '.join(map(_text, ring))}"
+    for fact in sorted(closed(related) - related):
+        if values.get(bddl.Atom(fact[0], fact[1:])) is False:
+            return f"{_text(fact)} is denied, and follows from what carries {fact[1]}"
     return None
+
+
+def _text(fact: Fact) -> str:
+    return f"({' '.join(fact)})"
 
 
 START = 0
@@ -149,13 +177,14 @@ class State:
 
     def read(self, fact: Fact) -> Entry:
         """Return the last write that covers a fact; of writes at one time the most specific one counts."""
-        return Entry(*self._last(fact))
+        return Entry(*self.last(fact))
 
     def value(self, fact: Fact) -> Value:
         """Return what a fact is known to be; None when that is unknown."""
-        return self._last(fact)[0]
+        return self.last(fact)[0]
 
-    def _last(self, fact: Fact) -> tuple[Value, int]:
+    def last(self, fact: Fact) -> tuple[Value, int]:
+        """Return what `read` does as a plain pair, for places that ask it of every step."""
         recent, older = self._recent, self._older
         best = recent.get(fact) or older.get(fact, UNWRITTEN)
         # The robot's variables, of which most is asked, have no patterns.
@@ -187,15 +216,22 @@ class State:
         yield from ((fact, Entry(*written)) for fact, written in (self._older | self._recent).items())
 
 
-def start_state(scene: Scene, first_target: str | None) -> State:
-    """Return what is known at S_0: by the reset, by kinds of objects, and by the scene, which contradicts neither."""
-    stated = scene_facts(scene)
+def start_state(scene: Scene, first_target: str | None, stated: Start | None = None) -> State:
+    """Return what is known at S_0: by the reset, by kinds of objects, and by the scene, which contradicts neither.
+
+    `stated` has the statements of the scene, where they are known already.
+    """
+    stated = scene_facts(scene) if stated is None else stated
     reset = reset_facts(first_target, dict(stated).get(HAND))
-    never: dict[Fact, Value] = {}
-    if not scene.closed.issuperset(("open", "inside")):
-        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
-        never = dict.fromkeys(impossible(scene.categories, joints), False)
-    return State().after((*reset.items(), *never.items(), *stated), START)
+    return State().after((*reset.items(), *_never(scene).items(), *stated), START)
+
+
+def _never(scene: Scene) -> dict[Fact, Value]:
+    """Return what the kinds of things exclude, unless closed predicates do."""
+    if scene.closed.issuperset(("open", "inside")):
+        return {}
+    joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+    return dict.fromkeys(impossible(scene.categories, joints), False)
 
 
 class Window:
@@ -264,14 +300,20 @@ class View:
 
 
 def step(
-    state: _Known, rows: Rows, primitive: Primitive, parameter: Parameter = None, time: int = START
+    state: _Known,
+    rows: Rows,
+    primitive: Primitive,
+    parameter: Parameter = None,
+    time: int = START,
+    sure: Reader | None = None,
 ) -> tuple[Effect, _Known]:
     """Return what a primitive writes in a state, and the state after it.
 
     Nothing is assumed: where its needs are unknown, the result describes every state in which it could run. Whether it
-    can is for the caller to decide.
+    can is for the caller to decide. `sure` reads what holds without any assumption, by which cargo is recognised; by
+    default the state.
     """
-    written = rows.row(primitive, state.hand, parameter)[1]
+    written = rows.written(primitive, state.hand, parameter, sure or state.value)
     return written, state.after(written, time)
 
 

@@ -42,6 +42,15 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
+from oag.primitives.cargo import (
+    NOTHING_CARRIED,
+    RESTING,
+    VAGUE,
+    Carriage,
+    Load,
+    Reader,
+    towers,
+)
 
 # One alternative must hold; most clauses have exactly one.
 Clause = tuple[Condition, ...]
@@ -51,15 +60,23 @@ Effect = tuple[tuple[Fact, Value], ...]
 # What a primitive needs, and what it writes.
 Row = tuple[tuple[Clause, ...], Effect]
 
-# Where an item rests, and relations that motion of an item makes unknown.
-RESTING = ("ontop", "inside")
-VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 # A fixture is open from this fraction of its joint's range on, which is how the detectors read it.
 OPEN_FRACTION = 0.05
 # Items out of which a lift takes things; a drinking glass holds nothing that is taken out.
 _OPEN_AT_TOP = frozenset(["bowl", "cup", "mug", "box", "basket", "bucket", "pan", "pot", "tray"])
 
+# Primitives that take what is held out of every place, a compartment too.
+_LEAVING = frozenset(
+    (
+        Primitive.RETREAT,
+        *NAVIGATION,
+        Primitive.MOVE_BASE_FORWARD,
+        Primitive.MOVE_BASE_BACKWARD,
+        Primitive.MOVE_BASE_LEFT,
+        Primitive.MOVE_BASE_RIGHT,
+    )
+)
 # Primitives that keep the hand in place, or move it with a handle, which is no held item.
 _IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
 _EMPTY_HAND: Clause = (Condition(HAND, EMPTY),)
@@ -85,6 +102,7 @@ class Context(NamedTuple):
         target_is_item: True when GRASP takes the target into the hand, False when it grips a fixture's handle.
         articulated: Ids of the scene's articulated fixtures, in order.
         vessels: Ids of its items that are open at the top, in order.
+        carriage: Who may carry whom in the plan, and what may be inside what.
     """
 
     target: str
@@ -93,6 +111,14 @@ class Context(NamedTuple):
     target_is_item: bool
     articulated: tuple[str, ...]
     vessels: tuple[str, ...] = ()
+    carriage: Carriage = NOTHING_CARRIED
+
+    @property
+    def carried(self) -> frozenset[str]:
+        """The things whose places change; all others are where the start has them."""
+        return frozenset(name for name, _ in self.carriage.riders) | frozenset(
+            name for _, riders in self.carriage.riders for name in riders
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,12 +131,14 @@ class Rows:
 
     Attributes:
         context: The objects that they are about.
+        carries: True when something in the plan may carry another thing, or be inside another place.
     """
 
-    __slots__ = ("_known", "context")
+    __slots__ = ("_known", "carries", "context")
 
     def __init__(self, context: Context) -> None:
         self.context = context
+        self.carries = context.carriage != NOTHING_CARRIED
         self._known: dict[tuple[Primitive, Value, Parameter], Row] = {}
 
     def row(self, primitive: Primitive, hand: Value, parameter: Parameter = None) -> Row:
@@ -120,6 +148,14 @@ class Rows:
         if known is None:
             known = self._known[key] = _row(primitive, self.context, hand, parameter)
         return known
+
+    def written(self, primitive: Primitive, hand: Value, parameter: Parameter, read: Reader) -> Effect:
+        """Return the writes of a primitive, those about what the held item carries included.
+
+        `read` gives what the start and the steps before make of a fact, without anything that is assumed.
+        """
+        plain = self.row(primitive, hand, parameter)[1]
+        return plain + cargo(primitive, self.context, hand, parameter, read) if self.carries else plain
 
 
 def needed(formula: bddl.Formula) -> Needed:
@@ -225,7 +261,7 @@ def _grasp(context: Context, _hand: Value) -> Row:
     needs = ((Condition(EEF, f"at {target}"),), _EMPTY_HAND)
     if context.target_is_item:
         return needs + _reachable(context), ((HAND, holding(target)),)
-    return needs, ((HAND, gripping(target)),)
+    return needs + _uncovered(context, target), ((HAND, gripping(target)),)
 
 
 def _reachable(context: Context) -> tuple[Clause, ...]:
@@ -234,6 +270,16 @@ def _reachable(context: Context) -> tuple[Clause, ...]:
         (Condition(("inside", context.target, fixture), True, False), Condition(("open", fixture), True))
         for fixture in context.articulated
     )
+
+
+def _uncovered(context: Context, name: str) -> tuple[Clause, ...]:
+    """Return the clauses that nothing is closed around a thing; furniture stays where the start has it."""
+    around = [place for place in context.carriage.around(name) if place in context.articulated]
+    if name in context.carried:
+        return tuple(
+            (Condition(("inside", name, place), True, False), Condition(("open", place), True)) for place in around
+        )
+    return tuple((Condition(("open", place), True),) for place in around)
 
 
 def _articulate_open(context: Context, _hand: Value) -> Row:
@@ -254,10 +300,14 @@ def _ungrasp(context: Context, hand: Value) -> Row:
     relation, support = context.placement
     # For an unknown hand, it is needed only if the hand holds the target.
     other: Clause = (Condition(HAND, holding(context.target), False),) if hand is None else ()
-    near: Clause = (*other, Condition(NEAR, support))
+    needs: tuple[Clause, ...] = ((Condition(NEAR, support),),)
     if relation == "inside" and support in context.articulated:
-        return (*kept, near, (*other, Condition(("open", support), True))), written
-    return (*kept, near), written
+        needs += ((Condition(("open", support), True),),)
+    needs += _uncovered(context, support)
+    # The target does not carry what it is put on or in.
+    chains = towers(context.carriage, support, context.target)
+    needs += tuple(tuple(Condition(fact, True, False) for fact in chain) for chain in chains)
+    return (*kept, *(other + clause for clause in needs)), written
 
 
 def _kept(context: Context, hand: Value) -> tuple[Clause, ...]:
@@ -323,6 +373,26 @@ def _released(context: Context, hand: Value) -> Effect:
     return (((relation, context.target, support), True), ((relation, support, context.target), False))
 
 
+def cargo(primitive: Primitive, context: Context, hand: Value, parameter: Parameter, read: Reader) -> Effect:
+    """Return what a primitive writes about cargo, by what is known of who carries whom."""
+    item = held_by(hand)
+    if item is None:
+        return ()
+    load = Load(context.carriage, item, read)
+    if primitive is Primitive.UNGRASP:
+        if context.placement is None or item != context.target:
+            return ()
+        return tuple(load.set_down(*context.placement).items())
+    if not carries(primitive, parameter) or not load.riding:
+        return ()
+    leaves_all = primitive in _LEAVING
+
+    def kept(fact: Fact) -> bool:
+        return not leaves_all and fact[0] == "inside" and fact[2] not in context.vessels
+
+    return tuple(load.carried_off(kept).items())
+
+
 # By the number of the primitive; the default is plain motion, and 0 is no primitive.
 _TABLE: list[Callable[[Context, Value], Row]] = [_move] * (len(Primitive) + 1)
 _TABLE[Primitive.APPROACH] = _approach
@@ -343,6 +413,15 @@ _TABLE[Primitive.NAVIGATE_TO_TARGET] = _navigate_to_target
 _TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
 
 
+_SAMPLE = Carriage(
+    (("t", ("x", "y")), ("x", ("y",))),
+    (("x", (("inside", "t"), ("ontop", "s"))), ("y", (("inside", "x"), ("ontop", "t"))), ("s", (("inside", "x"),))),
+)
+
+_UNSAID: dict[Fact, Value] = {}
+_ALL_SO: dict[Fact, Value] = {(place[0], name, place[1]): True for name, found in _SAMPLE.places for place in found}
+
+
 @cache
 def library_sha() -> str:
     """Return the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
@@ -356,6 +435,10 @@ def library_sha() -> str:
             table = (requirements(primitive, context, hand), effect(primitive, context, hand))
             numbered = tuple(effect(primitive, context, hand, number) for number in samples)
             digest.update(repr((row, table, numbered)).encode())
+        loaded = context._replace(support_goal="x", carriage=_SAMPLE)
+        for primitive, hand in product(Primitive, (holding("t"), holding("x"))):
+            moved = [cargo(primitive, loaded, hand, None, known.get) for known in (_ALL_SO, _UNSAID)]
+            digest.update(repr((requirements(primitive, loaded, hand), moved)).encode())
     return digest.hexdigest()
 
 

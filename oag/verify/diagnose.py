@@ -33,9 +33,11 @@ from oag.model.symbols import (
     generalisations,
     held_by,
     holding,
+    satisfying_value,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, scene_facts, truth_of
-from oag.primitives.table import RESTING, needed
+from oag.primitives.table import needed
 from oag.progression import (
     Assumption,
     CausalLink,
@@ -43,7 +45,7 @@ from oag.progression import (
     RootFailure,
     Step,
     Trace,
-    compile_subtask,
+    compile_plan,
     producer_place,
 )
 from oag.sizes import planned_resizings
@@ -312,14 +314,17 @@ class Explainer:
         """Return the alternatives to a condition on which a step would run, each with whether it may hold there."""
         if condition is None or obligation.kind != "precondition":
             return {}
-        rows = compile_subtask(self.task.subtasks[obligation.subtask], self.scene).rows
+        rows = compile_plan(self.task.subtasks, self.scene)[obligation.subtask].rows
         step = self.trace.steps[obligation.time // 2]
         clauses = rows.row(step.primitive, step.hand)[0]
         others = next((clause for clause in clauses if condition in clause), ())
         return {other: not self._known_false(other, obligation) for other in others if other != condition}
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
-        written = (e.value for e in self.trace.history(condition.fact) if e.time <= obligation.time)
+        written = [e.value for e in self.trace.history(condition.fact) if e.time <= obligation.time]
+        value = satisfying_value(condition)
+        if not written and isinstance(value, bool):
+            return self.trace.starts.exclude(condition.fact, value, {})
         return condition.grade([None, *written][-1]) is False
 
     def _closing_hint(self, assumption: Assumption) -> str | None:

@@ -14,8 +14,8 @@ from oag.model.symbols import (
     GRIPPER,
     ROBOT_FACTS,
 )
+from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
-from oag.primitives.table import RESTING
 from oag.rewriting import (
     Variant,
     negated_variants,

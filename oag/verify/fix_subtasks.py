@@ -24,7 +24,8 @@ from oag.model.symbols import (
     held_by,
     holding,
 )
-from oag.primitives.table import RESTING, Placement
+from oag.primitives.cargo import RESTING
+from oag.primitives.table import Placement
 from oag.task_definition import SimpleTask
 from oag.verify.edits import (
     DeleteSubtask,

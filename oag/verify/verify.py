@@ -23,7 +23,7 @@ from oag.model.diagnostics import Diagnostic, NoSuchSubtask
 from oag.model.scene import Scene
 from oag.model.symbols import Condition, conjunction
 from oag.picture import drawing, html
-from oag.primitives.state import reset_reason, start_state
+from oag.primitives.state import reset_reason, scene_facts, start_state
 from oag.primitives.table import needed
 from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace, compile_plan
 from oag.task_definition import Task
@@ -381,8 +381,9 @@ def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
 
     `exact` decides everything exactly, what progression alone decides included.
     """
-    subtasks, goal = compile_plan(task.subtasks, scene), needed(task.goal)
-    start = start_state(scene, task.subtasks[0].target if task.subtasks else None)
+    stated = scene_facts(scene)
+    subtasks, goal = compile_plan(task.subtasks, scene, stated), needed(task.goal)
+    start = start_state(scene, task.subtasks[0].target if task.subtasks else None, stated)
 
     def progressed(decision: Decision, *, chose: bool = False) -> Trace:
         trace = Trace(start, scene.categories, decision, chose=chose)

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 SMALL = [0.05, 0.05, 0.1]
+# Something goes into a bowl.
+BOWL = [0.14, 0.14, 0.08]
 LARGE = [0.6, 0.6, 1.0]
 
 
 def scene(name: str, small: dict[str, str], large: dict[str, str], facts: list[str]) -> dict[str, Any]:
     """A scene of items and furniture in which what is not stated is false."""
-    objects = {key: {"category": category, "bbox_extent": SMALL} for key, category in small.items()}
+    objects = {
+        key: {"category": category, "bbox_extent": BOWL if category == "bowl" else SMALL}
+        for key, category in small.items()
+    }
     objects |= {key: {"category": category, "bbox_extent": LARGE} for key, category in large.items()}
     return {"name": name, "objects": objects, "facts": facts, "closed": ["ontop", "inside", "open"]}
 

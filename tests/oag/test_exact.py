@@ -42,6 +42,8 @@ def report(goal: str, *facts: str, init: str = "(and)", closed: tuple[str, ...] 
 
 
 APART = "(not (inside cup_0 box_0))"
+# What a thing might carry, its motion makes unknown: here the cup that is moved carries nothing.
+EMPTY = ("(not (ontop cup_1 cup_0))", "(not (inside cup_1 cup_0))")
 
 
 @pytest.mark.parametrize(
@@ -58,7 +60,7 @@ APART = "(not (inside cup_0 box_0))"
     ],
 )
 def test_what_holds_either_way_is_proved_and_can_be_checked(goal: str) -> None:
-    found = report(goal, APART)
+    found = report(goal, APART, *EMPTY)
     assert found.verdict is oag.Verdict.PROVED, str(found)
     assert found.obligations[-1].cases
     assert oag.recheck(json.loads(json.dumps(found.certificate.to_json() if found.certificate else None)))
@@ -113,6 +115,36 @@ def test_no_run_means_refuted_with_one_run_that_fails() -> None:
     assert str(run).splitlines()[-2:] == ["T1.5 LIFT_EEF_UP: eef(free)", "fails: the task goal"]
     assert oag.recheck(found.certificate)
     assert "in every state in which the plan gets here" in found.errors[0].message
+
+
+CARRIED = ("(open box_0)", "(not (inside cup_0 cup_1))")
+CUP_IN_BOX = "(inside cup_0 box_0) (ontop cup_1 cup_0)"
+
+
+@pytest.mark.parametrize(
+    ("facts", "init"),
+    [
+        ((*CARRIED, "(ontop cup_1 cup_0)", "(not (inside cup_1 box_0))"), "(inside cup_0 box_0)"),
+        ((*CARRIED, "(not (inside cup_1 box_0))"), f"(and {CUP_IN_BOX})"),
+        ((*CARRIED, "(ontop cup_0 cup_1)"), "(inside cup_1 cup_0)"),
+    ],
+)
+def test_a_plan_whose_assumptions_no_start_meets_is_refuted(facts: tuple[str, ...], init: str) -> None:
+    """A thing is inside what its carrier is inside, and nothing carries what it stands on."""
+    found = report("(and)", *facts, init=init)
+    assert found.verdict is oag.Verdict.REFUTED, str(found)
+    result = oag.recheck(found.certificate)
+    assert result, result.reason
+
+
+def test_what_follows_from_what_carries_what_is_not_assumed() -> None:
+    found = report("(and)", *CARRIED, init=f"(and {CUP_IN_BOX} (inside cup_1 box_0))")
+    assert found.verdict is oag.Verdict.CONDITIONAL, str(found)
+    assert found.trace is not None
+    said = [assumption.condition.text() for assumption in found.trace.assumptions if assumption.condition is not None]
+    assert len(said) == 2 and set(said) < {"inside(cup_0, box_0)", "ontop(cup_1, cup_0)", "inside(cup_1, box_0)"}
+    result = oag.recheck(found.certificate)
+    assert result, result.reason
 
 
 def test_what_contradicts_itself_is_refuted() -> None:

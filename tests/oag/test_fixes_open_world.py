@@ -10,10 +10,11 @@ import pytest
 import oag
 from tests.oag.other_tasks import picking, placing, scene, task
 
-# Nothing is closed but `open`: whether the egg is in the refrigerator, and where the bowl is, nobody says.
+# Nothing is closed but `open`: whether the egg is in the refrigerator, and where the bowl is, nobody says. What stands
+# on the egg goes where the egg goes, and nothing is put into it: that the bowl does not stand there is said.
 HALF_KNOWN: dict[str, Any] = {
     **scene("half", {"egg_0": "egg", "bowl_0": "bowl"}, {"fridge_0": "fridge", "island_0": "island"}, []),
-    "facts": ["(ontop egg_0 island_0)"],
+    "facts": ["(ontop egg_0 island_0)", "(not (ontop bowl_0 egg_0))"],
     "closed": ["open"],
 }
 GOAL = "(and (inside egg_0 bowl_0) (imply (inside bowl_0 fridge_0) (open fridge_0)))"

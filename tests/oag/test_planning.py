@@ -13,6 +13,7 @@ import bddl
 import oag
 from oag.model.actions import flow_to_json
 from oag.sizes import Sizing
+from tests.oag.absurd import Plan
 from tests.oag.planning_cases import scene_named, table, task_named
 
 GOALS = [*table("goals.toml", "goal"), *table("goals_own.toml", "goal")]
@@ -150,3 +151,25 @@ def test_a_search_ends_at_its_bound() -> None:
     goal = "(exists (?c - cup) (and (inside ?c cabinet_1) (inside ?c cabinet_2)))"
     made = oag.plan(scene, goal)
     assert made.refusal is not None and made.refusal.code == "too-large" and made.refusal.states == made.states > 50
+
+
+@pytest.mark.parametrize(
+    ("facts", "goal", "steps"),
+    [
+        (
+            ("ontop bowl_0 table_0", "inside apple_0 bowl_0"),
+            "(and (inside apple_0 refrigerator_0) (inside apple_0 bowl_0))",
+            ["open_refrigerator_0", "pick_up_bowl_0", "put_bowl_0_inside_refrigerator_0"],
+        ),
+        (
+            ("inside bowl_0 refrigerator_0", "inside apple_0 bowl_0"),
+            "(and (not (inside apple_0 refrigerator_0)) (inside apple_0 bowl_0) (not (open refrigerator_0)))",
+            ["open_refrigerator_0", "pick_up_bowl_0", "put_bowl_0_on_table_0", "close_refrigerator_0"],
+        ),
+    ],
+)
+def test_a_plan_moves_what_carries_a_thing(facts: tuple[str, ...], goal: str, steps: list[str]) -> None:
+    scene = Plan("carried", "apple_0 bowl_0 refrigerator_0 table_0", facts, (), "and").scene()
+    made = oag.plan(scene, goal)
+    assert made.task is not None and made.report and oag.recheck(made.report.certificate)
+    assert [subtask.name for subtask in made.task.subtasks] == steps

@@ -17,7 +17,7 @@ from tests.framings import framings
 from tests.oag.paper import NAMES, invalid, task_json, verify
 
 SOURCES = [Path(__file__).parents[2] / "oag" / "certificate" / name for name in ("check.py", "check_plan.py")]
-TABLE = {"oag.model.symbols", "oag.primitives.table"}
+TABLE = {"oag.model.symbols", "oag.primitives.cargo", "oag.primitives.table"}
 
 
 def certificate(name: str = "T1") -> dict[str, Any]:

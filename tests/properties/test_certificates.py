@@ -73,7 +73,8 @@ def check_formula_framing(task: oag.Task) -> None:
 
 def check_judge(case: Case) -> None:
     """What a certificate says as it was made is so by the judge of forgeries, too."""
-    assert claim_holds(certificate_of(case.task()), ()) is True
+    held = claim_holds(certificate_of(case.task()), ())
+    assert held is True or (case.loose and held is None)
 
 
 @given(cases(most_unknown=4))

@@ -41,6 +41,9 @@ def check_verdict(case: FormulaCase) -> None:
         return
     verdict, grades = decided(case.starts(), case.parts, case.goal, KINDS)
     event(verdict)
+    if case.loose:
+        assert report.verdict.value in (verdict, "CONDITIONAL"), str(report)
+        return
     assert (report.verdict.value, graded(report)) == (verdict, grades), str(report)
 
 
@@ -104,7 +107,8 @@ def check_assumptions(case: FormulaCase) -> None:
         return
     facts = {a.condition.fact: a.condition.positive for a in assumed if a.condition is not None}
     assert verdict_with(case, facts) == "PROVED", str(report)
-    for left_out in facts:
+    # Where it is open what carries what, an answer may be left open that the oracle has.
+    for left_out in () if case.loose else facts:
         fewer = {fact: value for fact, value in facts.items() if fact != left_out}
         assert verdict_with(case, fewer) == "CONDITIONAL", f"{left_out} can be left out\n{report}"
 
@@ -122,7 +126,8 @@ def check_conditions_can_hold(case: FormulaCase) -> None:
     if report is None or report.verdict is not oag.Verdict.CONDITIONAL:
         return
     starts, trace = case.starts(), report.trace
-    assert trace is not None and decided(starts, case.parts, case.goal, KINDS)[0] == "CONDITIONAL", str(report)
+    assert trace is not None
+    assert case.loose or decided(starts, case.parts, case.goal, KINDS)[0] == "CONDITIONAL", str(report)
     of_start = [a.condition for a in trace.assumptions if a.about_start and a.condition is not None]
     assert any(all((c.fact in world.true) is c.positive for c in of_start) for world in starts), str(report)
     explainer = Explainer(report.task, report.scene, trace)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Condition, Fact, Kinds, Part, World, act, allowed, meets
+from tests.bruteforce import Condition, Fact, Kinds, Part, World, act, added, allowed, meets
 from tests.properties.formulas import text
 from tests.properties.plans import (
     CATEGORIES,
@@ -58,13 +58,13 @@ def conditions(draw: st.DrawFn, depth: int = 2) -> Condition:
 
 @st.composite
 def starts(draw: st.DrawFn) -> World:
-    true: set[Fact] = set(draw(st.sets(st.sampled_from([("open", f) for f in FIXTURES]))))
+    true = frozenset[Fact](draw(st.sets(st.sampled_from([("open", f) for f in FIXTURES]))))
     held = draw(st.sampled_from((None, None, None, *ITEMS)))
     for item in ITEMS:
         place = draw(st.sampled_from((None, *(f for f in RESTING_FACTS if f[1] == item))))
-        if place is not None and item != held and (place[0], place[2], place[1]) not in true:
-            true.add(place)
-    return World(frozenset(true), arm=("home", ""), hand=held)
+        if place is not None and item != held:
+            true = added(true, place)
+    return World(true, arm=("home", ""), hand=held)
 
 
 def shortest(start: World, goal: Condition) -> int | None:

@@ -26,9 +26,11 @@ def check_verdict(case: Case) -> None:
     outcomes = ends(case)
     event(report.verdict.value)
     verdict, grades = decided(case.starts(), case.parts, case.goal, KINDS)
-    assert report.verdict.value == verdict, str(report)
-    found = [((o.kind, o.subtask, o.step), o.grade.value) for o in report.obligations]
-    assert found[: len(grades)] == grades, str(report)
+    if not (case.loose and report.verdict is oag.Verdict.CONDITIONAL):
+        assert report.verdict.value == verdict, str(report)
+    if not case.loose:
+        found = [((o.kind, o.subtask, o.step), o.grade.value) for o in report.obligations]
+        assert found[: len(grades)] == grades, str(report)
     if report.verdict is oag.Verdict.PROVED:
         assert all(failed is None for _, failed in outcomes), str(report)
     if report.verdict is oag.Verdict.REFUTED:
