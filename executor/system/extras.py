@@ -26,6 +26,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "captures": ("OpenEXR", "lzfse"),
         "vision": ("transformers", "torch", "safetensors"),
         "testing": ("hypothesis",),
+        "ray": ("ray",),
     }
 )
 
