@@ -20,7 +20,7 @@ MOST_PARTS = 1000
 """As many tasks as an array may have by default (`MaxArraySize`)."""
 
 LAST_S = 120
-"""How long before its time is up a part is told to end [s]."""
+"""How long before its time is up a part is asked to end [s]."""
 
 CLAIM_WAIT_S = 600.0
 """How long a part that is started again waits for its earlier run, whose machine may only be slow [s]."""

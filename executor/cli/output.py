@@ -134,7 +134,7 @@ def span_text(seconds: float) -> str:
 
 
 class Pace:
-    """How fast a run is: told in a line now and then, where no bar shows it.
+    """How fast a run is: a line about it now and then, where no bar shows it.
 
     Args:
         total: How many things there are.
@@ -144,7 +144,7 @@ class Pace:
 
     def __init__(self, total: int, done: int = 0, *, quiet: bool = False) -> None:
         self._total, self._before, self._quiet = total, done, quiet
-        self._began = self._told = time.perf_counter()
+        self._began = self._shown = time.perf_counter()
 
     def text(self, done: int) -> str:
         """Return how many things are done an hour, and the time that the others take."""
@@ -155,7 +155,7 @@ class Pace:
         return f"{3600.0 * here / span_s:.0f} an hour, {span_text(left_s)} left"
 
     def note(self, done: int) -> None:
-        """Tell how far the run is, if a minute has passed since it was told last."""
-        if not self._quiet and time.perf_counter() - self._told >= _PACE_EVERY_S:
-            self._told = time.perf_counter()
+        """Tell how far the run is, if a minute has passed since the last time."""
+        if not self._quiet and time.perf_counter() - self._shown >= _PACE_EVERY_S:
+            self._shown = time.perf_counter()
             tell(f"  {done} of {self._total}, {self.text(done)}")

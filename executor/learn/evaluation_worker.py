@@ -49,5 +49,10 @@ def _handle(request: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Serve requests until standard input ends."""
     serve(_handle)
+
+
+if __name__ == "__main__":
+    main()
