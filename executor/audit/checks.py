@@ -213,7 +213,7 @@ def _jumps(
             return
         gone = np.linalg.norm(poses[row + 1] - poses[row], axis=1)
         most = speeds[row : row + 2].max(axis=0) * span_s + 0.5 * GRAVITY_M_S2 * span_s**2 + SLACK_M
-        for place in np.flatnonzero(gone > most):
+        for place in np.flatnonzero(gone > most).tolist():
             words = f"{names[place]} jumps by {100 * gone[place]:.1f} cm after sample {row}"
             yield Finding("states", f"{words}; {100 * most[place]:.1f} cm are explained by its speed and a fall")
             return

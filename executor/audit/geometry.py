@@ -225,7 +225,7 @@ def _is_plane(shape: Any) -> bool:
     return isinstance(shape, sapien.physx.PhysxCollisionShapePlane)
 
 
-def _moved(T: Points, points: Points) -> Points:
+def _moved(T: NDArray[Any], points: Points) -> Points:
     return np.asarray(points @ T[:3, :3].T + T[:3, 3])
 
 

@@ -112,6 +112,7 @@ def progress_of(path: Path) -> Progress:
 
 
 def _progress(path: Path, kind: str, asked: list[Asked], endings: dict[str, tuple[str, str]]) -> Progress:
+    asked = list(dict.fromkeys(asked))  # Requests may have units in common.
     done = {unit.id: endings[unit.file] for unit in asked if unit.file in endings}
     left = {unit.id for unit in asked} - set(done)
     runs = runs_in(path)

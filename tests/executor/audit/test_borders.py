@@ -12,11 +12,17 @@ from executor.sim.world import World
 from tests.executor.helpers import at, on_a_shelf, scene_at_paper_size, scene_of, settle
 
 pytestmark = pytest.mark.physics
-TABLE = {"category": "table", "model": "table_four_legs", "position": [1.0, 0.0, 0.35], "bbox_extent": [0.8, 0.6, 0.7]}
-CAN = {"category": "can", "model": "can", "bbox_extent": [0.06, 0.06, 0.1]}
-BOWL = {"category": "bowl", "model": "porcelain_bowl", "bbox_extent": [0.18, 0.18, 0.06]}
-APPLE = {"category": "apple", "model": "red_apple", "bbox_extent": [0.07, 0.07, 0.07]}
-UPRIGHT = {"orientation": [1, 0, 0, 0]}
+Thing = dict[str, object]
+TABLE: Thing = {
+    "category": "table",
+    "model": "table_four_legs",
+    "position": [1.0, 0.0, 0.35],
+    "bbox_extent": [0.8, 0.6, 0.7],
+}
+CAN: Thing = {"category": "can", "model": "can", "bbox_extent": [0.06, 0.06, 0.1]}
+BOWL: Thing = {"category": "bowl", "model": "porcelain_bowl", "bbox_extent": [0.18, 0.18, 0.06]}
+APPLE: Thing = {"category": "apple", "model": "red_apple", "bbox_extent": [0.07, 0.07, 0.07]}
+UPRIGHT: Thing = {"orientation": [1, 0, 0, 0]}
 TOP_M = 0.7
 
 
@@ -26,7 +32,7 @@ def value(world: World, goal: str, before: Snapshot | None = None) -> bool | Non
 
 
 def table_with_can() -> World:
-    can = CAN | UPRIGHT | {"position": [1.0, 0.0, TOP_M + 0.0505]}
+    can: Thing = CAN | UPRIGHT | {"position": [1.0, 0.0, TOP_M + 0.0505]}
     return World(scene_of({"table_0": TABLE | UPRIGHT, "can_0": can}))
 
 
@@ -59,7 +65,7 @@ def test_what_fell_over_is_neither_on_its_place_nor_gone_from_it() -> None:
 
 @pytest.mark.parametrize(("aside_m", "holds"), [(0.0, True), (0.03, True), (0.16, False), (0.25, False)])
 def test_in_a_bowl_or_beside_it(aside_m: float, holds: bool) -> None:
-    things = {
+    things: dict[str, Thing] = {
         "table_0": TABLE | UPRIGHT,
         "bowl_0": BOWL | UPRIGHT | {"position": [1.0, 0.0, TOP_M + 0.0305]},
         "apple_0": APPLE | UPRIGHT | {"position": [1.0, -0.25, TOP_M + 0.0355]},
@@ -93,9 +99,9 @@ def test_on_a_board_with_boards_above_or_out_of_the_shelf(off_m: float, under: b
 
 @pytest.mark.parametrize(("gap_m", "holds"), [(0.01, True), (0.3, False)])
 def test_next_to_within_a_sixth_of_the_extents(gap_m: float, holds: bool) -> None:
-    cans = {name: CAN | UPRIGHT for name in ("can_0", "can_1")}
+    cans: dict[str, Thing] = {name: CAN | UPRIGHT for name in ("can_0", "can_1")}
     places = {"can_0": [1.0, 0.0, TOP_M + 0.0505], "can_1": [1.0, 0.06 + gap_m, TOP_M + 0.0505]}
-    things = {name: can | {"position": places[name]} for name, can in cans.items()}
+    things: dict[str, Thing] = {name: can | {"position": places[name]} for name, can in cans.items()}
     table = TABLE | UPRIGHT | {"bbox_extent": [0.8, 0.8, 0.7]}
     with World(scene_of({"table_0": table, **things})) as world:
         settle(world, 0.3)

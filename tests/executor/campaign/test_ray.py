@@ -12,13 +12,11 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("ray")
-import ray
-from ray.cluster_utils import Cluster
-
 from executor.campaign.ray_engine import RayEngine
 from executor.system.workers import WorkersUnusable
 
+ray: Any = pytest.importorskip("ray")
+Cluster: Any = pytest.importorskip("ray.cluster_utils").Cluster
 pytestmark = pytest.mark.slow
 MODULE = "tests.executor.campaign.stub_worker"
 SMALL = {"num_cpus": 2, "object_store_memory": 80 * 2**20}
