@@ -6,7 +6,7 @@ python benchmarks/audit.py --per-family 1 --out audit.json   six
 SAPIEN's own classes are hooked (`audit_watch.py`): every call that would set a state, apply a force, bind two bodies or
 change what decides the physics of a live world is caught, and every step's state is logged. From the log it is checked
 that positions change by velocity times time, that nothing is faster or stronger than the documentation says, that items
-without the robot's touch do nothing but fall, that goals hold by a second geometry (`audit_geometry.py`), and that the
+without the robot's touch do nothing but fall, that goals hold by a second geometry (`executor.audit`), and that the
 recorded actions, replayed open loop in one world from the first recorded state, end in success again.
 """
 
@@ -23,8 +23,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.audit_geometry import Snapshot, holds
 from benchmarks.audit_watch import CONTACTS_EVERY, ROBOT, StepLog, watching
+from executor.audit.decision import holds
+from executor.audit.geometry import Snapshot
 from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
 from executor.campaign.versions import outcome_version
@@ -121,9 +122,10 @@ def audit(unit: Unit) -> Finding:
         if found.measured.get(name, 0.0) > most:
             found.wrong.append(f"{name}: {found.measured[name]:.4g}, at most {most:g}")
     states = done.trajectory.packed_states
-    before = Snapshot(done.scene, states[0])
-    found.goal_holds = holds(done.task.goal, done.scene, before, Snapshot(done.scene, states[-1]))
-    found.replayed = holds(done.task.goal, done.scene, before, Snapshot(done.scene, replay(done)))
+    replayed = replay(done)
+    with World(done.scene) as world:
+        before, *ends = (Snapshot(world, state) for state in (states[0], states[-1], replayed))
+    found.goal_holds, found.replayed = (holds(done.task.goal, done.scene, before, end) for end in ends)
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from types import MappingProxyType
 from typing import TypeVar
@@ -32,6 +32,7 @@ from executor.assets.parameters import (
     Range,
 )
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE, with_resistance
+from executor.system.files import content_key, json_text
 from oag import SceneObject
 from oag.model.symbols import Kind, kind_of
 
@@ -258,6 +259,15 @@ def asset_for(obj: SceneObject) -> Asset:
     asset = _at_size(obj, _family(obj) if known is None else known.build)
     asset = asset if known is None else replace(asset, synset=known.synset)
     return with_resistance(obj, asset)
+
+
+def asset_hash(obj: SceneObject) -> str:
+    """Return a hash of all that an object is built of: shapes, masses, friction, joints, handles and regions.
+
+    Raises:
+        AssetError: As for `asset_for`.
+    """
+    return content_key(json_text(asdict(asset_for(obj))))
 
 
 def _at_size(obj: SceneObject, family: Builder) -> Asset:

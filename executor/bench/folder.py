@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bddl.errors import Scene2DemoError
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.campaign.engine import exclusive_lock, result_of
+from executor.campaign.claims import exclusive_lock
+from executor.campaign.engine import result_of
 from executor.system.files import read_json, write_json
 from executor.system.workers import WorkerOutcome
 

@@ -5,118 +5,23 @@
     with claimed(store, jobs):
         Campaign(store, "executor.bench.worker", workers=2).run(jobs, on_progress)
 
-A benchmark and a data set differ in what a unit is and how its result is stored, and in nothing else here.
-
-A run keeps a card in `running/` locked while it lives. The system releases the lock when the process ends, however it
-ends. Nothing has to be cleaned up by hand. Where the system or the disk has no such locks, no run is refused.
+A benchmark and a data set differ in what a unit is and how its result is stored, and in nothing else here. Requests are
+run by an engine: the pool of this machine, or `executor.campaign.ray_engine`. Parts of a Slurm array are shards.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import socket
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
-from bddl.errors import Scene2DemoError
-from bddl.files import open_plain
+from executor.campaign.claims import claim_units
 from executor.system.workers import WorkerOutcome, WorkerPool
 
-try:
-    import fcntl
-except ImportError:  # Windows has none.
-    fcntl = None  # type: ignore[assignment]
-
-RUNNING = "running"
-LOCK = ".lock"
-
-
-class BenchBusy(Scene2DemoError):
-    """Another run works on some of the same units."""
-
-
-@contextmanager
-def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Hold a folder's exclusive lock; wait until other processes release it.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with _open_card(folder / LOCK, os.O_CREAT) as lock:
-        if fcntl is not None:
-            with suppress(OSError):  # A disk without locks.
-                fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-@contextmanager
-def claim_units(folder: Path, units: Iterable[str]) -> Iterator[None]:
-    """Claim units in a folder for as long as the block lasts.
-
-    Args:
-        folder: Folder of the benchmark or store.
-        units: Ids of the units.
-
-    Raises:
-        BenchBusy: A living run works on some of them; the message names it.
-        OSError: The folder cannot be written.
-    """
-    process, host, wanted = os.getpid(), socket.gethostname(), set(units)
-    place = folder / RUNNING
-    with exclusive_lock(folder):
-        place.mkdir(exist_ok=True)
-        for other in _live_runs(place):
-            if both := wanted & set(other["units"]):
-                raise BenchBusy(
-                    f"process {other['process']} on {other['host']} works on {len(both)} of these units in {folder} "
-                    "already; wait for it, or share the units between runs with --shard"
-                )
-        path = place / f"{host}-{process}.json"
-        path.unlink(missing_ok=True)  # Left by an earlier process of the same number, or a planted link.
-        card = _open_card(path, os.O_CREAT | os.O_EXCL)
-        _try_lock(card)
-        json.dump({"process": process, "host": host, "units": sorted(wanted)}, card)
-        card.flush()
-    try:
-        yield
-    finally:
-        with exclusive_lock(folder):
-            path.unlink(missing_ok=True)
-            card.close()
-            if not any(place.iterdir()):
-                place.rmdir()
-
-
-def _live_runs(place: Path) -> Iterator[Mapping[str, Any]]:
-    """Yield the cards of other living runs; cards of ended ones are deleted."""
-    for path in sorted(place.glob("*.json")):
-        with _open_card(path, 0) as card:
-            if _try_lock(card):
-                path.unlink(missing_ok=True)
-            else:
-                yield json.load(card)
-
-
-def _open_card(path: Path, flags: int) -> IO[str]:
-    return os.fdopen(open_plain(path, os.O_RDWR | flags), "r+", encoding="utf-8")
-
-
-def _try_lock(file: IO[str]) -> bool:
-    """Try to lock a file; return whether no other process has it."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # A disk without locks.
-            return True
-    return True
-
+THREADS = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Variables of worker processes: each one's software renderer would use all cores."""
 
 UNIT_LIMIT_S = 900.0
 """Wall time after which a unit's process counts as hung."""
@@ -193,13 +98,38 @@ def pending(
                 yield unit, version
 
 
-def claimed(store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]]) -> AbstractContextManager[None]:
-    """Claim units in their store for as long as the block lasts.
+def claimed(
+    store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]], wait_s: float = 0.0
+) -> AbstractContextManager[None]:
+    """Claim units in their store for as long as the block lasts, after waiting for other runs of them.
 
     Raises:
         BenchBusy, OSError: As for `claim_units`.
     """
-    return claim_units(store.path, [unit.id(version) for unit, version in jobs])
+    return claim_units(store.path, [unit.id(version) for unit, version in jobs], wait_s)
+
+
+class Engine(Protocol):
+    """What runs requests in processes, on this machine or on others: requests in, outcomes out."""
+
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[WorkerOutcome, None, None]:
+        """Yield the outcome of each request, in the order in which they end; closed early, all processes end.
+
+        A request is taken when it can start. A process that dies, or a machine that is lost, costs no other request.
+
+        Raises:
+            WorkersUnusable: No process can be started, or each is of another version of the program.
+            OSError: A disk is full.
+        """
+
+
+EngineMaker = Callable[[str, int, float], Engine]
+"""Takes the worker's module, the number of processes a machine, and the limit of a unit [s]."""
+
+
+def local_pool(worker: str, workers: int, limit_s: float) -> Engine:
+    """Return the engine of this machine: a pool of processes."""
+    return WorkerPool(worker, workers, limit_s=limit_s, environment=THREADS)
 
 
 @dataclass(frozen=True)
@@ -209,9 +139,10 @@ class Campaign(Generic[AnyUnit]):
     Attributes:
         store: Where results are kept.
         worker: Module of the worker process.
-        workers: Number of processes.
+        workers: Number of processes, on each machine.
         limit_s: Maximum wall time of a unit [s].
         more: Gives further fields of the request of a unit for a version.
+        engine: Makes what runs the requests.
     """
 
     store: ResultStore[AnyUnit]
@@ -219,12 +150,14 @@ class Campaign(Generic[AnyUnit]):
     workers: int
     limit_s: float = UNIT_LIMIT_S
     more: Callable[[AnyUnit, str], Mapping[str, Any]] = lambda unit, version: {}
+    engine: EngineMaker = local_pool
 
     def run(
         self,
-        jobs: Sequence[Job[AnyUnit]],
+        jobs: Iterable[Job[AnyUnit]],
         on_progress: Callable[[AnyUnit, Mapping[str, Any]], None],
         stop: Callable[[], bool] = lambda: False,
+        wanted: Callable[[AnyUnit], bool] = lambda unit: True,
     ) -> None:
         """Run units; each result is on disk before the next one is awaited.
 
@@ -232,21 +165,27 @@ class Campaign(Generic[AnyUnit]):
             jobs: Units in their order of start; no other run works on them (`claimed`).
             on_progress: Called with every unit and its result.
             stop: Asked after every unit; units in flight are lost when it agrees.
+            wanted: Asked before a unit starts; units that are wanted no more are left out.
 
         Raises:
             WorkersUnusable: No worker process can be started, or it runs another version of the program.
             OSError: The disk is full; finished units are kept.
             KeyboardInterrupt: Ctrl-C; finished units are kept.
         """
-        # Each process's software renderer would use all cores.
-        threads = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        pool = WorkerPool(self.worker, self.workers, limit_s=self.limit_s, environment=threads)
-        requests = [{**self.store.request(*job), **self.more(*job)} for job in jobs]
-        job_of = {id(request): job for request, job in zip(requests, jobs, strict=True)}
+        job_of: dict[int, tuple[Mapping[str, Any], Job[AnyUnit]]] = {}
+
+        def requests() -> Iterator[Mapping[str, Any]]:
+            for job in jobs:
+                if wanted(job[0]):
+                    request = {**self.store.request(*job), **self.more(*job)}
+                    job_of[id(request)] = request, job  # Kept, so that no other request has its number.
+                    yield request
+
+        engine = self.engine(self.worker, self.workers, self.limit_s)
         # Closed on every exit, such as a full disk, so that no worker process stays behind.
-        with closing(pool.run(requests)) as outcomes:
+        with closing(engine.run(requests())) as outcomes:
             for outcome in outcomes:
-                unit, version = job_of[id(outcome.request)]
+                _, (unit, version) = job_of.pop(id(outcome.request))
                 on_progress(unit, self.store.keep(unit, version, outcome))
                 if stop():
                     return

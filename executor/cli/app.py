@@ -44,6 +44,7 @@ _ORDER = (
         "bench",
         "generate",
         "dataset",
+        "status",
         "replay",
         "train",
         "evaluate",

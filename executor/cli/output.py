@@ -7,6 +7,7 @@ and nothing in it steers the terminal.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
@@ -33,6 +34,8 @@ class _Terminal(Console):
 # Without emoji=False "vllm:m: no reply" would be shown with a picture in place of ":m:".
 OUT = _Terminal(highlight=False, soft_wrap=True, emoji=False)
 ERR = _Terminal(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+_PACE_EVERY_S = 60.0
 
 
 def say(text: str, style: str | None = None) -> None:
@@ -121,3 +124,38 @@ def _standard_output() -> Iterator[None]:
         if problem.filename is None and problem.errno is not None:
             raise OSError(problem.errno, problem.strerror, "standard output") from problem
         raise
+
+
+def span_text(seconds: float) -> str:
+    """Return a time as people say it: "40 s", "12 min", "3.5 h"."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
+
+
+class Pace:
+    """How fast a run is: a line about it now and then, where no bar shows it.
+
+    Args:
+        total: How many things there are.
+        done: How many of them were done before.
+        quiet: Tells nothing.
+    """
+
+    def __init__(self, total: int, done: int = 0, *, quiet: bool = False) -> None:
+        self._total, self._before, self._quiet = total, done, quiet
+        self._began = self._shown = time.perf_counter()
+
+    def text(self, done: int) -> str:
+        """Return how many things are done an hour, and the time that the others take."""
+        span_s, here = time.perf_counter() - self._began, done - self._before
+        if here <= 0 or span_s <= 0.0:
+            return "no rate yet"
+        left_s = max(self._total - done, 0) * span_s / here
+        return f"{3600.0 * here / span_s:.0f} an hour, {span_text(left_s)} left"
+
+    def note(self, done: int) -> None:
+        """Tell how far the run is, if a minute has passed since the last time."""
+        if not self._quiet and time.perf_counter() - self._shown >= _PACE_EVERY_S:
+            self._shown = time.perf_counter()
+            tell(f"  {done} of {self._total}, {self.text(done)}")

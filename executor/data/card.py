@@ -189,7 +189,8 @@ class Contents:
         views: Camera -> number of kept episodes with it.
         varieties: Label of an origin -> differences between its demonstrations.
         scaled: Category of things whose size was drawn or fitted to the gripper -> the minimum and maximum factor.
-        asked: Number of requested episodes.
+        asked: Number of requested episodes, or of successes where these were requested.
+        audited: Verdict of an audit -> number of episodes with it.
         repeats: Number of demonstrations that duplicate the states, sentence and pictures of another one; they are not
             counted.
     """
@@ -206,6 +207,7 @@ class Contents:
     varieties: dict[str, Variety] = field(default_factory=dict)
     scaled: dict[str, tuple[float, float]] = field(default_factory=dict)
     asked: int = 0
+    audited: Counter[str] = field(default_factory=Counter)
     repeats: int = 0
 
     @property
@@ -233,6 +235,7 @@ class Contents:
             "repeats": self.repeats,
             "yield_interval": list(clopper_pearson(self.succeeded, self.made)) if self.made else None,
             "failures": dict(sorted(self.failures.items())),
+            "audited": dict(sorted(self.audited.items())),
             "simulated_s": round(sum(part.simulated_s for part in self.parts.values()), 3),
             "samples": self.samples,
             "bytes": self.store_bytes,
@@ -262,7 +265,7 @@ def contents_of(store: EpisodeStore) -> Contents:
     Raises:
         NotADataset: It is none, or an episode is unreadable.
     """
-    found = Contents(asked=sum(int(request["episodes"]) for request in store.requests()))
+    found = Contents(asked=sum(int(request.get("successes") or request["episodes"]) for request in store.requests()))
     known: set[str] = set()
     for episode in store.episodes():
         kept = episode.succeeded and episode.has_samples
@@ -279,6 +282,8 @@ def _count(found: Contents, episode: StoredEpisode, *, kept: bool) -> None:
     found.parts.setdefault(unit.origin.label, Part()).add(episode, unit, kept=kept)
     found.store_bytes += sum(file.stat().st_size for file in episode.path.rglob("*") if file.is_file())
     found.programs.add(str(meta["version"]))
+    if (audited := episode.audited) is not None:
+        found.audited[str(audited["verdict"])] += 1
     if not episode.succeeded:
         found.failures[str((meta.get("failure") or {}).get("kind") or meta["ended"])] += 1
     if not kept:
@@ -397,7 +402,9 @@ def _yields(found: Contents) -> str:
     head = ("origin", "such as", "seeds", "made", "demonstrations", "succeeded (95 % interval)")
     failures = [(kind, count) for kind, count in sorted(found.failures.items())]
     words = _table(("failure", "episodes"), failures) if failures else "No episode failed."
-    return f"## Yield\n\n{_table(head, rows)}\n\n{words}"
+    audited = ", ".join(f"{count} {word}" for word, count in found.audited.most_common())
+    verdicts = f"\n\nAudited: {audited}." if audited else ""
+    return f"## Yield\n\n{_table(head, rows)}\n\n{words}{verdicts}"
 
 
 def _provenance(found: Contents) -> str:

@@ -45,6 +45,8 @@ from oag.model.robots import chosen_robot, known_robot
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 AXES: tuple[Axis, ...] = ("target", "surfaces", "lights", "cameras", "physics")
 Number = StrictFloat | StrictInt
+ATTEMPTS_EACH = 10
+"""Episodes that are tried for a wanted success."""
 _WITH_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
 
 
@@ -59,6 +61,7 @@ class _SourceOptions(Form):
 
     seed: Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)] = 0
     episodes: Annotated[StrictInt, Field(ge=1, le=MOST_EPISODES)] = 20
+    successes: Annotated[StrictInt, Field(ge=1, le=MOST_EPISODES)] | None = None
     vary: tuple[Axis, ...] = ()
     distractors: Annotated[StrictInt, Field(ge=0, le=8)] = 0
     noise_m: Annotated[Number, Field(ge=0, le=0.05)] = 0
@@ -74,6 +77,16 @@ class _SourceOptions(Form):
     full_size: StrictBool = False
     robot: Annotated[str, AfterValidator(known_robot)] = ""
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
+
+
+def attempts_for(successes: int | None) -> int:
+    """Return how many episodes are tried where their number is not given.
+
+    Args:
+        successes: Wanted successes; None where none are counted.
+    """
+    usual: int = _SourceOptions.model_fields["episodes"].default
+    return usual if successes is None else min(ATTEMPTS_EACH * successes, MOST_EPISODES)
 
 
 class _SourceForm(_SourceOptions):
@@ -159,11 +172,14 @@ def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoS
     axes = {axis: axis in wanted.vary for axis in AXES}
     variation = Variation(**axes, distractors=wanted.distractors, noise_m=wanted.noise_m)
     recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
+    episodes = wanted.episodes if "episodes" in wanted.model_fields_set else attempts_for(wanted.successes)
     for origin in _origins(wanted, scene_folder):
         index = indices_of(origin.family)[0]
         flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
         yield DemoSeries(
-            DemoUnit(origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot), wanted.episodes
+            DemoUnit(origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot),
+            episodes,
+            wanted.successes,
         )
 
 
@@ -243,6 +259,37 @@ class Tally:
         return 3600.0 * self.kept / max(time.perf_counter() - self.began, 1e-9)
 
 
+class Goals:
+    """Successes that are wanted of each series, and what there is of them.
+
+    Args:
+        series: The series; those that want no number of successes want all their units.
+    """
+
+    def __init__(self, series: Sequence[DemoSeries]) -> None:
+        self._limits = [one.successes for one in series]
+        self._there = [0] * len(series)
+        limited = [place for place, limit in enumerate(self._limits) if limit is not None]
+        self._series_of = {unit: place for place in limited for unit in series[place].units()}
+
+    @property
+    def wanted(self) -> int:
+        """Successes that are wanted in all; 0 where a series wants all its units."""
+        numbers = [limit or 0 for limit in self._limits]
+        return sum(numbers) if all(numbers) else 0
+
+    def note(self, unit: DemoUnit, ended: str) -> None:
+        """Count a unit that ended."""
+        if ended == "succeeded" and unit in self._series_of:
+            self._there[self._series_of[unit]] += 1
+
+    def wants(self, unit: DemoUnit) -> bool:
+        """Decide whether a unit is still to be made."""
+        place = self._series_of.get(unit)
+        limit = None if place is None else self._limits[place]
+        return place is None or limit is None or self._there[place] < limit
+
+
 EpisodeCallback = Callable[[DemoUnit, Mapping[str, Any]], None]
 
 
@@ -252,6 +299,7 @@ def generate(
     on_progress: EpisodeCallback,
     tally: Tally,
     limits: Limits = NO_LIMITS,
+    goals: Goals | None = None,
 ) -> None:
     """Make units; each is completely in the store before it is reported.
 
@@ -261,6 +309,7 @@ def generate(
         on_progress: Called with every unit and its result.
         tally: Counts them.
         limits: Limits of the run.
+        goals: Successes that are wanted; by default all units are.
 
     Raises:
         WorkersUnusable, OSError, KeyboardInterrupt: As for `Campaign.run`.
@@ -271,13 +320,15 @@ def generate(
 
     def count(unit: DemoUnit, result: Mapping[str, Any]) -> None:
         tally.count(result)
+        if goals is not None:
+            goals.note(unit, result["ended"])
         on_progress(unit, result)
 
     def stop() -> bool:
         tally.stopped_by = _exhausted_limit(store, tally, limits) if tally.made < len(jobs) else ""
         return bool(tally.stopped_by)
 
-    campaign.run(jobs, count, stop)
+    campaign.run(jobs, count, stop, (lambda unit: True) if goals is None else goals.wants)
 
 
 def _exhausted_limit(store: EpisodeStore, tally: Tally, limits: Limits) -> str:

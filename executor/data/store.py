@@ -3,6 +3,7 @@
     DIR/dataset.json              the requests, in order
     DIR/units/NAME-ID/unit.json   unit, outcome, texts, spans and numbers (`docs/datasets.md`)
                      samples.xz   arrays (`executor.data.samples`); absent where no motion was kept
+                     audit.json   verdict of `dataset audit`, where one was asked for
                      <view>.mp4 and further requested pictures (`executor.data.views`)
 
 A unit's folder is written under a temporary name and renamed. Several processes, on several machines, may write into
@@ -11,6 +12,7 @@ one store at once. Exports go through the episodes in the order of folder names.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -28,7 +30,8 @@ from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
 from bddl.files import open_input
-from executor.campaign.engine import UNFINISHED, exclusive_lock, result_of
+from executor.campaign.claims import exclusive_lock
+from executor.campaign.engine import UNFINISHED, result_of
 from executor.data import samples
 from executor.data.units import SCHEMA, DemoUnit
 from executor.rollouts.checkpoint import Checkpoint
@@ -37,7 +40,8 @@ from executor.system.workers import WorkerOutcome
 from oag import Scene, Task
 
 INDEX_SCHEMA = "scene2demo-dataset/1"
-INDEX, UNITS, META, SAMPLES = "dataset.json", "units", "unit.json", "samples.xz"
+INDEX, UNITS, META, SAMPLES, AUDIT = "dataset.json", "units", "unit.json", "samples.xz", "audit.json"
+NOT_AUDITED = "no"
 
 _ASIDE = ".part-"
 _TOKEN_BYTES = 4
@@ -138,6 +142,29 @@ class StoredEpisode:
     def corrections(self) -> tuple[Mapping[str, Any], ...]:
         """Failed and revised attempts, as `executor.data.work` writes them."""
         return tuple(self.meta.get("corrections") or ())
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 of its `unit.json` and samples."""
+        digest = hashlib.sha256()
+        for name in (META, SAMPLES):
+            with suppress(FileNotFoundError):
+                digest.update(hashlib.sha256((self.path / name).read_bytes()).digest())
+        return digest.hexdigest()
+
+    @property
+    def audited(self) -> Mapping[str, Any] | None:
+        """Verdict of its audit (`executor.audit`); None without one, or where its files have changed since."""
+        try:
+            found = read_json(self.path / AUDIT)
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and found.get("content") == self.content_hash else None
+
+    @property
+    def audit_word(self) -> str:
+        """Its verdict in a word: sound, flawed or undecided; "no" without an audit."""
+        return str((self.audited or {}).get("verdict", NOT_AUDITED))
 
     @cached_property
     def scene(self) -> Scene:

@@ -319,10 +319,12 @@ class DemoSeries:
     Attributes:
         first: Unit of the first seed.
         episodes: Number of units.
+        successes: Successes after which no further unit is begun; None where all units are wanted.
     """
 
     first: DemoUnit
     episodes: Annotated[StrictInt, Field(ge=0, le=MOST_EPISODES)]
+    successes: Annotated[StrictInt, Field(ge=1, le=MOST_EPISODES)] | None = None
 
     def units(self) -> Iterator[DemoUnit]:
         """Yield the units in order; those of T5 and T6 go through one set of pairs after the other."""
@@ -331,7 +333,8 @@ class DemoSeries:
 
     def to_json(self) -> dict[str, Any]:
         """Return the series as plain data."""
-        return {"first": self.first.to_json(), "episodes": self.episodes}
+        more = {} if self.successes is None else {"successes": self.successes}
+        return {"first": self.first.to_json(), "episodes": self.episodes, **more}
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> DemoSeries:

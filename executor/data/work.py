@@ -22,7 +22,7 @@ import bddl
 import llm
 from bddl.errors import Scene2DemoError
 from executor.assets import library
-from executor.assets.library import asset_for
+from executor.assets.library import asset_for, asset_hash
 from executor.campaign.versions import LIBRARIES, library_versions
 from executor.data import samples
 from executor.data.store import SAMPLES
@@ -317,6 +317,7 @@ def meta_of(made: Made) -> dict[str, Any]:
         "task": task.to_json(),
         "detours": [asdict(detour) for detour in done.detours],
         "scene": done.scene.to_json(),
+        "assets": {name: asset_hash(thing) for name, thing in done.scene.objects.items()},
         "verdict": report.verdict.name,
         "certificate": None if report.certificate is None else report.certificate.task_hash,
         "subtasks": [_subtask(done, record) for record in done.subtasks],

@@ -270,8 +270,12 @@ def evaluate(
     on_progress: TrialCallback,
     *,
     keep_states: bool = False,
+    enough: Callable[[Mapping[str, Sequence[EpisodeOutcome]]], bool] = lambda found: False,
 ) -> dict[str, list[EpisodeOutcome]]:
     """Return policy -> outcome of each seed, in order; after Ctrl-C, of the seeds in which all of them had acted.
+
+    Args:
+        enough: Asked after every seed; no further one is begun when it agrees.
 
     Raises:
         KeyboardInterrupt: Before there was any result.
@@ -286,6 +290,8 @@ def evaluate(
                     outcome, footage = run_episode(env, policy, seed, keep_states=keep_states)
                     found[policy.name].append(outcome)
                     on_progress(policy, outcome, footage)
+                if enough(found):
+                    break
         except KeyboardInterrupt:
             whole = min(map(len, found.values()))
             if not whole:

@@ -63,6 +63,7 @@ class EpisodeRow:
         drawn: Varied value -> what was drawn, a number or a word.
         videos: Number of its videos.
         bytes: Size of its files.
+        audited: Verdict of its audit; empty where it has none.
     """
 
     name: str
@@ -77,6 +78,7 @@ class EpisodeRow:
     drawn: Mapping[str, float | str] = field(default_factory=dict)
     videos: int = 0
     bytes: int | None = None
+    audited: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "vision": ("transformers", "torch", "safetensors"),
         "testing": ("hypothesis",),
         "rerun": ("rerun-sdk",),
+        "ray": ("ray",),
     }
 )
 

@@ -13,8 +13,9 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any, Literal, TextIO
 
 from bddl.errors import Scene2DemoError
@@ -287,7 +288,7 @@ class WorkerPool:
         self._lock = threading.Lock()
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[WorkerOutcome, None, None]:
-        """Yield the outcome of each request, in the order in which they end.
+        """Yield the outcome of each request, in the order in which they end; one is taken when a process is free.
 
         A worker that dies, or is killed for taking too long, is replaced. When the iteration is left early, such as
         by Ctrl-C, all workers end at once.
@@ -300,20 +301,40 @@ class WorkerPool:
         self._stopping.clear()
         threads = ThreadPoolExecutor(self._count)
         try:
-            for done in as_completed([threads.submit(self._work, request) for request in requests]):
-                yield done.result()
+            waiting, flying = iter(requests), set[Future[WorkerOutcome]]()
+            while True:
+                for request in islice(waiting, self._count - len(flying)):
+                    flying.add(threads.submit(self.ask, request))
+                if not flying:
+                    return
+                done, flying = wait(flying, return_when=FIRST_COMPLETED)
+                for one in done:
+                    yield one.result()
         finally:
-            self._stopping.set()
-            with self._lock:
-                live = list(self._live)
-            for worker in live:
-                worker.kill()
+            self._stop()
             threads.shutdown(cancel_futures=True)
-            while self._live:
-                self._end(next(iter(self._live)))
-            self._idle.clear()
+            self.close()
 
-    def _work(self, request: Mapping[str, Any]) -> WorkerOutcome:
+    def _stop(self) -> None:
+        self._stopping.set()
+        with self._lock:
+            live = list(self._live)
+        for worker in live:
+            worker.kill()
+
+    def close(self) -> None:
+        """End all processes."""
+        self._stop()
+        while self._live:
+            self._end(next(iter(self._live)))
+        self._idle.clear()
+
+    def ask(self, request: Mapping[str, Any]) -> WorkerOutcome:
+        """Return the outcome of one request; threads that ask at once have a process each.
+
+        Raises:
+            WorkersUnusable, OSError: As for `run`.
+        """
         started_s, began = time.time(), time.perf_counter()
         try:
             with self._lock:

@@ -121,6 +121,7 @@ def row_of(episode: StoredEpisode) -> EpisodeRow:
         drawn=dict(_drawn(meta.get("drawn") or {})),
         videos=sum(footage_path(episode.path, view).is_file() for view in views),
         bytes=sum(stat.st_size for stat in files),
+        audited=str((episode.audited or {}).get("verdict", "")),
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from bddl.files import NoPlainFile, write_atomically
 from executor.bench.folder import BenchFolder
-from executor.campaign.engine import LOCK, RUNNING, claim_units, exclusive_lock
+from executor.campaign.claims import LOCK, RUNNING, claim_units, exclusive_lock
 from executor.reports.run_folder import FILES, ResultsExist, RunFolder
 from executor.rollouts.evolution_record import FOLDER
 from executor.system.files import write_json, write_text

@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from bddl.terminal import pluralize
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.options import BenchFamily, CommonOptions, Flag, FullSize, KeepSizes, ResultsFolder, RobotName
-from executor.cli.output import ERR, OUT, bar, print_json, say, tell
+from executor.cli.engines import EngineOptions
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.options import BenchFamily, Flag, FullSize, KeepSizes, Maybe, ResultsFolder, RobotName
+from executor.cli.output import ERR, OUT, Pace, bar, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.bench.folder import BenchFolder
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Options(CommonOptions):
+class Options(EngineOptions):
     """Measure success rates over many episodes, and print them beside the paper's main table.
 
     Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT` shows one
@@ -42,11 +43,15 @@ class Options(CommonOptions):
     any wishes in any homes, impossible ones among them, by a robot of full size."""
     out: ResultsFolder
     episodes: int = 20
-    """How many units of each family; those of T5 and T6 go through one set of pairs after the other."""
+    """How many units of each family, with --until the most; those of T5 and T6 go through one set of pairs after the
+    other."""
+    until: Maybe[float] = None
+    """Width in percentage points of the 95 % interval of a family's success rate at which no further unit of it is
+    begun, such as 14; from the tenth unit on."""
     seed: int = 0
     """Seed of the first episode, or of the first set of pairs; the following ones count up."""
     workers: int = 2
-    """How many processes; one that crashes costs its unit only."""
+    """How many processes, on each machine; one that crashes costs its unit only."""
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
     evolve: Flag = False
@@ -74,6 +79,7 @@ def execute(options: Options) -> int:
     from executor.bench.units import BenchSetting, Series
     from executor.campaign.engine import Campaign, claimed, pending
     from executor.campaign.versions import outcome_version
+    from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.scenes.generators.families import FAMILIES
 
     shard = _checked(options)
@@ -89,27 +95,73 @@ def execute(options: Options) -> int:
     ]
     folder.add_series(asked)
     jobs = list(pending(folder, [(unit, version) for one in asked for unit in one.units()], shard, again=options.again))
-    interrupted = False
-    with claimed(folder, jobs):
+    if options.slurm is not None:
+        return write_array(options, typed_words("bench", options, "families"), len(jobs), folder.path, options.workers)
+    engine = engine_of(options, outcome_version, renders=options.views)
+    narrow, interrupted = _Narrow(folder, asked, options.until), False
+    with claimed(folder, jobs, claim_wait_s()):
         try:
             with _progress(folder, asked, len(jobs), quiet=options.json) as on_progress:
-                Campaign(folder, WORKER, options.workers, options.limit_s).run(jobs, on_progress)
+
+                def count(unit: Unit, result: Mapping[str, Any]) -> None:
+                    narrow.note(unit, result)
+                    on_progress(unit, result)
+
+                campaign = Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine)
+                campaign.run(jobs, count, wanted=narrow.wants)
         except KeyboardInterrupt:
             interrupted = True
         finally:
             cells = write_results(folder)
     endings = Counter(result["ended"] for one in asked for result in folder.results(one))
+    from executor.cli.execution import command_line
+
     hopeless = endings.total() > 0 and not endings["succeeded"]
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     if options.json:
         print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting, folder)
-        shown = f"scene2demo view {folder.path} shows each episode"
-        say(f"results in {folder.path}: report.html, summary.json, units/; {shown}")
+        say(f"results in {folder.path}: report.html, summary.json, units/")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
+        else:
+            say(f"next: {command_line('view', folder.path)}")
     return code
+
+
+LEAST_UNITS = 10  # Before that an interval may be narrow by luck.
+
+
+class _Narrow:
+    """Families whose success rate is known well enough.
+
+    Args:
+        folder: Where results are kept; what is done already counts.
+        asked: The series.
+        until: Width of the interval [percentage points]; None where all units are wanted.
+    """
+
+    def __init__(self, folder: BenchFolder, asked: Sequence[Series], until: float | None) -> None:
+        from executor.bench.tables import Cell
+
+        self._until = until
+        counted = asked if until is not None else ()
+        self._cells = {series.family: Cell(series, folder.results(series)) for series in counted}
+
+    def note(self, unit: Unit, result: Mapping[str, Any]) -> None:
+        """Count a unit."""
+        if self._until is not None:
+            cell = self._cells[unit.family]
+            self._cells[unit.family] = replace(cell, results=(*cell.results, result))
+
+    def wants(self, unit: Unit) -> bool:
+        """Decide whether a unit is still to be run."""
+        if self._until is None:
+            return True
+        cell = self._cells[unit.family]
+        interval = cell.all.interval_percent
+        return interval is None or len(cell.results) < LEAST_UNITS or interval[1] - interval[0] > self._until
 
 
 def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting, folder: BenchFolder) -> None:
@@ -155,6 +207,7 @@ def _print_main_table(cells: Sequence[Cell]) -> None:
 
 def _checked(options: Options) -> Shard:
     """Return the shard, after refusing options that make no sense."""
+    from executor.cli.engines import check_engine
     from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
     from executor.cli.inputs import robot_asked_for
     from executor.scenes.generators.families import FAMILIES, LONG_HORIZON
@@ -166,6 +219,12 @@ def _checked(options: Options) -> Shard:
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     shard = read_shard(options.shard)
+    check_engine(options, options.shard)
+    check(
+        options.until is None or 0.0 < options.until < 100.0, "--until", options.until, "a width from 0 to 100 points"
+    )
+    alone = options.until is None or (shard.of == 1 and options.slurm is None)
+    check(alone, "--until", options.until, "no --shard and no --slurm: parts do not know of each other's units")
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
     given = {
@@ -200,6 +259,7 @@ def _progress(
     if before:
         tell(f"  {before} of {pluralize(total, 'unit')} done already, {remaining} to run now")
     shows_bar = ERR.is_terminal and remaining > 0
+    pace = Pace(before + remaining, before, quiet=shows_bar)
     with bar(f"{endings['succeeded']} of {before} succeeded", total, done=before, quiet=not shows_bar) as show:
 
         def show_unit(unit: Unit, result: Mapping[str, Any]) -> None:
@@ -208,6 +268,8 @@ def _progress(
             words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
             if not (shows_bar and good):
                 tell(f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
-            show(endings.total(), f"{endings['succeeded']} of {endings.total()} succeeded")
+            done = endings.total()
+            show(done, f"{endings['succeeded']} of {done} succeeded, {pace.text(done)}")
+            pace.note(done)
 
         yield show_unit

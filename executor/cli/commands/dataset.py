@@ -1,4 +1,4 @@
-"""`scene2demo dataset export|render|info|check|merge|card`: work with a filled store of demonstrations."""
+"""`scene2demo dataset export|render|info|check|audit|merge|card`: work with a filled store of demonstrations."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from executor.cli.options import (
     ALL_CHANNELS,
     Channels,
     CommonOptions,
+    Flag,
     Maybe,
     Read,
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
     View,
+    negated_flag,
 )
 from executor.cli.output import counting, print_json, print_text, say, tell
 from executor.system.files import write_text
@@ -105,6 +107,22 @@ class CheckStoreOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
+class AuditOptions(CommonOptions):
+    """Decide again whether each episode succeeded, by code that shares nothing with the goal check.
+
+    Start, end, the three seconds after it, sentence, plan, assets and commands are checked too. Verdicts are kept in
+    the store, and exported as `audited`; the exit code is 1 when an episode is not what it says.
+    """
+
+    store: Store
+    workers: int = 2
+    """How many processes."""
+    replay: Annotated[Flag, negated_flag("Do not repeat the recorded commands, which takes most of the time.")] = True
+    again: Flag = False
+    """Audit once more what was audited already and has not changed."""
+
+
+@dataclass(frozen=True)
 class MergeOptions(CommonOptions):
     """Put the episodes of several stores into one; what both have is there once."""
 
@@ -133,6 +151,7 @@ SubCommand = (
     | Annotated[RenderOptions, tyro.conf.subcommand("render")]
     | Annotated[InfoOptions, tyro.conf.subcommand("info")]
     | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
+    | Annotated[AuditOptions, tyro.conf.subcommand("audit")]
     | Annotated[MergeOptions, tyro.conf.subcommand("merge")]
     | Annotated[CardOptions, tyro.conf.subcommand("card")]
 )
@@ -162,6 +181,8 @@ def execute(options: SubCommand) -> int:
             return _info(options)
         case CheckStoreOptions():
             return _check(options)
+        case AuditOptions():
+            return _audit(options)
         case MergeOptions():
             return _merge(options)
         case CardOptions():
@@ -217,6 +238,8 @@ def _info(options: InfoOptions) -> int:
         say(f"{label:11} {part.succeeded} of {part.made} succeeded{long}")
     for kind, count in found.failures.most_common():
         say(f"{'failed':11} {count} x {kind}")
+    if found.audited:
+        say(f"{'audited':11} {', '.join(f'{count} {word}' for word, count in found.audited.most_common())}")
     say(f"{'samples':11} {found.samples} at {', '.join(f'{rate:g}' for rate in sorted(found.rates_hz)) or '-'} Hz")
     say(f"{'views':11} {shares(found.views, found.kept)}")
     each = f", {found.store_bytes / max(found.kept, 1) / 1000:.0f} kB a demonstration" if found.kept else ""
@@ -257,6 +280,50 @@ def _check(options: CheckStoreOptions) -> int:
     else:
         words = pluralize(len(wrong), "flaw") if wrong else "nothing wrong"
         tell(f"{pluralize(looked_at, 'episode')} read, {words}", style="red" if wrong else None)
+    return code
+
+
+def _audit(options: AuditOptions) -> int:
+    from executor.audit.episodes import Verdict, audit_store, count_kinds
+    from executor.cli.execution import check_workers, command_line
+    from executor.data.store import EpisodeStore
+    from oag.measurements import clopper_pearson
+
+    check_workers(options.workers)
+    store, found = EpisodeStore.open(options.store), list[Verdict]()
+    interrupted = False
+    with counting("auditing episodes", quiet=options.json) as progress:
+        verdicts = audit_store(
+            store, with_replay=options.replay, workers=options.workers, again=options.again, on_progress=progress
+        )
+        try:
+            for verdict in verdicts:
+                found.append(verdict)
+                for finding in () if options.json else verdict.findings:
+                    tell(f"{verdict.episode}: {finding.kind}: {finding.text}", style="red")
+        except KeyboardInterrupt:
+            interrupted = True
+    sound = sum(verdict.verdict == "sound" for verdict in found)
+    left_out = sum(1 for _ in store.episodes()) - len(found)
+    code = INTERRUPTED if interrupted else DONE if sound == len(found) else FAILED
+    kinds = dict(count_kinds(found).most_common())
+    if options.json:
+        counts = {"audited": len(found), "sound": sound, "left_out": left_out, "kinds": kinds}
+        listed = [verdict.to_json() for verdict in sorted(found, key=lambda each: each.episode) if verdict.findings]
+        print_json({"ok": code == DONE, "exit_code": code, "store": str(store.path), **counts, "episodes": listed})
+        return code
+    low, high = clopper_pearson(sound, len(found)) if found else (0.0, 1.0)
+    words = f"{sound} of {pluralize(len(found), 'episode')} sound ({100 * low:.1f} to {100 * high:.1f} %)"
+    say(f"{'audited':11} {words}", style="bold" if code == DONE else "yellow")
+    for kind, count in kinds.items():
+        say(f"{'found':11} {count} x {kind}")
+    if left_out and not interrupted:
+        say(f"{'left out':11} {pluralize(left_out, 'episode')} whose motion was not kept")
+    if interrupted:
+        tell("scene2demo: interrupted; verdicts are kept, the same command goes on", style="yellow")
+    elif sound:
+        chosen = None if sound == len(found) else "audited=sound"
+        say(f"{'next':11} {command_line('dataset export', options.store, only=chosen, out='FOLDER')}")
     return code
 
 

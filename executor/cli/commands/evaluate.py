@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from itertools import count as counter
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,9 +15,10 @@ from urllib.parse import quote
 import tyro
 
 from bddl.files import read_bounded_text
-from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
-from executor.cli.options import CommonOptions, Family, Flag, Maybe, Read
-from executor.cli.output import bar, print_json, say, tell
+from executor.cli.engines import EngineOptions
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.options import Family, Flag, Maybe, Read
+from executor.cli.output import Pace, bar, print_json, say, tell
 from executor.system.files import write_json, write_text
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Options(CommonOptions):
+class Options(EngineOptions):
     """Have policies act in the environment, all of them in the same episodes, and count what comes of it."""
 
     policies: tyro.conf.Positional[
@@ -47,7 +49,10 @@ class Options(CommonOptions):
     data: Maybe[Path] = None
     """The data set that policies of LeRobot were trained on, or its store; ours say it themselves."""
     episodes: int = 50
-    """How many episodes."""
+    """How many episodes; with --until the most."""
+    until: Maybe[float] = None
+    """Width in percentage points of the 95 % intervals of all success rates at which no further episode is begun, such
+    as 14; from the tenth on."""
     seed: int = 0
     """Seed of the first episode, one that no demonstration has; the following ones count up."""
     execute: Maybe[int] = None
@@ -62,9 +67,18 @@ class Options(CommonOptions):
     """Width and height of the videos."""
     threads: int = 1
     """How many threads a network has."""
+    workers: int = 1
+    """How many processes, on each machine; one acts in this process."""
+    shard: str = "1/1"
+    """Which part of the episodes to run, such as 3/8; all parts may share a folder."""
+    again: Flag = False
+    """Run episodes once more whose process crashed, hung, or met a mistake of the program."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended; with several processes."""
 
 
 RESULTS, PAGE = "evaluation.json", "evaluation.html"
+LEAST_EPISODES = 10  # Before that an interval may be narrow by luck.
 
 
 def execute(options: Options) -> int:
@@ -75,7 +89,6 @@ def execute(options: Options) -> int:
     from executor.campaign.versions import EVALUATION_VERSION, outcome_version
     from executor.data.views import check_drawable
     from executor.learn.evaluation import draw_video, evaluate
-    from executor.learn.scores import evaluation_page
     from executor.sim.render.stage import shared_renderer
 
     actors, version = _actors(options), outcome_version(EVALUATION_VERSION)
@@ -84,47 +97,141 @@ def execute(options: Options) -> int:
         check_drawable()
     if options.out is not None:
         _make(options.out)
+    if _is_campaign(options):
+        return _campaign(options, actors, kind, seeds, version)
     drawn: dict[tuple[str, int], Path] = {}
     with ExitStack() as stack:
         show = stack.enter_context(bar("evaluating", len(actors) * options.episodes, quiet=options.json))
-        acted = counter(1)
+        acted, pace = counter(1), Pace(len(actors) * options.episodes, quiet=options.json)
         scene_renderer = stack.enter_context(shared_renderer()) if options.videos else None
 
         def show_outcome(actor: Policy, outcome: EpisodeOutcome, footage: EpisodeStates) -> None:
-            show(next(acted), "evaluating")
-            if outcome.success_once:
-                if not options.json:
-                    tell(f"  {actor.name} seed {outcome.seed}: succeeded")
-                return
+            done = next(acted)
+            show(done, f"evaluating, {pace.text(done)}")
+            pace.note(done)
             if not options.json:
-                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}")
+                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure or 'succeeded'}")
+            if outcome.success_once:
+                return
             if scene_renderer is not None and options.out is not None:
                 folder = options.out / f"{actors.index(actor):02d}-{outcome.seed:06d}-{outcome.failure}"
                 rate_hz = actor.record.rate_hz
                 video = draw_video(scene_renderer(), footage, folder, options.size, rate_hz)
                 drawn[actor.name, outcome.seed] = video
 
-        found = evaluate(actors, kind, seeds, show_outcome, keep_states=options.videos)
-    judged = _judged(kind, actors, found, drawn, options.out)
+        found = evaluate(
+            actors, kind, seeds, show_outcome, keep_states=options.videos, enough=partial(_is_enough, options.until)
+        )
+    whole = len(next(iter(found.values())))
+    enough = whole == options.episodes or _is_enough(options.until, found)
+    return _finished(options, kind, actors, found, version, drawn, DONE if enough else INTERRUPTED)
+
+
+def _is_enough(until: float | None, found: Mapping[str, Sequence[EpisodeOutcome]]) -> bool:
+    """Decide whether the success rate of every policy is known well enough."""
+    from executor.learn.scores import PolicyScore
+
+    if until is None or any(len(outcomes) < LEAST_EPISODES for outcomes in found.values()):
+        return False
+    intervals = [PolicyScore.of(outcomes).once.interval_percent or (0.0, 100.0) for outcomes in found.values()]
+    return all(high - low <= until for low, high in intervals)
+
+
+def _finished(
+    options: Options,
+    kind: EpisodeKind,
+    actors: Sequence[Policy],
+    found: Mapping[str, Sequence[EpisodeOutcome]],
+    version: str,
+    drawn: Mapping[tuple[str, int], Path],
+    code: int,
+) -> int:
+    """Print and write the results; return the exit code."""
+    from executor.cli.execution import command_line
+    from executor.learn.scores import evaluation_page
+
+    whole, judged = len(next(iter(found.values()))), _judged(kind, actors, found, drawn, options.out)
     results = {
         "version": version,
         **_results_json(kind, actors, judged, found),
         "videos": list(map(str, drawn.values())),
     }
-    code = DONE if len(next(iter(found.values()))) == options.episodes else INTERRUPTED
     # Print before writing: results of hours are shown even if the disk is full by now.
     if options.json:
         print_json({"ok": code == DONE, "exit_code": code, **results})
     else:
         _print(judged)
-        if code != DONE:
-            tell(f"interrupted: this is of the first {len(next(iter(found.values())))} of {options.episodes} episodes")
+        if code == INTERRUPTED:
+            tell(f"interrupted: this is of the first {whole} of {options.episodes} episodes")
+        elif code != DONE:
+            tell(f"this is of the {whole} of {options.episodes} episodes that ended; --again runs the others again")
     if options.out is not None:
         write_json(options.out / RESULTS, results)
         write_text(options.out / PAGE, evaluation_page(judged))
         if not options.json:
-            tell(f"results in {options.out}: {PAGE}, {RESULTS}; scene2demo view {options.out} shows each episode")
+            say(f"{'next':11} {command_line('view', options.out)}")
     return code
+
+
+def _is_campaign(options: Options) -> bool:
+    from executor.learn.evaluation_units import INDEX
+
+    begun = options.out is not None and (options.out / INDEX).exists()
+    return begun or options.workers > 1 or options.shard != "1/1" or bool(options.slurm or options.ray)
+
+
+def _campaign(options: Options, actors: list[Policy], kind: EpisodeKind, seeds: Sequence[int], version: str) -> int:
+    """Run the episodes that the folder lacks in processes, print what there is, and return the exit code."""
+    from executor.campaign.engine import Campaign, claimed, pending
+    from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
+    from executor.cli.execution import read_shard
+    from executor.learn.evaluation_units import WORKER, EvaluationFolder, EvaluationUnit, units_of
+    from executor.learn.evaluation_worker import evaluation_version
+
+    assert options.out is not None
+    folder, units = EvaluationFolder(options.out), units_of(actors, kind, seeds, options.data, options.threads)
+    folder.add_units(units, version)
+    jobs = [(unit, version) for unit in units]
+    todo = list(pending(folder, jobs, read_shard(options.shard), again=options.again))
+    if options.slurm is not None:
+        words = typed_words("evaluate", options, "policies")
+        return write_array(options, words, len(todo), options.out, options.workers)
+    ran, interrupted, pace = 0, False, Pace(len(todo), quiet=options.json)
+
+    def so_far() -> dict[str, list[EpisodeOutcome]]:
+        """Return the outcomes of the seeds in which all policies have acted."""
+        by_seed: dict[int, dict[str, EpisodeOutcome]] = {seed: {} for seed in seeds}
+        for unit in units:
+            if (outcome := folder.outcome(unit, version)) is not None:
+                by_seed[unit.seed][unit.name] = outcome
+        whole = [row for row in by_seed.values() if len(row) == len(actors)]
+        return {actor.name: [row[actor.name] for row in whole] for actor in actors}
+
+    def show(unit: EvaluationUnit, result: Mapping[str, Any]) -> None:
+        nonlocal ran
+        ran += 1
+        pace.note(ran)
+        if not options.json:
+            words = (result.get("failure") or {}).get("kind") or result["ended"]
+            tell(f"  {ran:{len(str(len(todo)))}} of {len(todo)}  {unit.name} seed {unit.seed}: {words}")
+
+    engine = engine_of(options, evaluation_version, renders=False)
+    with claimed(folder, todo, claim_wait_s()):
+        try:
+            Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine).run(
+                todo, show, wanted=lambda unit: options.until is None or not _is_enough(options.until, so_far())
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    found = so_far()
+    if not next(iter(found.values())):
+        say(f"no episode of this part has ended for all policies; {len(todo) - ran} of {len(todo)} did not run")
+        return INTERRUPTED if interrupted else FAILED if todo else DONE
+    whole = len(next(iter(found.values()))) == options.episodes or _is_enough(options.until, found)
+    part = options.shard != "1/1"
+    return _finished(
+        options, kind, actors, found, version, {}, INTERRUPTED if interrupted else DONE if whole or part else FAILED
+    )
 
 
 def _make(out: Path) -> None:
@@ -142,7 +249,8 @@ def _make(out: Path) -> None:
 def _actors(options: Options) -> list[Policy]:
     import torch
 
-    from executor.cli.execution import check_seed
+    from executor.cli.engines import check_engine
+    from executor.cli.execution import check_seed, check_unit_limit, check_workers, read_shard
     from executor.learn.acting import LeRobotPolicy, TrainedPolicy, is_stock
     from executor.sim.render.frames import check_size
 
@@ -151,6 +259,18 @@ def _actors(options: Options) -> list[Policy]:
     check(len(set(options.steps)) == len(options.steps), "--steps", " ".join(map(str, options.steps)), "each step once")
     check(options.threads > 0, "--threads", options.threads, "a number above 0")
     check_seed(options.seed, options.episodes)
+    check_workers(options.workers)
+    check_unit_limit(options.limit_s)
+    check_engine(options, options.shard)
+    read_shard(options.shard)
+    check(
+        options.until is None or 0.0 < options.until < 100.0, "--until", options.until, "a width from 0 to 100 points"
+    )
+    alone = options.until is None or (options.shard == "1/1" and options.slurm is None)
+    check(alone, "--until", options.until, "no --shard and no --slurm: parts do not know of each other's episodes")
+    if _is_campaign(options):
+        check(options.out is not None, "--out", "is missing", "a folder for the episodes of several processes")
+        check(not options.videos, "--videos", "with several processes", "--workers 1, which draws as it goes")
     if options.videos and options.out is None:
         raise BadOption("--videos", "is given", "--out beside it, a folder for them")
     check_size(options.size)

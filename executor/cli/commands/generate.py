@@ -18,6 +18,7 @@ import tyro
 
 from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
+from executor.cli.engines import EngineOptions
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import (
     ALL_CHANNELS,
@@ -25,7 +26,6 @@ from executor.cli.options import (
     Axis,
     Channel,
     Channels,
-    CommonOptions,
     Flag,
     FullSize,
     KeepSizes,
@@ -34,17 +34,17 @@ from executor.cli.options import (
     RobotName,
     View,
 )
-from executor.cli.output import ERR, bar, print_json, say, tell
+from executor.cli.output import ERR, Pace, bar, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.campaign.engine import Campaign, Shard
-    from executor.data.generation import EpisodeCallback, Limits, Tally
+    from executor.data.generation import EpisodeCallback, Goals, Limits, Tally
     from executor.data.store import EpisodeStore
     from executor.data.units import DemoSeries, DemoUnit
 
 
 @dataclass(frozen=True)
-class Options(CommonOptions):
+class Options(EngineOptions):
     """Make demonstrations: a store of episodes, complete, replayable, and folded into the formats that trainers load.
 
     Goes on where an earlier run with the same folder ended. What is to be made may be said here or in a plan's file,
@@ -64,12 +64,15 @@ class Options(CommonOptions):
     gone through by geometry first, and what is infeasible is listed and left out; `tasks` lists the wishes."""
     limit: Maybe[int] = None
     """With --all-tasks: most wishes, those of one kind and then another."""
-    episodes: int = 20
-    """How many episodes of each to make; those that fail are counted, and left out of data sets."""
+    episodes: Maybe[int] = None
+    """How many episodes of each to make, by default 20; those that fail are counted, and left out of data sets. With
+    --successes it is the most that are tried, by default ten for each."""
+    successes: Maybe[int] = None
+    """How many successes of each are wanted; no episode is begun once they are there."""
     seed: int = 0
     """Seed of the first episode; the following ones count up."""
     workers: int = 2
-    """How many processes; one that crashes costs its episode only."""
+    """How many processes, on each machine; one that crashes costs its episode only."""
     vary: Annotated[tuple[Axis, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
     """What varies too: the target's size and heading, surfaces, lights, cameras, physics."""
     distractors: int = 0
@@ -115,6 +118,8 @@ _FEASIBLE_S = 30.0  # CPU seconds for the question whether a wish is feasible.
 def execute(options: Options) -> int:
     """Make the missing episodes; return the exit code."""
     from executor.campaign.engine import Campaign
+    from executor.campaign.versions import outcome_version
+    from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.cli.execution import read_shard
     from executor.data.generation import WORKER
     from executor.data.store import EpisodeStore
@@ -126,17 +131,31 @@ def execute(options: Options) -> int:
     if not series:
         tell("scene2demo: nothing in the scene is feasible", style="red")
         return FAILED
-    if any(one.first.recording.views for one in series):
+    renders = any(one.first.recording.views for one in series)
+    if renders:
         check_drawable()
     for one in series:
         check_plannable(one.first)
     alike = [one for one in series if starts_alike(one)]
     if not options.json:
         _warn_alike(alike)
-    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s)
+    if options.slurm is not None:
+        store = EpisodeStore(options.out)
+        store.add_requests([one.to_json() for one in series])
+        words = typed_words("generate", options, "what")
+        return write_array(options, words, sum(one.episodes for one in series), options.out, options.workers)
+    engine = engine_of(options, outcome_version, renders=renders)
+    campaign = Campaign(EpisodeStore(options.out), WORKER, options.workers, options.limit_s, engine=engine)
     unvaried = {"unvaried": [one.first.origin.query for one in alike]}
     code = make_missing(
-        campaign, series, _budget(options), shard=shard, again=options.again, more=unvaried, as_json=options.json
+        campaign,
+        series,
+        _budget(options),
+        shard=shard,
+        again=options.again,
+        more=unvaried,
+        wait_s=claim_wait_s(),
+        as_json=options.json,
     )
     # The index of `view`; a unit that cannot be read, or is being replaced, is for `dataset check`.
     with suppress(Scene2DemoError, OSError, ValueError, KeyError, TypeError):
@@ -152,6 +171,7 @@ def make_missing(
     shard: Shard | None = None,
     again: bool = False,
     more: Mapping[str, Any] = MappingProxyType({}),
+    wait_s: float = 0.0,
     as_json: bool,
 ) -> int:
     """Make the units of a request that a store lacks, print the outcome, and return the exit code.
@@ -163,26 +183,28 @@ def make_missing(
         shard: Part of the units; by default all.
         again: Whether to repeat units whose process crashed or hung.
         more: Further fields for `--json`.
+        wait_s: How long to wait for another run of the same units [s].
         as_json: Whether the outcome is printed as JSON.
     """
     from executor.campaign.engine import WHOLE, claimed, pending
     from executor.campaign.versions import outcome_version
-    from executor.data.generation import NO_LIMITS, Tally, generate
+    from executor.data.generation import NO_LIMITS, Goals, Tally, generate
     from executor.data.store import EpisodeStore
 
     store, version = EpisodeStore(campaign.store.path), outcome_version()
     store.add_requests([one.to_json() for one in series])
     jobs = [(unit, version) for one in series for unit in one.units()]
     todo = list(pending(store, jobs, shard or WHOLE, again=again))
-    tally, interrupted = Tally(), False
-    with claimed(store, todo):
+    tally, goals, interrupted = Tally(), Goals(series), False
+    with claimed(store, todo, wait_s):
         made_now = frozenset(todo)
         for job in jobs:
             if job not in made_now and (done := store.read(*job)) is not None:
                 tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
-        with _show_progress(tally, len(jobs), len(todo), quiet=as_json) as on_progress:
+                goals.note(job[0], done.meta["ended"])
+        with _show_progress(tally, goals, len(jobs), len(todo), quiet=as_json) as on_progress:
             try:
-                generate(campaign, todo, on_progress, tally, limits or NO_LIMITS)
+                generate(campaign, todo, on_progress, tally, limits or NO_LIMITS, goals)
             except KeyboardInterrupt:
                 interrupted = True
     return finished(store, tally, more, interrupted=interrupted, as_json=as_json)
@@ -206,10 +228,16 @@ def _warn_alike(series: Sequence[DemoSeries]) -> None:
 
 def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
     """Return the requested series, after refusing options that make no sense."""
+    from executor.cli.engines import check_engine
     from executor.cli.execution import check_seed, check_unit_limit, check_workers
     from executor.data.generation import read_plan, series_of
 
-    check_seed(options.seed, options.episodes)
+    check(options.successes is None or options.successes >= 1, "--successes", options.successes, "at least 1")
+    check_seed(options.seed, _attempts(options))
+    check_engine(options, options.shard)
+    alone = options.successes is None or options.shard == "1/1"
+    check(alone, "--successes", options.successes, "no --shard: parts do not know of each other's successes")
+    check(options.successes is None or options.slurm is None, "--successes", options.successes, "no --slurm")
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     for name, limit in (("--limit-h", options.limit_h), ("--limit-gb", options.limit_gb)):
@@ -222,7 +250,8 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
         check(options.limit is None, "--limit", options.limit, "none beside a plan")
         usual = _request_fields(Options(what=(), out=options.out))
         return read_plan(
-            Path(plans[0]), {name: value for name, value in _request_fields(options).items() if value != usual[name]}
+            Path(plans[0]),
+            {name: value for name, value in _request_fields(options).items() if value != usual.get(name)},
         )
     check(options.limit is None or options.all_tasks is not None, "--limit", options.limit, "--all-tasks as well")
     check(options.limit is None or options.limit >= 1, "--limit", options.limit, "at least 1")
@@ -272,12 +301,23 @@ def _source(options: Options) -> dict[str, Any]:
 
 
 def _request_fields(options: Options) -> dict[str, Any]:
-    same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
+    same = ("seed", "successes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
     wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
     wishes["robot"] = options.robot or ""
+    if options.episodes is not None:
+        wishes["episodes"] = options.episodes
     wishes |= {name: list(getattr(options, name)) for name in lists}
     return wishes | channels_of(options.channels)
+
+
+def _attempts(options: Options) -> int:
+    """Return how many episodes of each are tried."""
+    from executor.data.generation import attempts_for
+
+    if options.episodes is not None:
+        return options.episodes
+    return attempts_for(options.successes)
 
 
 def channels_of(channels: Sequence[Channel]) -> dict[str, bool]:
@@ -296,7 +336,7 @@ def _budget(options: Options) -> Limits:
 
 
 @contextmanager
-def _show_progress(tally: Tally, total: int, remaining: int, *, quiet: bool) -> Iterator[EpisodeCallback]:
+def _show_progress(tally: Tally, goals: Goals, total: int, remaining: int, *, quiet: bool) -> Iterator[EpisodeCallback]:
     """Provide a callback for every unit's ending that shows it: on a terminal a bar with the yield, else lines."""
     if quiet:
         yield lambda unit, result: None
@@ -305,6 +345,8 @@ def _show_progress(tally: Tally, total: int, remaining: int, *, quiet: bool) -> 
     if before:
         tell(f"  {before} of {pluralize(total, 'episode')} made already, {remaining} to make now")
     shows_bar = ERR.is_terminal and remaining > 0
+    begin = tally.endings["succeeded"] if goals.wanted else before
+    pace = Pace(goals.wanted or total, begin, quiet=shows_bar)
     with bar(describe_yield(tally), total, done=before, quiet=not shows_bar) as show:
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
@@ -314,7 +356,9 @@ def _show_progress(tally: Tally, total: int, remaining: int, *, quiet: bool) -> 
                 count = f"{tally.endings.total():{len(str(total))}} of {total}"
                 line = f"  {count}  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}"
                 tell(line, style="red" if shows_bar else None)
-            show(tally.endings.total(), f"{describe_yield(tally)}, {tally.kept_an_hour:.0f} an hour")
+            there = tally.endings["succeeded"] if goals.wanted else tally.endings.total()
+            show(tally.endings.total(), f"{describe_yield(tally)}, {pace.text(there)}")
+            pace.note(there)
 
         yield show_unit
 
@@ -347,6 +391,8 @@ def finished(
         interrupted: Whether it ended early.
         as_json: Whether it is printed as JSON.
     """
+    from executor.cli.execution import command_line
+
     failed = tally.endings.total() > 0 and not tally.endings["succeeded"]
     code = INTERRUPTED if interrupted else FAILED if failed else DONE
     each = max(tally.kept, 1)
@@ -368,6 +414,8 @@ def finished(
     for kind, count in tally.kinds.most_common():
         say(f"{'failed':11} {count} x {kind}")
     say(f"{'store':11} {store.path}; scene2demo view {store.path} shows each episode")
+    if tally.endings["succeeded"] and not (interrupted or tally.stopped_by):
+        say(f"{'next':11} {command_line('dataset audit', store.path)}")
     if interrupted or tally.stopped_by:
         why = "interrupted" if interrupted else f"stopped: {tally.stopped_by} is used up"
         tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from bddl import near_names
 from bddl.errors import Scene2DemoError
+from executor.data.store import NOT_AUDITED
 from executor.data.views import DEPTH, SEGMENTATION
 from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot
 
@@ -22,6 +23,7 @@ _KEYS = {
     "seed": "its seed",
     "origin": "family, or a sentence's label, as `dataset info` lists them",
     "ended": "how episodes ended",
+    "audited": "the verdict of `dataset audit`",
     "rate": "samples a second",
     "robot": "its name, or 0.7 and 1 for the Pandas without a lift",
     "views": "cameras with pictures",
@@ -29,7 +31,11 @@ _KEYS = {
     "channels": "kinds of pictures beside colours",
 }
 _EACH = ("episode", "seed")  # Of many values, so that they are not listed.
-_LEGAL = {"ended": (SUCCEEDED, FAILED), "channels": (DEPTH, SEGMENTATION)}
+_LEGAL = {
+    "ended": (SUCCEEDED, FAILED),
+    "audited": ("sound", "flawed", "undecided", NOT_AUDITED),
+    "channels": (DEPTH, SEGMENTATION),
+}
 """Legal values of keys, whatever the store."""
 
 
@@ -59,6 +65,7 @@ class Traits:
         robot: The robot's record.
         views: View -> width and height of its pictures.
         channels: View -> kinds of pictures besides colours.
+        audited: Verdict of its audit; "no" without one.
     """
 
     episode: str
@@ -69,6 +76,7 @@ class Traits:
     robot: Robot
     views: Mapping[str, tuple[int, int]]
     channels: Mapping[str, Collection[str]]
+    audited: str = NOT_AUDITED
 
     def values(self, key: str, views: Sequence[str] | None) -> set[str]:
         """Return the values of a key that match this motion; for pictures, those of some views or of all."""
@@ -84,6 +92,7 @@ class Traits:
             "seed": str(self.seed),
             "origin": self.origin,
             "ended": self.ended,
+            "audited": self.audited,
             "rate": f"{self.rate_hz:g}",
             "robot": _robot_value(self.robot),
         }

@@ -123,6 +123,7 @@ def traits_of(episode: StoredEpisode, drawn: Mapping[str, Any] | None, footage: 
         robot=robot_of_record(meta["robot"]),
         views=views,
         channels=channels,
+        audited=episode.audit_word,
     )
 
 
@@ -332,6 +333,10 @@ def _about(
     metadata = {name: meta.get(name) for name in same} | {"detours": meta.get("detours", [])}
     if "takeover" in meta:
         metadata["takeover"] = meta["takeover"]
+    if "assets" in meta:
+        metadata["assets"] = meta["assets"]
+    if not motion.failed and (audited := episode.audited) is not None:
+        metadata["audited"] = {name: audited[name] for name in ("verdict", "kinds", "replayed")}
     if not motion.failed:
         failed = meta["ended"] != SUCCEEDED
         return {

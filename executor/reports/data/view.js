@@ -6,13 +6,13 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const rows = data.rows.map((values) => Object.fromEntries(data.columns.map((name, k) => [name, values[k]])));
 const at = (id) => document.getElementById(id);
 const SHOWN = [["name", "name"], ["task", "task"], ["series", "series"], ["seed", "seed"], ["ended", "ended"], ["failure", "failure"],
-  ["simulated_s", "time"], ["subtasks", "subtasks"], ["steps", "steps"], ["videos", "videos"], ["bytes", "size"]];
+  ["simulated_s", "time"], ["subtasks", "subtasks"], ["steps", "steps"], ["videos", "videos"], ["bytes", "size"], ["audited", "audit"]];
 const columns = SHOWN.filter(([name]) => rows.some((row) => row[name] !== null && row[name] !== "" && row[name] !== 0));
 const drawnNames = [...new Set(rows.flatMap((row) => Object.keys(row.drawn)))].sort();
 const texts = rows.map((row) => `${row.name} ${row.task} ${row.series} ${row.failure}`.toLowerCase());
 const state = { order: null, falling: false, count: PAGE_ROWS, matches: [] };
 
-const selects = ["task", "series", "ended", "failure"].map((name) => {
+const selects = ["task", "series", "ended", "failure", "audited"].map((name) => {
   const values = [...new Set(rows.map((row) => row[name]))].filter(Boolean).sort();
   if (values.length < 2 && name !== "failure") return null;
   if (!values.length) return null;

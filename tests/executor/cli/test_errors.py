@@ -39,7 +39,7 @@ EXIT_CODES = {
     "executor.assets.importers.files.ImportRefused": BAD_INPUT,
     "executor.assets.library.NameTaken": BAD_INPUT,
     "executor.assets.parameters.AssetError": BAD_INPUT,
-    "executor.campaign.engine.BenchBusy": BAD_INPUT,
+    "executor.campaign.claims.BenchBusy": BAD_INPUT,
     "executor.bench.folder.NotABench": BAD_INPUT,
     "executor.scenes.generators.families.NoPaperFlow": BAD_INPUT,
     "executor.cli.faults.BadFault": BAD_INPUT,

@@ -123,6 +123,18 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*evaluate, "--videos"]) == 2
     assert "--out beside it" in str(last_json(capsys)["error"])
 
+    # The same episodes as units of a campaign, in two parts and by a whole run that finds them done.
+    monkeypatch.setattr("executor.learn.evaluation_units.WORKER", "tests.executor.learn.short_worker")
+    shared = [*evaluate, "--out", str(tmp_path / "shared")]
+    assert run([*shared, "--shard", "1/2"]) == 0
+    assert len(list((tmp_path / "shared" / "units").iterdir())) == 1
+    capsys.readouterr()
+    assert run(["status", str(tmp_path / "shared"), "--json"]) == 0
+    assert (told := last_json(capsys))["done"] == 1 and told["asked"] == 2 and told["kind"] == "evaluation"
+    assert run([*shared, "--workers", "2"]) == 0
+    assert last_json(capsys)["policies"] == found["policies"]
+    assert run([*evaluate, "--workers", "2"]) == 2
+
 
 def test_results_are_seen_even_if_they_cannot_be_written(
     picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from benchmarks.audit import audit, replay
-from benchmarks.audit_geometry import Snapshot, holds
 from benchmarks.audit_watch import Watch, watching
+from executor.audit.decision import holds
+from executor.audit.geometry import Snapshot
 from executor.bench.units import BenchSetting, Unit
 from executor.bench.work import execute, prepare
 from executor.sim.world import World
@@ -146,10 +147,11 @@ def test_an_episode_is_clean_agrees_with_a_second_geometry_and_replays() -> None
 @pytest.mark.slow
 def test_a_replay_without_the_hand_and_a_goal_that_does_not_hold_are_told() -> None:
     done, _ = execute(PICKING, *prepare(PICKING))
-    before = Snapshot(done.scene, done.trajectory.packed_states[0])
-    assert not holds(done.task.goal, done.scene, before, before)
     done.trajectory.robot_target[:, 10:] = 0.028  # The fingers never close.
-    assert not holds(done.task.goal, done.scene, before, Snapshot(done.scene, replay(done)))
+    with World(done.scene) as world:
+        before, after = (Snapshot(world, state) for state in (done.trajectory.packed_states[0], replay(done)))
+    assert not holds(done.task.goal, done.scene, before, before)
+    assert not holds(done.task.goal, done.scene, before, after)
 
 
 def test_the_second_geometry_knows_what_is_set_upright_and_what_is_out_from_under_a_board() -> None:
@@ -166,7 +168,7 @@ def test_the_second_geometry_knows_what_is_set_upright_and_what_is_out_from_unde
             place = world.T_world_link("can_0")
             place[0, 3] -= off_m
             world.set_object_pose("can_0", place if R is None else at(*place[:3, 3], R))
-            shots.append(Snapshot(one, world.pack()))
+            shots.append(Snapshot(world, world.pack()))
     stands, out, lies = shots
     assert stands.is_roofed("can_0") and not out.is_roofed("can_0")
     assert stands.tilt_deg("can_0", lies) < 1.0 and lies.tilt_deg("can_0", lies) < 1.0
