@@ -15,6 +15,7 @@ from executor.records import SubtaskRecord
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
 from executor.scenes.file import load_scene
+from executor.scenes.generators.families import indices_of, pair_of
 from oag import Scene
 from oag.measurements import SupportDrive, TargetDrive, first_of
 from oag.model.robots import LIFTED
@@ -60,3 +61,11 @@ def test_a_can_is_taken_from_a_counter_and_put_on_a_table_as_the_dry_run_chose(t
 def _places(record: SubtaskRecord) -> list[SupportDrive]:
     found = (first_of(step.measurements, SupportDrive) for step in record.steps)
     return [drive for drive in found if drive is not None]
+
+
+@pytest.mark.physics
+@pytest.mark.slow
+def test_the_hand_comes_out_of_a_compartment_where_straight_ways_home_are_tried_before_trees() -> None:
+    pair = pair_of("T2", 11, indices_of("T2")[0], robot=LIFTED.name)
+    done = rollout(oag.compose(pair.task), pair.scene, seed=11)
+    assert done.succeeded, done.failure
