@@ -504,12 +504,16 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
         margin_deg = round(float(np.rad2deg(placing.margin_rad)), 1)
         measured = replace(measured, region=placing.region, joint_margin_deg=margin_deg)
     else:
+        is_open = holds and any(move.parameter is None for move in moves)
+        if is_open and not session.planner.robot.keeps_order:
+            # What has no place is not driven before one: the next move would have no number.
+            return session.done(action, replace(measured, stance=NOMINAL), failure=search.explain_failure(moves))
         nominal = _nominal(session, support)
         if nominal is None:
             message = f"no free place to stand before {support}"
             return session.done(action, measured, failure=Failure(FailureKind.NO_PATH, message, (measured,)))
         journey = nominal
-        if holds and any(move.parameter is None for move in moves):
+        if is_open:
             session = replace(session, plan=replace(session.plan, unplaced=search.explain_failure(moves)))
         measured = replace(measured, stance=NOMINAL)
     start = session.q
