@@ -12,7 +12,16 @@ import llm
 import oag
 from executor.assets.library import asset_for
 from executor.records import Failure, FailureKind, StepRecord, SubtaskRecord
-from executor.rollouts.repairs import Failed, Repair, another_door, another_order, moved_aside, opened_wider, repairs
+from executor.rollouts.repairs import (
+    WIDER_FRACTIONS,
+    Failed,
+    Repair,
+    another_door,
+    another_order,
+    moved_aside,
+    opened_wider,
+    repairs,
+)
 from executor.scenes.library import load
 from oag import Scene, SceneObject
 from oag.measurements import JointMotion, Measurement, SupportDrive, Unplanned
@@ -79,7 +88,7 @@ def test_a_door_in_the_way_is_opened_wider_where_the_plan_opens_it() -> None:
     ends = [
         action.parameter for repair in repaired for action in repair.task.subtasks[0].flow or () if action.parameter
     ]
-    assert ends == [(0.0, 1.0), (0.0, 0.85)]
+    assert ends == [(0.0, fraction) for fraction in WIDER_FRACTIONS]
     wide = replace(motion, fraction_reached=0.98)
     assert not proved(replace(failed, before=(record(found.task, 0, step("OPEN", wide)), before[1])), opened_wider)
     # The door of what is not reached into is another matter.
