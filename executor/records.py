@@ -84,7 +84,7 @@ class Penetration:
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Peak speeds and loads of the robot in an episode, over all physics steps; `docs/executor.md` has the limits.
+    """Peak speeds and loads of the robot in an episode, every 20 ms; `docs/executor.md` has the limits.
 
     Attributes:
         base_m_s, yaw_rad_s, arm_rad_s: Speeds: of the base over the floor, of its turning, of the fastest arm joint.

@@ -98,6 +98,7 @@ class CollisionOracle:
         self._joints: dict[JointTarget, float] = {}
         self._shown: dict[str, list[float]] = {}
         self._stale: dict[str, None] = {}
+        self._joints_shown = False
         self._loose: str | None = None
         self._near_at_start: dict[tuple[str, str], float] = {}
         for object_id in world.dynamic_ids:
@@ -111,7 +112,7 @@ class CollisionOracle:
             for i in world.articulated_ids
             for joint in world.assets[i].joints
         }
-        self._shown = {}
+        self._shown, self._joints_shown = {}, False
         self._stale = dict.fromkeys(self._resting)
 
     def joint_position(self, joint: JointTarget) -> float:
@@ -120,7 +121,7 @@ class CollisionOracle:
 
     def set_joint(self, joint: JointTarget, position: float) -> None:
         """Set an object's joint in the oracle's world, to plan for later."""
-        self._joints[joint] = position
+        self._joints[joint], self._joints_shown = position, False
 
     @contextmanager
     def without_clearance(self) -> Iterator[None]:
@@ -184,8 +185,9 @@ class CollisionOracle:
         found: dict[tuple[str, str], float] = {}
         for a, b, gap_m in self.world.near(watched, widest_m):
             if gap_m < _DISTURBED_M:
-                self._shown.pop(a.owner, None)
-                self._shown.pop(b.owner, None)
+                for owner in (a.owner, b.owner):
+                    if self._shown.pop(owner, None) is not None:
+                        self._joints_shown = False
             for near, far in ((a, b), (b, a)):
                 mover = self._mover(near, far, carried, moving)
                 if mover is None or is_allowed(allowed, mover, far.owner, far.link):
@@ -238,12 +240,13 @@ class CollisionOracle:
         robot = self.world.robot
         robot.set_qpos(np.concatenate([q[: self.robot.movers], [opening_m, opening_m]]).astype(np.float32))
         robot.set_qvel(np.zeros(len(self.robot.joint_names), dtype=np.float32))
-        for object_id in self.world.articulated_ids:
+        for object_id in self.world.articulated_ids if joints or not self._joints_shown else ():
             names = ((object_id, joint.name) for joint in self.world.assets[object_id].joints)
             wanted = [joints.get(name, self._joints.get(name, 0.0)) for name in names]
             if self._shown.get(object_id) != wanted:
                 self.world.set_joint_positions(object_id, wanted)
                 self._shown[object_id] = wanted
+        self._joints_shown = not joints
         carried = self.carried.object_id if self.carried is not None else None
         if carried != self._loose:
             if self._loose is not None:

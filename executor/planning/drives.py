@@ -155,6 +155,7 @@ DRIVE_M = (0.3, 0.5, 0.7, 0.9, 1.2, 1.5)  # The nearest place where the arm has 
 DRIVE_HEADINGS_RAD = (0.0, 0.6, -0.6, 1.2, -1.2, 1.9, -1.9, 2.5, -2.5)  # Backwards first.
 DRIVE_MARGIN_M = 0.01  # Of the arm at home there.
 MOST_DRIVES = 8  # Each costs a search.
+MOST_TREES = 4  # Of the slides after which the way home is searched for.
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -287,9 +288,29 @@ def _straight_home(planner: Planner, q: Array) -> Array | None:
 
 def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
     """Return a slide of the base and the arm's path home from there, or None."""
+    withdraw_m, home = planner.robot.withdraw_m, np.array(planner.robot.home)
+    slides = _free_slides(planner, q, headings)
+    if not planner.robot.keeps_order:
+        # Out of a compartment most ways home are straight, or there is none: trees grow where the arm is farthest out.
+        known: list[tuple[float, Array]] = []
+        for distance_m, out in slides:
+            path = planner.arm_path(out[1], home, iterations=0)
+            if path is not None:
+                return [out[:1], path] if distance_m else [path]
+            known.append((distance_m, out))
+        slides = iter(known[::-1][:MOST_TREES])
+    for distance_m, out in slides:
+        iterations = 150 if distance_m < withdraw_m[-1] else 600
+        path = planner.arm_path(out[1], home, iterations=iterations)
+        if path is not None:
+            return [out[:1], path] if distance_m else [path]
+    return None
+
+
+def _free_slides(planner: Planner, q: Array, headings: list[float]) -> Iterator[tuple[float, Array]]:
+    """Yield how far the base can slide, with the slide (2, Q), the nearest first; none first of all."""
     blocked: set[float] = set()
-    withdraw_m = planner.robot.withdraw_m
-    for distance_m in withdraw_m:
+    for distance_m in planner.robot.withdraw_m:
         for heading in headings[:1] if not distance_m else headings:
             out = base_move(q, distance_m, heading)
             if heading in blocked:
@@ -297,11 +318,7 @@ def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array
             if distance_m and not _is_slide_free(planner, out[0], out[1]):
                 blocked.add(heading)
                 continue
-            iterations = 150 if distance_m < withdraw_m[-1] else 600
-            path = planner.arm_path(out[1], np.array(planner.robot.home), iterations=iterations)
-            if path is not None:
-                return [out[:1], path] if distance_m else [path]
-    return None
+            yield distance_m, out
 
 
 def _is_slide_free(planner: Planner, start: Array, end: Array) -> bool:

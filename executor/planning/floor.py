@@ -40,6 +40,12 @@ class FloorPlan:
         boxes = self._all_boxes()
         if not len(boxes):
             return np.zeros(len(bases), dtype=bool)
+        # Boxes beyond reach of all poses overlap with none.
+        middle_m = (bases[:, :2].min(axis=0) + bases[:, :2].max(axis=0)) / 2
+        around_m = np.hypot(*(bases[:, :2] - middle_m).T).max() + BASE_SIDE_M
+        boxes = boxes[np.hypot(*(boxes[:, :2] - middle_m).T) <= around_m + np.hypot(*boxes[:, 6:].T)]
+        if not len(boxes):
+            return np.zeros(len(bases), dtype=bool)
         half_m = BASE_SIDE_M / 2
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
         mine = np.stack([np.stack([c, s], 1), np.stack([-s, c], 1)], axis=1)  # (N, axis, 2)

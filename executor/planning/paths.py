@@ -126,6 +126,7 @@ def connect(
     weights: Array,
     step: float,
     iterations: int,
+    patience: int | None = None,
 ) -> list[Array] | None:
     """Return waypoints from start to goal whose segments are all free, or None when none was found.
 
@@ -137,12 +138,15 @@ def connect(
         weights: (D,) weights of the maximum norm in which lengths are measured.
         step: Longest extension of a tree, in that norm.
         iterations: How many samples to draw before giving up.
+        patience: After how many of them a start or goal that nothing leads away from is given up.
     """
     if edge_is_free(start, goal):
         return [start, goal]
     trees = (_Tree(start), _Tree(goal))
     forward = True
-    for _ in range(iterations):
+    for count in range(iterations):
+        if count == patience and min(len(tree.points) for tree in trees) == 1:
+            return None
         growing, other = trees if forward else trees[::-1]
         node = _extend(growing, sample(), edge_is_free, weights, step)
         if node is not None:

@@ -24,7 +24,7 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
 from executor.planning.collision import HELD, Carried, Hit
 from executor.planning.paths import FINE_ARM_STEP_RAD, base_move, polyline, segment
-from executor.planning.placements import GAPS_M, placement_goals
+from executor.planning.placements import UPWARD, placement_goals
 from executor.planning.planner import BASE_MARGINS_M, Planner, run_moves, undo_moves
 from executor.planning.stances import (
     ENOUGH_SCORE_RAD,
@@ -36,6 +36,7 @@ from executor.planning.stances import (
     HandGoal,
     base_candidates,
     best_first,
+    candidates_of,
     nearest_miss,
     tightness_cost,
 )
@@ -75,7 +76,6 @@ EXPLAINING_CONFIGURATIONS = 100
 
 MISS_CANDIDATES = 40  # Base poses among which the nearest miss of an unreachable spot is searched.
 MOST_NAMED_BLOCKERS = 3  # Named in a failure, the most frequent first.
-UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +197,7 @@ class PlaceSearch:
             for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
-        candidates = iter(base_candidates(robot, goals, self.q, TURNS_RAD))
+        candidates = iter(candidates_of(self.planner, goals, self.q, TURNS_RAD))
         first = itertools.islice(examine(candidates), MOST_CANDIDATES)
         # Numbers that are given and lead nowhere are for the flow's author to correct.
         more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
@@ -371,6 +371,9 @@ Enough where some grasp allows many placements. Where none has any among so few,
 for a place: into a deep drawer next to a table a steep hand gets from one side alone.
 """
 
+FORECAST_CANDIDATES = 200
+"""The same where sides on which the arm had no room come last: of what is left, so many are enough."""
+
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
 SLIDE_M = 0.25  # How far before its place the hand slides in from.
@@ -452,15 +455,21 @@ class PlacementLookahead:
             self._here,
             pitch_of(goal.T_world_eef),
             seed=self._planner.seed,
-            release_gaps_m=lambda region: (GAPS_M[-1 if upward[region.name] else 0],),
+            forecast=True,
             slid=self._slid,
         )
         oracle.carried = carried
         try:
             candidates = base_candidates(self._planner.robot, wanted, self._here, TURNS_RAD)
-            looked_at = 0
-            for candidate in candidates:
-                way_in = self._has_way_in(candidate, OVER_M if upward[candidate.goal.region] else THROUGH_M)
+            robot, looked_at = self._planner.robot, 0
+            blocked, sides = BlockedGoals(robot), HeadingStatistics(robot)
+            budget = budget if robot.keeps_order else min(budget, FORECAST_CANDIDATES)
+            for candidate in candidates if robot.keeps_order else sides.roomy_first(candidates):
+                rise_m = OVER_M if upward[candidate.goal.region] else THROUGH_M
+                if robot.keeps_order:
+                    way_in = self._has_way_in(candidate, rise_m)
+                else:
+                    way_in = self._leads_in(candidate, rise_m, blocked, sides)
                 if way_in:
                     return True, False
                 looked_at += way_in is not None
@@ -484,6 +493,29 @@ class PlacementLookahead:
             for solution in self._solver.solve(candidate.goal.T_world_eef, base, either_side=False)[:2]
         )
         return any(released) and any(self._slides_in(np.concatenate([base, s.arm])) for s in entries)
+
+    def _leads_in(
+        self, candidate: BaseCandidate, rise_m: float, blocked: BlockedGoals, sides: HeadingStatistics
+    ) -> bool | None:
+        """Decide the same as `_has_way_in`; ask first what excludes most: a hand that meets something, the floor.
+
+        None where a place is excluded for all bases, or the base has no room.
+        """
+        goal, base, oracle = candidate.goal, candidate.base, self._planner.oracle
+        if goal in blocked or not self._floor.at(base):
+            return None
+        free = False
+        for solution in self._solver.solve(goal.T_world_eef, base, either_side=False)[:2]:
+            hits = oracle.hits(np.concatenate([base, solution.arm]), margin_m=CLEARANCE_M)
+            blocked.learn(goal, hits)
+            sides.learn(goal, hits)
+            free = free or not hits
+        if not free:
+            return False
+        above = goal.T_world_eef.copy()
+        above[2, 3] += rise_m
+        entries = self._solver.solve(above, base, either_side=False)[:2]
+        return any(self._slides_in(np.concatenate([base, solution.arm])) for solution in entries)
 
     def _slides_in(self, q: Array) -> bool:
         out = base_move(q, SLIDE_M, float(q[2]) + np.pi)

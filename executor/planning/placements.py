@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -24,11 +24,13 @@ from executor.planning.grasps import heading_of_hand, is_held_at_rim
 from executor.planning.stances import HandGoal
 from executor.sim.detectors import box_around
 from executor.sim.world import World
+from oag.model.robots import HandShape
 
 DEPTHS_M = (0.16, 0.21, 0.12, 0.27)  # Behind a front, the most comfortable first.
 LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)  # To the side of a compartment's middle, the middle first.
 EDGE_INSETS_M = (0.13, 0.20, 0.09)  # From a table's edge: a thing is safe there and in reach.
 ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)  # Of an edge's length, the middle first.
+UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
 FLOOR = "floor"
 """Name of the floor's region: it is everywhere, so spots are around the robot and not along its edges."""
 
@@ -48,6 +50,7 @@ MOST_SPOTS = 15  # Each has dozens of hand poses.
 DRAWS = 12  # Samples: so many that one or more is in reach, since a table against a wall has one free edge of four.
 HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; each is tried from twelve headings.
 HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
+SHARES_BETWEEN = (0.5, 0.75, 1.0)  # Of the room off its middle, where other things lie in it.
 DRAW_COST = 0.02  # For each sample after the first: less than a noticeable joint margin.
 SET_COST = 0.25
 """Extra cost of a fixed spot over the first sampled one: as much as all samples, so it is taken where these fail."""
@@ -118,7 +121,8 @@ def spots(
     if rng is None:
         return free(floor.fixed_spots(here))
     drawn = free(floor.sample_spots(here, rng))
-    return drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.fixed_spots(here))]
+    found = drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.fixed_spots(here))]
+    return found or free(floor.spots_between())
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +207,15 @@ class _Floor:
                     share = _between(numbers[1], -along, along) / float(self.half[1 - edge[0]])
                     yield replace(self._at_edge(edge, _between(numbers[0], least, deepest), share), cost=cost)
 
+    def spots_between(self) -> Iterator[PlacementSpot]:
+        """Yield spots all over a bowl's or box's inside, for one that has things in it."""
+        if self._is_small and self.is_within:
+            room_m = max(float(min(self.half[:2])) - self.footprint_m / 2, 0.0)
+            for share, turn in itertools.product(SHARES_BETWEEN, range(HEADINGS)):
+                angle = 2 * np.pi * turn / HEADINGS
+                off_m = share * room_m
+                yield self._within((off_m * float(np.cos(angle)), off_m * float(np.sin(angle))), DRAW_COST * share)
+
     def _on_ring(self, here: Array, ring_m: float, turn: float, cost: float) -> PlacementSpot | None:
         """Return the spot at a distance and direction (share of a full turn) from the robot; None beyond the floor's
         end.
@@ -273,6 +286,24 @@ HOLLOW = "hollow"
 FALLING_COSINE, FALLS_COST = 0.5, 0.3
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 GAP_COST = 0.15  # For each higher fall: a plan with good joints may outweigh it.
+OVER_RIM_M, MOST_FALL_M = 0.006, 0.095
+"""How far above the rim of what is too narrow for the open hand a finger stays, and how far a thing may fall then."""
+
+
+def release_gaps_m(hand: HandShape, asset: Asset, region: Region) -> tuple[float, ...]:
+    """Return the free falls that are accepted in a region, the preferred one first.
+
+    What is narrower than the open hand, such as a mug, has things dropped into it from above its rim too.
+
+    Args:
+        hand: Lengths of the hand.
+        asset: What is let go of.
+        region: Where.
+    """
+    spread_m = hand.opening_m + 2 * hand.finger_thick_m
+    narrow = region.name == HOLLOW and 2 * min(region.half_extents_m[:2]) < spread_m
+    over_m = region.height_m + OVER_RIM_M + hand.finger_half_m - asset.extent_m[2] / 2
+    return (*GAPS_M, over_m) if narrow and GAPS_M[-1] < over_m <= MOST_FALL_M else GAPS_M
 
 
 def upright_pitch(carried: Carried, *, flip: bool) -> float:
@@ -362,7 +393,7 @@ def placement_goals(
     pitch_rad: float,
     *,
     seed: int,
-    release_gaps_m: Callable[[Region], tuple[float, ...]] = lambda _: GAPS_M,
+    forecast: bool = False,
     slid: Array | None = None,
 ) -> list[HandGoal]:
     """Return the hand poses that hold a thing over the free spots of a support's regions.
@@ -374,7 +405,7 @@ def placement_goals(
         here: (3,) or longer: where the base stands.
         pitch_rad: The hand's pitch now.
         seed: Of the episode: spots are sampled from it.
-        release_gaps_m: How far above its place the thing may be let go, for a region.
+        forecast: Whether one fall is enough for each region: the highest into what is open at the top, else the lowest.
         slid: (4, 4) by what the regions will have moved until then, in the world.
     """
     asset, own = world.assets[carried.object_id], (carried.object_id, support)
@@ -387,7 +418,10 @@ def placement_goals(
         T_link = T_link if slid is None else slid @ T_link
         rng = spot_rng(seed, carried.object_id, support, region.name)
         for spot in spots(region, T_link, width_m, here, height_m=height_m, others=others, rng=rng):
-            for rank, gap_m in enumerate(release_gaps_m(region)):
+            gaps_m = release_gaps_m(world.model.hand, asset, region)
+            if forecast:
+                gaps_m = gaps_m[-1:] if region.opening[2] > UPWARD else gaps_m[:1]
+            for rank, gap_m in enumerate(gaps_m):
                 goals = hand_goals(asset, spot, gap_m, carried, pitch_rad, region)
                 found += [replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name) for goal in goals]
     return found

@@ -10,13 +10,16 @@ Source: the paper's primitive library. "Forward" and "left" are the base's headi
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from executor.assets.asset_geometry import bounds
-from executor.geometry import Array, interpolate_poses, nearest_turn, rotation_z
+from executor.geometry import Array, interpolate_poses, inverse, nearest_turn, rotation_z
+from executor.planning.choices import Choice, Near
 from executor.planning.collision import CollisionOracle
 from executor.planning.floor import FloorPlan
 from executor.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, base_move, base_turn, connect, segment, shorten
@@ -31,6 +34,10 @@ BASE_MARGINS_M = (0.03, 0.012, 0.006)
 BASE_SHARES = (1.0, 0.5, 0.25)  # Of the usual steps, for each of the margins above.
 ARM_MARGIN_M = 0.004  # Twice what the robot is off its path.
 BASE_WEIGHTS = (1.0, 1.0, 0.4, 1.0)  # A radian of turning counts as 0.4 m of driving, or of the lift.
+PATIENCE = 100
+"""After so many samples a drive is given up whose start or goal is walled in."""
+
+SHORTENINGS, FEW_SHORTENINGS = 60, 16  # Of a drive; most of its corners are cut by the first few.
 BASE_ROOM_M = 1.2  # Around start and goal, where the search begins.
 NEAR_SAMPLES = 300
 """So many samples search for a path of the base near by; from then on every other one covers all furniture."""
@@ -60,6 +67,8 @@ class Planner:
         seed: Of the episode.
         floor: Where the base cannot stand, without asking the oracle.
         effort: What planning has taken so far; a search that exceeds its limit ends (`SearchExhausted`).
+        chosen: What was chosen in the subtask so far.
+        near: What searches are narrowed to; None where they look everywhere.
     """
 
     def __init__(self, oracle: CollisionOracle) -> None:
@@ -71,11 +80,15 @@ class Planner:
         self.effort = self.kinematics.effort
         self.seed = 0
         self.rng = np.random.default_rng(0)
+        self.chosen: list[Choice] = []
+        self._drives: list[Array] = []
+        self.near: Near | None = None
         self._around = _around_everything(oracle.world)
 
     def start_subtask(self, world: World, seed: int, index: int) -> None:
         """Synchronise with the world and restarts all randomness for a subtask."""
         self.oracle.synchronize(world)
+        self.chosen, self._drives = [], []
         self._index = index
         self.reseed(seed)
 
@@ -84,6 +97,20 @@ class Planner:
         self.seed = seed
         self.kinematics.reseed([seed, self._index, 1])
         self.rng = np.random.default_rng([seed, self._index, 2])
+
+    def choose(self, step: int, q: Array, T_world_anchor: Array) -> None:
+        """Note that a step's hand goal is to be reached in a configuration (Q,), by its target's or support's pose."""
+        T_anchor_eef = inverse(T_world_anchor) @ self.kinematics.forward(q)
+        self.chosen.append(Choice(step, q[self.robot.base], T_anchor_eef, tuple(self._drives)))
+
+    @contextmanager
+    def narrowed_to(self, choice: Choice, T_world_anchor: Array) -> Iterator[None]:
+        """Narrow the searches in the block to candidates near a choice."""
+        self.near = Near(choice.base, T_world_anchor @ choice.T_anchor_eef, choice.drives)
+        try:
+            yield
+        finally:
+            self.near = None
 
     def line(self, q: Array, T_world_eef: Array) -> LinePlan:
         """Plan a straight hand motion to a pose with the arm alone, not checked for collisions.
@@ -190,6 +217,9 @@ class Planner:
 
         if not self.oracle.is_free(full(goal), margin_m=margin_m):
             return None
+        for known in self.near.drives_between(here, goal) if self.near is not None else ():
+            if all(edge_is_free(a, b) for a, b in pairwise(known)):
+                return np.stack([full(pose) for pose in known])
         way = connect(
             here.copy(),
             goal,
@@ -198,10 +228,13 @@ class Planner:
             weights=np.array(BASE_WEIGHTS[: len(here)]),
             step=0.4,
             iterations=iterations,
+            patience=None if self.robot.keeps_order else PATIENCE,
         )
         if way is None:
             return None
-        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
+        attempts = SHORTENINGS if self.robot.keeps_order else FEW_SHORTENINGS
+        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=attempts)
+        self._drives.append(np.stack(way))
         return np.stack([full(pose) for pose in way])
 
 

@@ -146,6 +146,22 @@ def base_candidates(
     return [BaseCandidate(goals[k // each], bases[k], float(costs[k])) for k in order]
 
 
+def candidates_of(
+    planner: Planner,
+    goals: list[HandGoal],
+    here: Array,
+    turns_rad: tuple[float, ...],
+    reaches_m: tuple[float, ...] | None = None,
+) -> list[BaseCandidate]:
+    """Return the base candidates of a search; of a narrowed one those near the choice (`Planner.narrowed_to`)."""
+    near = planner.near
+    if near is None:
+        return base_candidates(planner.robot, goals, here, turns_rad, reaches_m)
+    goals = [goal for goal in goals if near.has_hand(goal.T_world_eef)]
+    found = base_candidates(planner.robot, goals, here, turns_rad, reaches_m)
+    return [candidate for candidate in found if near.has_base(candidate.base)]
+
+
 class BlockedGoals:
     """Hand goals that are infeasible for every base pose: there the hand, or what it holds, touches something."""
 
@@ -168,16 +184,25 @@ def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
     Under a low table there is room for the base alone: what the shoulder meets leaning back, and meets leaning forward
     as well, it meets in all postures.
     """
+    return _room(planner, base, margin_m)[0]
+
+
+def _room(planner: Planner, base: Array, margin_m: float) -> tuple[bool, float]:
+    """Return whether base and shoulder have room, and how deep the base is within something (negative), if it is."""
     robot = planner.robot
     near = planner.oracle.hits(np.concatenate([base, robot.home]), margin_m=margin_m)
-    movers, shoulder = {hit.mover for hit in near}, set(robot.arm_links[1:3])
-    if base_links(robot) & movers:
-        return False
+    movers, shoulder, own = {hit.mover for hit in near}, set(robot.arm_links[1:3]), base_links(robot)
+    if own & movers:
+        return False, min(hit.separation_m for hit in near if hit.mover in own)
     if not movers & shoulder:
-        return True
+        return True, 0.0
     leaning = (robot.home[0], LEANING_FORWARD_RAD, *robot.home[2:])
     forward = planner.oracle.hits(np.concatenate([base, leaning]), margin_m=margin_m)
-    return not {hit.mover for hit in forward} & shoulder
+    return not {hit.mover for hit in forward} & shoulder, 0.0
+
+
+CELL, DEEP_M = np.array([0.03, 0.03, 0.12, 0.15]), 0.03
+"""Base poses in one cell [m, rad], of which one is so deep within something, are taken without asking the engine."""
 
 
 class FreeFloor:
@@ -186,14 +211,19 @@ class FreeFloor:
     def __init__(self, planner: Planner, margin_m: float) -> None:
         self._planner, self._margin_m = planner, margin_m
         self._known: dict[tuple[float, ...], bool] = {}
+        self._deep: set[tuple[float, ...]] = set()
 
     def at(self, base: Array) -> bool:
         """Return whether the base has room at coordinates (B,)."""
         self._planner.effort.add(CANDIDATE_S)
         key = tuple(np.round(base, 5))
         if key not in self._known:
-            taken = bool(self._planner.floor.taken(base[None])[0])
-            self._known[key] = not taken and is_base_free(self._planner, base, self._margin_m)
+            cell = tuple(np.round(base / CELL[: len(base)]))
+            taken = cell in self._deep or bool(self._planner.floor.taken(base[None])[0])
+            free, within_m = (False, 0.0) if taken else _room(self._planner, base, self._margin_m)
+            self._known[key] = free
+            if within_m < -DEEP_M and not self._planner.robot.keeps_order:
+                self._deep.add(cell)
         return self._known[key]
 
 
@@ -419,7 +449,7 @@ def search_stances(
     blocked, floor = BlockedGoals(planner.robot), FreeFloor(planner, PARKED_CLEARANCE_M)
 
     def examine() -> Iterator[Stance[Followup] | None]:
-        for candidate in base_candidates(planner.robot, goals, here, turns_rad, reaches_m):
+        for candidate in candidates_of(planner, goals, here, turns_rad, reaches_m):
             if candidate.goal not in blocked and floor.at(candidate.base):
                 yield _stance(planner, solver, candidate, validate, allowed, blocked)
 

@@ -5,6 +5,7 @@ exchanges.jsonl   with a model: every request and reply, for `--model replay:FIL
 conversation.json with a model: every round of questions, with what was wrong with each answer
 conversations.json  with a model that judges: every round of critiques and revisions
 usage.json        with a model: requests, tokens and cost, in all and by round
+feasibility.json  what the dry run found, also where it refused the plan
 certificate.json  the evidence for the verdict on task.json: `scene2demo recheck certificate.json --task task.json`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
@@ -34,6 +35,7 @@ from executor.records import Rollout, captions_of
 from executor.reports.html import REPORT
 from executor.reports.page import report_page
 from executor.rollouts.evolution_record import FOLDER, Evolution, draw_attempts
+from executor.rollouts.feasibility import Feasibility
 from executor.rollouts.run_record import RunRecord, evolution_json, rollout_json, write_pairs
 from executor.sim.render.frames import Frames, RenderFailed, RenderPool, VideoFailed, render, write_video
 from executor.system.extras import MissingExtra, require
@@ -50,6 +52,7 @@ FILES = (
     "conversations.json",
     USAGE,
     "certificate.json",
+    "feasibility.json",
     "scene.json",
     "task.json",
     "rollout.json",
@@ -193,6 +196,10 @@ class RunFolder:
             (self.path / "certificate.json").unlink(missing_ok=True)
         write_json(self.path / "scene.json", record.graph.scene.to_json())
         write_json(self.path / "task.json", record.graph.task.to_json())
+
+    def write_feasibility(self, found: Feasibility) -> None:
+        """Write what the dry run found, with the repaired plan where there is one."""
+        write_json(self.path / "feasibility.json", found.to_json())
 
     def write_rollout(self, record: RunRecord) -> RunRecord:
         """Write the rollout with the plan that ran, and return the record of that plan.

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
 from executor.records import (
@@ -27,6 +28,7 @@ from executor.records import (
     ignore,
     require_flows,
 )
+from executor.rollouts.capacity import first_misfit
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import as_failure, judge, judge_at_rest
 from executor.rollouts.repairs import Failed, Ways, repairs
@@ -60,6 +62,7 @@ class FeasibleSubtask:
         margin_deg: The smallest distance of an arm joint to its limit in the stances and placements.
         region: Name of the region that the thing was put into or onto.
         cpu_s: CPU time of the dry run of the subtask.
+        choices: Stances and places, for a rollout to keep.
     """
 
     record: SubtaskRecord
@@ -67,6 +70,7 @@ class FeasibleSubtask:
     margin_deg: float | None
     region: str | None
     cpu_s: float
+    choices: tuple[Choice, ...] = ()
 
     def __str__(self) -> str:
         where = "" if self.base is None else "from ({:.2f}, {:.2f}) m at {:.0f} deg".format(*self.base)
@@ -111,7 +115,8 @@ class Feasibility:
 
     def conditions(self, usual: RunConditions = USUAL) -> RunConditions:
         """Return the conditions under which a rollout of the plan makes the same choices."""
-        return replace(usual, avoided=self.avoided, detours=self.detours)
+        kept = tuple(subtask.choices for subtask in self.subtasks)
+        return replace(usual, avoided=self.avoided, detours=self.detours, kept=kept)
 
     @property
     def feasible(self) -> bool:
@@ -211,7 +216,8 @@ class DryRun:
             self._planner = Planner(CollisionOracle(oracle))
             self._world, self._hand = world, Hand()
             self._control = DryController(world, np.array(start.target), start.finger_target_m)
-            done = tuple(self._subtasks())
+            refused = first_misfit(self._task, world)
+            done = tuple(self._subtasks()) if refused is None else (self._refused(*refused),)
         failed = done[-1].record if done and not done[-1].record.succeeded else None
         failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
         failure = failed.failure or failure if failed is not None else None
@@ -219,6 +225,14 @@ class DryRun:
         return Feasibility(
             self._task, done, failure, primitive, self._detours, time.process_time() - began, self._avoided
         )
+
+    def _refused(self, index: int, step: int, failure: Failure) -> FeasibleSubtask:
+        """Return the record of a subtask of which sizes alone say that it cannot be done."""
+        subtask = self._task.subtasks[index]
+        flow = subtask.flow or ()
+        primitive = flow[step].primitive.name
+        record = StepRecord(index, step, primitive, flow[step].to_json(), 0.0, 0.0, 0.0, (), failure)
+        return _summary(SubtaskRecord(index, subtask.name, flow, (record,), (), "", b"", {}), 0.0, ())
 
     def _adopt(self, graph: ObjectActionGraph) -> None:
         require_flows(graph.task)
@@ -312,7 +326,8 @@ class DryRun:
         flow = (*flow_from_json([step.action for step in steps]), *session.flow[len(steps) :])
         record = SubtaskRecord(index, subtask.name, flow, tuple(steps), readings, "", b"", bystanders.moved_m())
         self._tell("subtask-end", index, -1, subtask.name, steps[-1].failure if steps else None)
-        return _summary(record, time.process_time() - began)
+        choices = () if self._planner.robot.keeps_order else tuple(self._planner.chosen)
+        return _summary(record, time.process_time() - began, choices)
 
     def _step(self, session: Session, index: int, bystanders: Bystanders) -> tuple[Session, StepRecord]:
         action = session.flow[session.step]
@@ -340,7 +355,7 @@ class DryRun:
         self._listen(Event(kind, subtask, len(self._task.subtasks), step, name, 0.0, message))  # type: ignore[arg-type]
 
 
-def _summary(record: SubtaskRecord, cpu_s: float) -> FeasibleSubtask:
+def _summary(record: SubtaskRecord, cpu_s: float, choices: tuple[Choice, ...]) -> FeasibleSubtask:
     base, region, margins_deg = None, None, list[float]()
     for step in record.steps:
         taken, put = first_of(step.measurements, TargetDrive), first_of(step.measurements, SupportDrive)
@@ -350,4 +365,4 @@ def _summary(record: SubtaskRecord, cpu_s: float) -> FeasibleSubtask:
         if put is not None and put.joint_margin_deg is not None:
             region = put.region
             margins_deg.append(put.joint_margin_deg)
-    return FeasibleSubtask(record, base, min(margins_deg, default=None), region, cpu_s)
+    return FeasibleSubtask(record, base, min(margins_deg, default=None), region, cpu_s, choices)

@@ -27,8 +27,9 @@ from executor.skills.trajectories import NO_NOISE, CommandNoise
 from oag import Scene, Task
 from oag.measurements import GoalReading
 
-OVER_STEPS = 5
-"""An acceleration is a change of speed over 20 ms: from one step to the next, contacts make any number of it."""
+EVERY_STEPS = 5
+"""Peaks are looked for every 20 ms. Over that an acceleration is a change of speed: from one step to the next, contacts
+make any number of it."""
 
 
 class PeakWatch:
@@ -37,26 +38,24 @@ class PeakWatch:
     def __init__(self) -> None:
         self._world: World | None = None
         self._stiffness = self._damping = self._limits = np.zeros(0)
-        self._velocities: list[Array] = []
+        self._before: Array | None = None
         self._row = np.zeros(11)
 
     def look(self, world: World, control: Controller) -> None:
-        """Update the peaks with the state after a physics step.
+        """Update the peaks with the state after a physics step, asked every `EVERY_STEPS`.
 
         Drive forces follow from the drives' law for that state, within the engine's limits.
         """
         if self._world is not world:
-            self._world, self._velocities = world, []
+            self._world, self._before = world, None
             self._stiffness, self._damping, _ = np.array(drives(world.model)).T
             self._limits = np.array([joint.force_limit for joint in world.robot.active_joints])
         q, v = np.asarray(world.robot.get_qpos(), float), np.asarray(world.robot.get_qvel(), float)
         off = np.concatenate([control.drive_target, [control.finger_target_m] * 2]) - q
         slower = np.concatenate([control.velocity, [0.0, 0.0]]) - v
         f = np.minimum(np.abs(self._stiffness * off + self._damping * slower), self._limits)
-        self._velocities.append(v)
-        a = np.zeros(len(q))
-        if len(self._velocities) > OVER_STEPS:
-            a = np.abs(v - self._velocities.pop(0)) / (OVER_STEPS * world.timestep_s)
+        a = np.zeros(len(q)) if self._before is None else np.abs(v - self._before) / (EVERY_STEPS * world.timestep_s)
+        self._before = v
         s = np.abs(v)
         robot = world.model
         arm, wrist, fingers = robot.arm, robot.movers - robot.wrist, robot.fingers
@@ -102,7 +101,8 @@ class TrajectoryRecorder:
         world = self.world
         if world is None or self.control is None:
             return
-        self._watch.look(world, self.control)
+        if world.steps % EVERY_STEPS == 0:
+            self._watch.look(world, self.control)
         every = max(round(1.0 / (self._rate_hz * world.timestep_s)), 1)
         if world.steps % every:
             return

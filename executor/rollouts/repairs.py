@@ -19,10 +19,11 @@ import bddl
 from executor.assets.library import asset_for
 from executor.records import Detour, SubtaskRecord
 from oag import Action, Primitive, Scene, SceneObject, SimpleTask, Task
-from oag.flows import PLACE, taking
+from oag.flows import OPEN, PLACE, taking
 from oag.measurements import JointMotion, SupportDrive, Unplanned, first_of
 from oag.model.actions import ActionFlow
 from oag.model.symbols import GRIPPER
+from oag.primitives.table import RESTING
 
 MORE = 2
 """How many subtasks are inserted: a thing is set down and taken again, or taken and set down elsewhere."""
@@ -31,6 +32,9 @@ MOST_SUPPORTS = 2
 """On how many supports a thing is set down, one after the other, before the plan is left as it was."""
 
 MOST_BLOCKERS = 2  # Of those that are named, the most frequent first.
+
+WIDER_FRACTIONS, WIDER_BY = (0.92, 0.8), 0.05
+"""How far a door in the way is opened, as fractions of its range, short of its stop; by how much more than before."""
 
 Ways = frozenset[tuple[str, str]]
 """Ids of articulated objects, each with a joint that is not to be opened."""
@@ -144,9 +148,9 @@ def another_grasp(failed: Failed) -> Iterator[Repair]:
 
 def another_order(failed: Failed) -> Iterator[Repair]:
     """Yield plans in which what is in the way is handled first, where the plan handles it later all the same."""
-    index, subtasks = failed.index, failed.task.subtasks
+    index, subtasks = _with_empty_hand(failed), failed.task.subtasks
     for blocker in _blockers(failed):
-        start = next((k for k in range(index + 1, len(subtasks)) if subtasks[k].target == blocker), None)
+        start = next((k for k in range(failed.index + 1, len(subtasks)) if subtasks[k].target == blocker), None)
         if start is None:
             continue
         end = next((k for k in range(start, len(subtasks)) if subtasks[k].target != blocker), len(subtasks))
@@ -154,24 +158,55 @@ def another_order(failed: Failed) -> Iterator[Repair]:
         rest = (*subtasks[index:start], *subtasks[end:])
         task = replace(failed.task, subtasks=(*subtasks[:index], *run, *rest))
         reason = f"{blocker} is in the way of {failed.subtask.target}, and is handled first"
-        yield Repair(task, index, index + len(run), Detour(index, 0, reason), failed.avoided)
+        yield Repair(task, index, failed.index + len(run), Detour(index, 0, reason), failed.avoided)
 
 
 def moved_aside(failed: Failed) -> Iterator[Repair]:
-    """Yield plans in which what is in the way is set down elsewhere first, on its own support or a near one."""
+    """Yield plans in which what is in the way is set down elsewhere first, on its own support or a near one.
+
+    What is in the way of a thing in the hand is moved before that is taken; out of a compartment it goes onto a top.
+    """
+    first = _with_empty_hand(failed)
     for blocker in _blockers(failed):
-        under = _supports(failed, blocker)
-        for support in _tops_near(failed.scene, under, None) if under is not None else ():
-            on = bddl.Atom("ontop", (blocker, str(under)))
-            flow = _flow(taking("ontop", failed.scene[str(under)].category))
+        rests = _rests(failed, blocker, first)
+        if rests is None:
+            continue
+        relation, under = rests.predicate, rests.args[1]
+        for support in _tops_near(failed.scene, under, under if relation == "inside" else None):
+            flow = _flow(taking(relation, failed.scene[under].category))
             detail = f"Take {blocker}, which is in the way of {failed.subtask.target}."
-            take = SimpleTask(f"take_{blocker}_away", detail, blocker, under, None, on, bddl.Not(on), flow)
-            task = _with(failed.task, failed.index, take, _set_down(blocker, support))
+            take = SimpleTask(f"take_{blocker}_away", detail, blocker, under, None, rests, bddl.Not(rests), flow)
+            task = _with(failed.task, first, take, _set_down(blocker, support))
             reason = f"{blocker} is in the way of {failed.subtask.target}, and is set down elsewhere on {support}"
-            yield _inserting(failed, task, MORE, reason)
+            yield Repair(task, first, failed.index + MORE, Detour(first, MORE, reason), failed.avoided)
 
 
-REPAIRS: tuple[Callable[[Failed], Iterator[Repair]], ...] = (another_door, another_grasp, another_order, moved_aside)
+def opened_wider(failed: Failed) -> Iterator[Repair]:
+    """Yield plans in which a door that is in the way of what is done behind it is opened wider, or again."""
+    for name in _doors(failed):
+        reason = f"the door of {name} is in the way of {failed.subtask.target}, and is opened wider"
+        opening = next((k for k in range(failed.index - 1, -1, -1) if _opens(failed.task.subtasks[k], name)), None)
+        if opening is None:
+            first = _with_empty_hand(failed)
+            is_open, flow = bddl.Atom("open", (name,)), _flow(OPEN)
+            more = SimpleTask(f"open_{name}_wider", f"Open {name} wider.", name, None, None, is_open, is_open, flow)
+            task = _with(failed.task, first, more)
+            yield Repair(task, first, failed.index + 1, Detour(first, 1, reason), failed.avoided)
+            continue
+        motions = (first_of(step.measurements, JointMotion) for step in failed.before[opening].steps)
+        reached = max((motion.fraction_reached for motion in motions if motion is not None), default=0.0)
+        for wider in (fraction for fraction in WIDER_FRACTIONS if fraction > reached + WIDER_BY):
+            task = _opening_to(failed.task, opening, wider)
+            yield Repair(task, opening, failed.index, Detour(opening, 0, reason), failed.avoided)
+
+
+REPAIRS: tuple[Callable[[Failed], Iterator[Repair]], ...] = (
+    opened_wider,
+    another_door,
+    another_grasp,
+    another_order,
+    moved_aside,
+)
 
 
 def repairs(failed: Failed) -> Iterator[Repair]:
@@ -181,22 +216,65 @@ def repairs(failed: Failed) -> Iterator[Repair]:
 
 
 def _blockers(failed: Failed) -> list[str]:
-    """Return the items in the way of an empty hand, the most frequent first; bodies are named "id/link"."""
+    """Return the items in the way, the most frequent first; bodies are named "id/link"."""
     failure = failed.record.failure
-    found = first_of(failure.measurements, Unplanned) if failure is not None and failed.held is None else None
+    found = first_of(failure.measurements, Unplanned) if failure is not None else None
     named = [part.partition("/")[0] for pair in (found.in_the_way or () if found else ()) for part in pair.split()]
     items = (name for name in named if name in failed.scene.objects and failed.scene[name].role == "B")
     return [name for name in dict.fromkeys(items) if name != failed.subtask.target][:MOST_BLOCKERS]
 
 
-def _supports(failed: Failed, item: str) -> str | None:
-    """Return what an item stands on by the scene's facts and the plan so far; None where that is not known."""
+def _doors(failed: Failed) -> list[str]:
+    """Return the fixtures that a subtask reaches into and whose door is in its way, the most frequent first."""
+    subtask, failure = failed.subtask, failed.record.failure
+    found = first_of(failure.measurements, Unplanned) if failure is not None else None
     known = [fact for fact in failed.scene.facts if isinstance(fact, bddl.Atom)]
-    under = next((fact.args[1] for fact in known if fact.predicate == "ontop" and fact.args[0] == item), None)
-    for subtask in failed.task.subtasks[: failed.index]:
+    within = {fact.args[1] for fact in known if fact.predicate == "inside" and fact.args[0] == subtask.target}
+    within |= {str(subtask.support_goal), str(subtask.support_init)} & failed.scene.objects.keys()
+    pairs = list(found.in_the_way or ())[:MOST_BLOCKERS] if found is not None else []
+    bodies = [part.partition("/") for pair in pairs for part in pair.split()]
+    return list(
+        dict.fromkeys(
+            name
+            for name, _, link in bodies
+            if name in within and any(handle.link == link for handle in asset_for(failed.scene[name]).handles)
+        )
+    )
+
+
+def _opens(subtask: SimpleTask, name: str) -> bool:
+    """Return whether a subtask opens a fixture as far as the planner chooses."""
+    opening = [action for action in subtask.flow or () if action.primitive is Primitive.ARTICULATE_OPEN]
+    return subtask.target == name and any(action.parameter is None for action in opening)
+
+
+def _opening_to(task: Task, index: int, fraction: float) -> Task:
+    """Return the task in which a subtask opens to a fraction of the joint's range."""
+    subtask = task.subtasks[index]
+    flow = tuple(
+        replace(action, parameter=(0.0, fraction)) if action.primitive is Primitive.ARTICULATE_OPEN else action
+        for action in subtask.flow or ()
+    )
+    return replace(task, subtasks=(*task.subtasks[:index], replace(subtask, flow=flow), *task.subtasks[index + 1 :]))
+
+
+def _with_empty_hand(failed: Failed) -> int:
+    """Return the index of the subtask that takes what is held where the failed one begins; else of the failed one."""
+    index = failed.index
+    while failed.held is not None and index and failed.task.subtasks[index - 1].target == failed.held:
+        index -= 1
+    return index
+
+
+def _rests(failed: Failed, item: str, index: int) -> bddl.Atom | None:
+    """Return what an item rests on or in at a subtask's start, by the scene's facts and the plan; None if unknown."""
+    known = [fact for fact in failed.scene.facts if isinstance(fact, bddl.Atom) and fact.args[0] == item]
+    rests = next((fact for fact in known if fact.predicate in RESTING), None)
+    for subtask in failed.task.subtasks[:index]:
         if subtask.target == item:
-            under = subtask.support_goal
-    return under if under in failed.scene.objects else None
+            ends = (atom for atom in bddl.atoms(subtask.goal) if atom.args == (item, subtask.support_goal))
+            rests = next((atom for atom in ends if atom.predicate in RESTING), None)
+    return rests if rests is not None and rests.args[1] in failed.scene.objects else None
 
 
 def _tops_near(scene: Scene, first: str, but: str | None) -> list[str]:

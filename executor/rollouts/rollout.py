@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from bddl import Formula
+from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
 from executor.records import (
@@ -64,6 +65,7 @@ class RunConditions:
         stances: How many are planned wherever one is chosen (`Session.stances`).
         avoided: Joints that are not to be opened, as a dry run found (`Feasibility.conditions`).
         detours: Insertions that the plan has already.
+        kept: Of each subtask, what the dry run chose for its steps.
     """
 
     record_hz: float = RECORD_HZ
@@ -73,6 +75,7 @@ class RunConditions:
     stances: int = 1
     avoided: Ways = frozenset()
     detours: tuple[Detour, ...] = ()
+    kept: tuple[tuple[Choice, ...], ...] = ()
 
 
 USUAL = RunConditions()
@@ -120,7 +123,7 @@ class Run:
         self.planner = Planner(CollisionOracle(self.oracle_world))
         self.recorder = TrajectoryRecorder(self.planner.kinematics, self.record_hz)
         self.subtasks: list[SubtaskRecord] = []
-        self.avoided, self.detours = conditions.avoided, conditions.detours
+        self.avoided, self.detours, self.kept = conditions.avoided, conditions.detours, conditions.kept
         self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
@@ -191,6 +194,7 @@ class Run:
             except PlanRefused:
                 continue
             self.recorder.rewind(samples, start.state_hash)
+            self.kept = ()  # Of another plan.
             reason = f"no place can be got to with this grasp: {item} is taken again from {support}"
             later = (replace(one, first=one.first + MORE) if one.first >= index else one for one in detours)
             self.detours = tuple(sorted((*later, Detour(index, MORE, reason)), key=lambda one: one.first))
@@ -298,6 +302,7 @@ class Run:
             handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
             stances=self.stances,
             avoided=self.avoided,
+            kept=self.kept[index] if index < len(self.kept) else (),
         )
 
     def _step(

@@ -178,8 +178,9 @@ def _regrasp(
     session = replace(session, plan=replace(session.plan, stance=None, journey=None))
     session.sync_planner()
     planner, world, here = session.planner, session.believed, session.q[session.planner.robot.base]
-    strategies = articulation_stances(planner, world, target, handles, action, here, going_on=going_on)
-    planned = adopt_first(session, strategies)
+    planned = adopt_first(
+        session, lambda _: articulation_stances(planner, world, target, handles, action, here, going_on=going_on)
+    )
     if not isinstance(planned, Session):
         return session, explain_failure(ArticulationTask(planner, world, target, handles[0], action), here)
     session = planned

@@ -312,15 +312,18 @@ def with_stance(session: Session) -> Session | Failure:
             return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
         where = f"the handle of {target}"
         serves = _purpose(session, action).serves
-        strategies = articulation_stances(
-            planner, world, target, handles, action, session.q[session.planner.robot.base], serves=serves
-        )
-        planned = adopt_first(session, strategies)
+        here = session.q[session.planner.robot.base]
+
+        def swings(narrowed: bool) -> Iterator[Iterator[Stance[Any]]]:
+            suits = (lambda _: True) if narrowed else serves
+            return articulation_stances(planner, world, target, handles, action, here, serves=suits)
+
+        planned = adopt_first(session, swings)
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset, session.gripper)) is not None:
             return failure
         where = target
-        planned = adopt_first(session, _picks(session))
+        planned = adopt_first(session, lambda narrowed: _picks(session, narrowed))
     else:
         message = f"{target} has no handle and is no item: the hand has nothing to go to"
         return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
@@ -347,14 +350,17 @@ def with_stance(session: Session) -> Session | Failure:
     return Failure(FailureKind.NO_PATH, message, (found,))
 
 
-def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
-    """Yield the strategies to pick the target: around all of it where that fits, by its rim, last resorts."""
+def _picks(session: Session, narrowed: bool) -> Iterator[Iterator[Stance[Lift]]]:
+    """Yield the strategies to pick the target: around all of it where that fits, by its rim, last resorts.
+
+    A grasp that a search is narrowed to was found to allow the placement.
+    """
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[session.planner.robot.base], _lifts_m(session))
     fits = fits_between(world.assets[target], session.gripper)
     if fits:
-        yield pick.stances(_placement_check(session))
+        yield pick.stances(None if narrowed else _placement_check(session))
     yield pick.rim_stances()
     if fits:
         yield pick.last_stances()
@@ -406,8 +412,26 @@ def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     return tuple(handle for handle in wanted if (target, handle.joint) not in session.avoided) or wanted
 
 
-def adopt_first(session: Session, strategies: Iterator[Iterator[Stance[Any]]]) -> Session | int:
-    """Plan the first stance that a free path leads to; return the session with it, or the number of stances tried."""
+Strategies = Callable[[bool], Iterator[Iterator[Stance[Any]]]]
+"""Makes the strategies of a search; told whether it is narrowed to a choice."""
+
+
+def adopt_first(session: Session, strategies: Strategies) -> Session | int:
+    """Plan the first stance that a free path leads to, what the dry run chose before all others.
+
+    Returns:
+        The session with it, or the number of stances tried.
+    """
+    anchor = session.believed.T_world_link(session.subtask.target)
+    for choice in session.kept_for_step():
+        with session.planner.narrowed_to(choice, anchor):
+            planned = _first_adopted(session, strategies(True))
+        if isinstance(planned, Session):
+            return planned
+    return _first_adopted(session, strategies(False))
+
+
+def _first_adopted(session: Session, strategies: Iterator[Iterator[Stance[Any]]]) -> Session | int:
     tried = 0
     unreached: list[Array] = []
     limit = LOOKED_AT if session.subtask.target in session.world.dynamic_ids else ARTICULATIONS_LOOKED_AT
@@ -423,6 +447,7 @@ def adopt_first(session: Session, strategies: Iterator[Iterator[Stance[Any]]]) -
 def _adopted(session: Session, stance: Stance[Any], journey: Drive) -> Session:
     # The journey may count the base's yaw in another turn than the stance did.
     turned = stance.turned(float(journey.end[2] - stance.approach[0, 2]))
+    session.planner.choose(session.step, stance.q, session.believed.T_world_link(session.subtask.target))
     plan = replace(session.plan, stance=turned, journey=journey)
     if isinstance(stance.followup, Lift):
         plan = plan.with_numbers((step for step, _ in moves_after(session, Primitive.GRASP)), stance.followup.moves)
@@ -479,12 +504,16 @@ def navigate_to_support(session: Session, action: Action) -> StepResult:
         margin_deg = round(float(np.rad2deg(placing.margin_rad)), 1)
         measured = replace(measured, region=placing.region, joint_margin_deg=margin_deg)
     else:
+        is_open = holds and any(move.parameter is None for move in moves)
+        if is_open and not session.planner.robot.keeps_order:
+            # What has no place is not driven before one: the next move would have no number.
+            return session.done(action, replace(measured, stance=NOMINAL), failure=search.explain_failure(moves))
         nominal = _nominal(session, support)
         if nominal is None:
             message = f"no free place to stand before {support}"
             return session.done(action, measured, failure=Failure(FailureKind.NO_PATH, message, (measured,)))
         journey = nominal
-        if holds and any(move.parameter is None for move in moves):
+        if is_open:
             session = replace(session, plan=replace(session.plan, unplaced=search.explain_failure(moves)))
         measured = replace(measured, stance=NOMINAL)
     start = session.q
@@ -500,10 +529,21 @@ def _search(session: Session, support: str) -> PlaceSearch:
 
 
 def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
-    """Return the first good placement that a free path leads to, or None."""
+    """Return the first good placement that a free path leads to, what the dry run chose before all others; or None."""
+    anchor = session.believed.T_world_link(search.support)
+    for choice in session.kept_for_step():
+        with session.planner.narrowed_to(choice, anchor):
+            found = _first_placed(session, search, moves)
+        if found is not None:
+            return found
+    return _first_placed(session, search, moves)
+
+
+def _first_placed(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
     for plan in itertools.islice(distinct_first(search.plans(moves)), CANDIDATES):
         journey = drive_to(session.planner, session.q, plan.entry)
         if journey is not None:
+            session.planner.choose(session.step, plan.path[-1], session.believed.T_world_link(search.support))
             return plan, journey
     return None
 

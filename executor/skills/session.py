@@ -15,6 +15,7 @@ import numpy as np
 
 from executor.geometry import Array, inverse
 from executor.planning.articulation import Swing
+from executor.planning.choices import Choice
 from executor.planning.collision import NOTHING, Allowed, Carried
 from executor.planning.drives import Drive
 from executor.planning.picks import Lift
@@ -120,6 +121,7 @@ class Session:
         stances: Number of plans for each stance or placement, each by a seed of its own from 0 on. The one with the arm
             nearest to home is taken; 1 takes the one that the episode's seed gives.
         avoided: Objects' ids, each with a joint that is opened only where the object has no other.
+        kept: What a dry run chose for the subtask's steps.
     """
 
     world: World
@@ -135,6 +137,11 @@ class Session:
     handled: frozenset[str] = frozenset()
     stances: int = 1
     avoided: frozenset[tuple[str, str]] = frozenset()
+    kept: tuple[Choice, ...] = ()
+
+    def kept_for_step(self) -> tuple[Choice, ...]:
+        """Return what a dry run chose for the running step."""
+        return tuple(choice for choice in self.kept if choice.step == self.step)
 
     @property
     def q(self) -> Array:

@@ -216,11 +216,18 @@ FRONTS: tuple[Front, ...] = get_args(Front)
 
 @dataclass(frozen=True, slots=True)
 class Affordances:
-    """What can be done with an object; `fronts` are its doors or drawers, as far as known."""
+    """What can be done with an object.
+
+    Attributes:
+        interior, surface, door: Whether things go into it, and onto it, and whether it is opened and closed.
+        top: Whether it carries things all the same, where a sentence says so: "to the oven" is into it.
+        fronts: Its doors or drawers, as far as known.
+    """
 
     interior: bool = False
     surface: bool = False
     door: bool = False
+    top: bool = False
     fronts: frozenset[Front] = frozenset()
 
     def opens_by(self, front: Front) -> bool:
@@ -261,8 +268,9 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
     shown = {atom.predicate for atom, value in stated if value or atom.predicate == "open"}
     return Affordances(
         interior=base.interior or "inside" in shown or ("open" in shown and is_fixture),
-        surface=base.surface or "ontop" in shown,
+        surface=base.surface or ("ontop" in shown and not base.top),
         door=base.door or "open" in shown,
+        top=base.top,
         fronts=base.fronts | fronts_in(thing.category) | fronts_in(thing.model.rsplit("/", 1)[-1]),
     )
 

@@ -330,7 +330,8 @@ class _IntentBuilder:
 
         def fits(key: str) -> bool:
             can = affordances[key]
-            wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": can.surface, "ON": can.surface}
+            carries = can.surface or can.top
+            wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": carries, "ON": carries}
             return key not in targets and wanted.get(place.direction, can.interior or can.surface)
 
         if not self.discourse.mentions and place.phrase.words == ("there",):

@@ -161,7 +161,7 @@ def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
 def _category(key: str, entry: Any) -> Category:
     if not isinstance(entry, dict) or not isinstance(entry.get("names"), list):
         raise LexiconError(f"[categories.{key}]", "expected a list `names`")
-    flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door")}
+    flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door", "top")}
     fronts = entry.get("fronts", [])
     if not isinstance(fronts, list) or not all(front in FRONTS for front in fronts):
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")

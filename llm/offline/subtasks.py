@@ -105,8 +105,10 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
     can = around.affordances[destination]
     if relation == "inside" and not can.interior:
         other = Intent(IntentKind.PLACE, target, "ontop", destination)
-        raise _lacks(destination, "no interior to put something into", around, (other,) if can.surface else ())
-    if relation == "ontop" and not can.surface:
+        raise _lacks(
+            destination, "no interior to put something into", around, (other,) if can.surface or can.top else ()
+        )
+    if relation == "ontop" and not (can.surface or can.top):
         other = Intent(IntentKind.PLACE, target, "inside", destination)
         raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
     if relation == "inside" and not _goes_in(target, destination, around):

@@ -80,6 +80,8 @@ class Robot:
         mirrored: For each of the arm's joints the sign and the addition [rad] that mirror it in the plane of the base's
             x axis and the arm's first axis.
         hand: Lengths of the hand.
+        keeps_order: Whether searches keep the order in which stored results of the robot were found. Those of another
+            one ask the floor before postures, and begin with what a dry run chose.
     """
 
     name: str
@@ -111,6 +113,7 @@ class Robot:
     withdraw_m: tuple[float, ...]
     mirrored: tuple[tuple[float, float], ...]
     hand: HandShape
+    keeps_order: bool = True
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle by name, so that another process has its own one and the same record."""
@@ -254,6 +257,7 @@ LIFTED = replace(
         finger_thick_m=0.017,
         press_tip_m=0.017,
     ),
+    keeps_order=False,
 )
 """The arm is on a carriage, which the mast of the head camera guides: as low as level hands need it at a table."""
 

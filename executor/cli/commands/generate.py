@@ -129,7 +129,10 @@ def execute(options: Options) -> int:
 
     series, shard = _requested_series(options), read_shard(options.shard)
     if not series:
-        tell("scene2demo: nothing in the scene is feasible", style="red")
+        problem = "nothing in the scene is feasible"
+        if options.json:
+            print_json({"ok": False, "exit_code": FAILED, "store": str(options.out), "problem": problem})
+        tell(f"scene2demo: {problem}", style="red")
         return FAILED
     renders = any(one.first.recording.views for one in series)
     if renders:

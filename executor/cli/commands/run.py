@@ -45,6 +45,7 @@ from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
 
 if TYPE_CHECKING:
     from executor.reports.run_folder import RunFolder
+    from executor.rollouts.feasibility import Feasibility
     from executor.rollouts.run_record import RunRecord
     from llm import Image, Proposal
     from llm.structured.conversation import Spending
@@ -227,8 +228,10 @@ def _prove_and_execute(
     _print_plan(record, options)
     # Flows that may be revised are run to learn from.
     if not (options.anyway or options.evolve):
-        record = _ask_feasibility(record, options)
-        if not record.feasibility:
+        found = _ask_feasibility(record, options)
+        record = replace(record, feasibility=found)
+        folder.write_feasibility(found)
+        if not found:
             folder.write_report(record, None)
             return record
     with results_writer(options.size, video=options.video, quiet=options.json) as studio:
@@ -241,8 +244,8 @@ def _prove_and_execute(
     return record
 
 
-def _ask_feasibility(record: RunRecord, options: Options) -> RunRecord:
-    """Return the record with what a dry run says of the plan, and print that."""
+def _ask_feasibility(record: RunRecord, options: Options) -> Feasibility:
+    """Return what a dry run says of the plan, and print it."""
     from executor.cli.output import counting
     from executor.rollouts.feasibility import feasible
 
@@ -252,7 +255,7 @@ def _ask_feasibility(record: RunRecord, options: Options) -> RunRecord:
         tell(f"feasible, in {found.cpu_s:.1f} s of CPU time" if found else f"not feasible: {found.reason}")
         for detour in found.detours:
             tell(f"note: {detour.reason}", style="yellow")
-    return replace(record, feasibility=found)
+    return found
 
 
 def _execute_plan(record: RunRecord, options: Options) -> RunRecord:

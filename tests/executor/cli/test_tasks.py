@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,20 @@ def test_everything_of_a_scene_becomes_a_request(
     assert len({series.first.origin.query for series in made}) == 6 and len(asked) == 6
     assert made[0].first.origin.query == "open the cabinet" and made[0].episodes == 2
     assert "6 wishes are feasible" in capsys.readouterr().err
+
+
+def test_nothing_that_is_feasible_is_an_answer_in_json_too(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(*_: object, **__: object) -> Iterator[object]:
+        return iter(())
+
+    monkeypatch.setattr("llm.tasks", nothing)
+    words = ["generate", "--all-tasks", KITCHEN, "--out", str(tmp_path / "set")]
+    assert app.run([*words, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"] is False and told["exit_code"] == 1 and "feasible" in told["problem"]
+    assert app.run(words) == 1 and not capsys.readouterr().out
 
 
 def test_all_tasks_stands_alone(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

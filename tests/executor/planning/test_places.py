@@ -117,3 +117,13 @@ def test_a_hand_may_come_down_by_all_of_a_drawers_depth() -> None:
     assert [down.parameter for _, down in fill_options(moves, lowerings_m([drawer]))] == [*usual, deepest]
     given_m = Action(Primitive.LIFT_EEF_DOWN, 0.05)
     assert fill_options((given_m,), lowerings_m([drawer])) == [(given_m,)]
+
+
+def test_in_a_bowl_with_something_in_it_a_place_is_found_between() -> None:
+    middle = Footprint.around(np.array([0.0, 0.0, 0.03]), np.full(3, 0.018))
+    rng, others = spot_rng(0, "a", "b", "hollow"), {"die_0": middle}
+    found = spots(BOWL, np.eye(4), 0.04, np.zeros(3), height_m=0.04, others=others, rng=rng)
+    assert found
+    for spot in found:
+        assert np.hypot(*np.maximum(np.abs(spot.point_m[:2]) - 0.018, 0.0)) >= 0.02 + APART_M - 1e-9
+        assert np.hypot(*spot.point_m[:2]) <= 0.07 - 0.02 + 1e-9

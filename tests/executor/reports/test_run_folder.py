@@ -14,10 +14,12 @@ import pytest
 import oag
 from bddl.files import atomic_path
 from executor.cli.execution import summary_lines
-from executor.records import Detour
+from executor.records import Detour, Failure, FailureKind
 from executor.reports.run_folder import FolderUnusable, ResultsExist, RunFolder
+from executor.rollouts.feasibility import Feasibility, FeasibleSubtask
 from executor.rollouts.run_record import RunRecord, filled_task, with_open_numbers
 from executor.system.files import json_text
+from oag.measurements import Unplanned
 from tests.executor.recordings import invented_rollout
 
 
@@ -103,6 +105,18 @@ def test_the_certificate_is_of_the_plan_that_ran_with_its_numbers_and_what_was_i
     )
     lines = " ".join(line.strip() for line, _ in summary_lines(ran, folder))
     assert "2 of 2 subtasks" in lines and f"detour      {note}" in lines
+
+
+def test_a_refused_plan_leaves_its_reason_as_data(tmp_path: Path) -> None:
+    rollout = invented_rollout()
+    why = Failure(FailureKind.UNREACHABLE, "too high", (Unplanned(target="glass_0", residual_m=0.3),))
+    folder = RunFolder.prepare(tmp_path)
+    record = replace(invented_rollout(failed=True).subtasks[0], readings=())
+    gone_through = (FeasibleSubtask(record, None, None, None, 0.1),)
+    folder.write_feasibility(Feasibility(rollout.task, gone_through, why, "", (), 0.5))
+    written = json.loads((tmp_path / "feasibility.json").read_text())
+    assert written["feasible"] is False and written["failure"]["kind"] == "unreachable"
+    assert "feasibility.json" in folder.written()
 
 
 def test_a_plan_without_a_certificate_leaves_none_of_another_plan(tmp_path: Path) -> None:

@@ -12,7 +12,16 @@ import llm
 import oag
 from executor.assets.library import asset_for
 from executor.records import Failure, FailureKind, StepRecord, SubtaskRecord
-from executor.rollouts.repairs import Failed, Repair, another_door, another_order, moved_aside, repairs
+from executor.rollouts.repairs import (
+    WIDER_FRACTIONS,
+    Failed,
+    Repair,
+    another_door,
+    another_order,
+    moved_aside,
+    opened_wider,
+    repairs,
+)
 from executor.scenes.library import load
 from oag import Scene, SceneObject
 from oag.measurements import JointMotion, Measurement, SupportDrive, Unplanned
@@ -65,6 +74,39 @@ def test_what_is_in_the_way_is_set_down_elsewhere_by_a_plan_that_is_proved() -> 
         assert [*names[:1], *names[3:]] == [one.name for one in failed.task.subtasks]
         assert repair.detour.count == 2 and "can_0" in repair.detour.reason
     assert not proved(failed, another_order), "the plan does not handle the can"
+
+
+def test_a_door_in_the_way_is_opened_wider_where_the_plan_opens_it() -> None:
+    scene = with_cans()
+    body = "panda_link5 and refrigerator_0/door"
+    found = blocked(scene, "put the glass into the refrigerator", 2, body)
+    motion = JointMotion("door_hinge", "rigid arc", 0.0, 0.65, 0.65, 0.8)
+    before = (record(found.task, 0, step("ARTICULATE_OPEN", motion)), record(found.task, 1, step("GRASP")))
+    failed = replace(found, before=before, held="glass_0")
+    repaired = proved(failed, opened_wider)
+    assert [repair.first for repair in repaired] == [0, 0] and all(repair.last == 2 for repair in repaired)
+    ends = [
+        action.parameter for repair in repaired for action in repair.task.subtasks[0].flow or () if action.parameter
+    ]
+    assert ends == [(0.0, fraction) for fraction in WIDER_FRACTIONS]
+    wide = replace(motion, fraction_reached=0.98)
+    assert not proved(replace(failed, before=(record(found.task, 0, step("OPEN", wide)), before[1])), opened_wider)
+    # The door of what is not reached into is another matter.
+    elsewhere = blocked(scene, "put the glass into the refrigerator", 1, body)
+    assert not proved(replace(elsewhere, before=before[:1]), opened_wider)
+
+
+def test_a_door_that_stands_ajar_is_opened_wider_before_the_thing_is_taken() -> None:
+    kitchen = with_cans()
+    ajar = replace(kitchen["refrigerator_0"], parameters={**kitchen["refrigerator_0"].parameters, "open_fraction": 0.3})
+    is_open = bddl.Atom("open", ("refrigerator_0",))
+    facts = (*(fact for fact in kitchen.facts if fact != bddl.Not(is_open)), is_open)
+    scene = replace(kitchen, objects={**kitchen.objects, "refrigerator_0": ajar}, facts=facts)
+    found = blocked(scene, "put the glass into the refrigerator", 1, "held object and refrigerator_0/door")
+    (repair,) = proved(replace(found, held="glass_0"), opened_wider)
+    names = [one.name for one in repair.task.subtasks]
+    assert names[0] == "open_refrigerator_0_wider" and (repair.first, repair.last) == (0, 2)
+    assert repair.task.subtasks[2] == found.subtask and repair.detour.count == 1
 
 
 def test_what_the_plan_handles_later_is_handled_first() -> None:

@@ -146,6 +146,19 @@ def test_the_facts_show_a_surface_that_the_category_does_not_promise() -> None:
     assert llm.propose("put the glass on the table", scene).task.subtasks[0].support_init == "thing_0"
 
 
+@pytest.mark.parametrize("appliance", ["microwave", "oven", "dishwasher"])
+def test_an_appliance_carries_things_where_the_sentence_says_so(appliance: str) -> None:
+    scene = with_object("kitchen_t1", appliance, ["(not (open thing_0))"])
+    onto, into = (llm.propose(f"put the glass {how} the {appliance}", scene) for how in ("on top of", "into"))
+    assert str(onto.task.goal) == "(ontop glass_0 thing_0)" and "(inside glass_0 thing_0)" in str(into.task.goal)
+    assert oag.compose(onto.task, scene=scene).verify().verdict is oag.Verdict.PROVED
+    # What stands on it already does not make "to" ambiguous.
+    carrying = with_object("kitchen_t1", appliance, ["(not (open thing_0))"]).to_json()
+    carrying["facts"] = ["(ontop glass_0 thing_0)", "(not (open refrigerator_0))", "(not (open thing_0))"]
+    moved = llm.propose(f"move the glass to the {appliance}", oag.Scene.from_json(carrying))
+    assert "(inside glass_0 thing_0)" in str(moved.task.goal)
+
+
 def test_the_own_name_of_an_object_counts_before_a_name_of_its_kind() -> None:
     data = SCENES["two_glasses"].to_json()
     objects = dict(data["objects"])  # type: ignore[call-overload]

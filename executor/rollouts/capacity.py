@@ -1,0 +1,73 @@
+"""Sizes: what of a plan cannot be done, whatever the stances, since a thing is too large for the hand or for its place.
+
+This is asked first, since it needs no search. It is strict only where sizes alone decide: a thing that could go in
+turned or laid down counts as one that fits, and the search for a place decides.
+"""
+
+from __future__ import annotations
+
+import math
+
+from bddl import atoms
+from executor.assets.model import Region
+from executor.planning.placements import UPWARD
+from executor.records import Failure, FailureKind
+from executor.sim.world import World
+from executor.skills.navigate import misfit
+from oag import Primitive, SimpleTask, Task
+from oag.measurements import Unplanned
+from oag.sizes import Gripper
+
+STANDING = 0.9  # Of an axis: what stands is carried standing.
+
+
+def first_misfit(task: Task, world: World) -> tuple[int, int, Failure] | None:
+    """Return the first subtask, with its step, of which sizes alone say that it cannot be done; None where none is.
+
+    Args:
+        task: The plan, with flows.
+        world: The things at the start.
+    """
+    gripper = Gripper.of(world.scene.robot)
+    for index, subtask in enumerate(task.subtasks):
+        if world.assets[subtask.target].motion != "dynamic":
+            continue
+        primitives = [action.primitive for action in subtask.flow or ()]
+        takes = Primitive.GRASP in primitives
+        failure = misfit(subtask.target, world.assets[subtask.target], gripper) if takes else None
+        if failure is not None:
+            return index, primitives.index(Primitive.GRASP), failure
+        if Primitive.UNGRASP in primitives and (failure := no_room(world, subtask)) is not None:
+            return index, primitives.index(Primitive.UNGRASP), failure
+    return None
+
+
+def no_room(world: World, subtask: SimpleTask) -> Failure | None:
+    """Return a failure where what a subtask puts inside something is too large for each of its interiors, else None."""
+    item, support = subtask.target, subtask.support_goal
+    inside = any(atom.predicate == "inside" and atom.args == (item, support) for atom in atoms(subtask.goal))
+    if support is None or not inside:
+        return None
+    interiors = [region for region in world.assets[support].regions if region.kind == "interior"]
+    if not interiors or any(_may_fit(world, item, support, region) for region in interiors):
+        return None
+    size = " x ".join(f"{1000 * extent:.0f}" for extent in world.assets[item].extent_m)
+    largest = max(interiors, key=lambda region: math.prod(region.half_extents_m))
+    room = " x ".join(f"{2000 * half:.0f}" for half in largest.half_extents_m)
+    message = f"{item} is too large for {support}: {size} mm, and the largest room in it is {room} mm"
+    return Failure(FailureKind.NO_PATH, message, (Unplanned(target=item, support=support),))
+
+
+def _may_fit(world: World, item: str, support: str, region: Region) -> bool:
+    x, y, z = world.assets[item].extent_m
+    room_x, room_y, room_z = (2 * half for half in region.half_extents_m)
+    if region.opening[2] > UPWARD:
+        # From above it may come in any way up, and stand out of it.
+        least, middle, _ = sorted((x, y, z))
+        rim = world.assets[support].rim
+        if rim is not None:
+            return middle <= 2 * rim.radius_m - rim.thickness_m
+        return least <= min(room_x, room_y) and middle <= max(room_x, room_y)
+    if abs(world.T_world_link(item)[2, 2]) < STANDING:
+        return min(x, y, z) <= room_z
+    return z <= room_z and min(x, y) <= min(room_x, room_y) and max(x, y) <= math.hypot(room_x, room_y)
