@@ -130,7 +130,7 @@ def _scene(held: Sequence[tuple[str, str]], moves: Sequence[tuple[str, str]]) ->
 def _add(objects: dict[str, dict[str, object]], facts: list[str], category: str, *, item: bool = False) -> str:
     """Add a thing: the first piece of furniture with the others close around it, a sink above it, things on it."""
     key = f"{category}_{sum(name.rsplit('_', 1)[0] == category for name in objects)}"
-    number = sum(1 for thing in objects.values() if thing["bbox_extent"] != _SMALL)
+    number = sum(1 for thing in objects.values() if thing["bbox_extent"] not in (_SMALL, _VESSEL))
     across, along = _AROUND[number % len(_AROUND)]
     position = [1.5 + 0.45 * across, 0.45 * along, 0.4]
     if category == "sink_basin":
@@ -138,7 +138,9 @@ def _add(objects: dict[str, dict[str, object]], facts: list[str], category: str,
     objects[key] = {
         "category": category,
         "position": [1.5, 0.01 * len(objects), 0.85] if item else position,
-        "bbox_extent": _SMALL if item else [0.4, 0.4, 0.8 if category != "sink_basin" else 0.2],
+        "bbox_extent": (_VESSEL if category in _INTERIORS else _SMALL)
+        if item
+        else [0.4, 0.4, 0.8 if category != "sink_basin" else 0.2],
     }
     if category in _DOORS:
         facts.append(f"(not (open {key}))")
@@ -146,7 +148,7 @@ def _add(objects: dict[str, dict[str, object]], facts: list[str], category: str,
 
 
 _AROUND = ((0, 0), (0, 1), (0, -1), (1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1))
-_SMALL = [0.05, 0.06, 0.08]
+_SMALL, _VESSEL = [0.03, 0.04, 0.06], [0.085, 0.085, 0.06]
 
 
 def judged(instruction: Instruction) -> tuple[str, str]:

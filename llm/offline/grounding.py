@@ -269,7 +269,7 @@ class Grounding:
     def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, besides: Sequence[str]) -> _Noted:
         """Return as many objects as wanted of those that will do, with a note; those at other places come first."""
         here = frozenset(besides)
-        ordered = sorted(ids, key=lambda key: bool(here & {key, *map(_host, self.around.supports(key))}))
+        ordered = sorted(ids, key=lambda key: (key in here, bool(here & {*map(_host, self.around.supports(key))})))
         chosen = tuple(ordered[:wanted])
         others = alternatives(ordered[wanted:], ", ")
         return chosen, (f'any "{phrase}" will do: {enumeration(chosen)} is taken, and not {others}',)

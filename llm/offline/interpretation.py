@@ -288,7 +288,9 @@ class _IntentBuilder:
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
-                meant = self._target(command, phrase, source, besides)
+                # "A knife and a knife" are two.
+                others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
+                meant = self._target(command, phrase, source, (*besides, *others))
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -513,6 +515,24 @@ class _IntentBuilder:
             Intent(IntentKind.PLACE, ids[1], first.relation, first.object_id),
         )
 
+    def _loaded(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things into or onto a thing, and this one somewhere."""
+        around, (vessel, *load) = self.grounding.around, command.objects
+        carrier = self.grounding.one(vessel)
+        moved = replace(command, objects=tuple(load), source=None, destination=None)
+        ids = [key for key in self._things(moved) if key != carrier.object_id]
+        check_item(carrier.object_id, around)
+        if command.destination is None:
+            raise Refusal("missing-place", f"it does not say where to put {carrier.object_id}")
+        place = self._destination(command.destination, [carrier.object_id, *ids])
+        self.notes += (*carrier.notes, *place.notes)
+        relation = self._relation(command.destination, [carrier.object_id], place)
+        within: Relation = "ontop" if command.source is not None and command.source.direction == "ON" else "inside"
+        return (
+            *_placings(ids, within, carrier.object_id),
+            *_placings((carrier.object_id,), relation, place.object_id),
+        )
+
     def _stacked(self, command: Command) -> tuple[Intent, ...]:
         """Return the intents that put things onto each other, the largest one lowest."""
         around = self.grounding.around
@@ -529,10 +549,7 @@ class _IntentBuilder:
             intents += _placings(ids[:1], relation, place.object_id)
         elif len(ids) < 2:
             raise Refusal("missing-place", f"it does not say what to stack {enumeration(ids)} on")
-        for lower, upper in pairwise(ids):
-            can = around.affordances[lower]
-            intents += _placings((upper,), "inside" if can.interior and not can.surface else "ontop", lower)
-        return tuple(intents)
+        return (*intents, *(Intent(IntentKind.PLACE, upper, "ontop", lower) for lower, upper in pairwise(ids)))
 
     def _unstacked(self, command: Command) -> tuple[Intent, ...]:
         """Return the intents that put things that stand on others beside the lowest of these, the topmost first."""
@@ -569,6 +586,7 @@ class _IntentBuilder:
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
     "swap": _IntentBuilder._swapped,
+    "loaded": _IntentBuilder._loaded,
     "stack": _IntentBuilder._stacked,
     "unstack": _IntentBuilder._unstacked,
     "bring": _IntentBuilder._brought,

@@ -20,7 +20,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "unstack", "bring", "tidy",
-    "toss",
+    "toss", "loaded",
 ]  # fmt: skip
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top. Those of the second line distinguish
 # objects, but no plan can achieve them.
@@ -126,7 +126,7 @@ class Command:
         kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place, and
             "tidy" about all that lies about.
         objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
-        source: Where the object is to be taken from.
+        source: Where the object is to be taken from; for "loaded", whether the others go in or on the first one.
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
     """
@@ -146,6 +146,7 @@ class Command:
             "bare": "",
             "tidy": "tidy up",
             "toss": "throw ",
+            "loaded": "load and put ",
         }
         verb = verbs.get(self.kind, f"{self.kind} ")
         verb = "" if self.verbless else verb
@@ -241,6 +242,8 @@ def _command(tree: Any) -> Command:
             source = _place(child)
         elif rule in ("destination", "there"):
             destination = _place(child)
+        elif rule in ("within", "upon"):
+            source = Location("ON" if rule == "upon" else "IN", NounPhrase(("it",), pronoun="it"), "in")
         elif rule == "things":
             objects = (*objects, *_phrases(child))
         else:
