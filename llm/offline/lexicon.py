@@ -18,7 +18,7 @@ from oag import SceneObject
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner")
 _SIGNS = ("which", "people", "foreign")
-_COUNTERS = ("units", "vessels")
+_COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
 
@@ -63,8 +63,9 @@ class Lexicon:
         which: Words that select one of several, such as "second", and that no scene can resolve.
         people: Words for recipients to whom nothing can be handed.
         foreign: Words that indicate another language.
-        units: Words that count what follows "of", such as "set"; also the last words of names.
+        units: Words that count what follows "of", such as "set" in "a set of keys".
         vessels: Words for what holds what follows "of", such as "bottle".
+        anything: Words for any item, such as "object".
         beyond: Verb that no plan can follow -> reason.
         usual: Usual places of things.
         categories: Entry by key.
@@ -79,6 +80,7 @@ class Lexicon:
     foreign: frozenset[str]
     units: frozenset[str]
     vessels: frozenset[str]
+    anything: frozenset[str]
     beyond: Mapping[str, str]
     loose: frozenset[str]
     usual: tuple[Usual, ...]
@@ -173,7 +175,7 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
 def short_names(thing: SceneObject, entry: Category | None, lexicon: Lexicon) -> frozenset[str]:
     """Return shorter names of an item: its noun and, of a vessel, what it holds.
 
-    A `baseball_bat` is a bat and a `salt_shaker` is salt. A noun that names another category is none of its names: a
+    A `baseball_bat` is a bat, a `salt_shaker` is salt, and each is a thing. A noun that names another category is none of its names: a
     garbage can is no can.
     """
     if thing.role != "B":
@@ -188,7 +190,7 @@ def short_names(thing: SceneObject, entry: Category | None, lexicon: Lexicon) ->
                 found.add(tail)
         if len(words) > 1 and words[-1] in lexicon.vessels:
             found.add(" ".join(words[:-1]))
-    return frozenset(found)
+    return frozenset(found) | lexicon.anything
 
 
 def _noun(name: str) -> str:
