@@ -175,8 +175,8 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
 def short_names(thing: SceneObject, entry: Category | None, lexicon: Lexicon) -> frozenset[str]:
     """Return shorter names of an item: its noun and, of a vessel, what it holds.
 
-    A `baseball_bat` is a bat, a `salt_shaker` is salt, and each is a thing. A noun that names another category is none of
-    its names: a garbage can is no can.
+    A `baseball_bat` is a bat, a `salt_shaker` is salt, and each is a thing. A noun that names another category is none
+    of its names: a garbage can is no can.
     """
     if thing.role != "B":
         return frozenset()
