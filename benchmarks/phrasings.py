@@ -21,7 +21,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import llm
 import oag
-from tests.llm.kitchens import FAMILIES, LATER, SCENES, STRANGERS, Phrasing, conjuncts
+from tests.llm.kitchens import FAMILIES, LATER, ORDINARY, SCENES, STRANGERS, Phrasing, conjuncts
 
 COLUMNS = ("goals", "right", "proved", "refused", "refusals", "clear", "wrong")
 
@@ -65,6 +65,7 @@ if __name__ == "__main__":
         "held out": counted(phrasing for phrasing in FAMILIES if phrasing.held_out),
         "written later": counted(LATER),
         "strangers": counted(STRANGERS),
+        "ordinary": counted(ORDINARY),
     }
     for name, found in tables.items():
         printed(name, found)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import bddl
-from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
-from llm.offline.lexicon import Category, Lexicon, names_of
-from llm.offline.reader import REFERENCE_DIRECTIONS, Direction, Location, NounPhrase, Side
-from oag import Scene, SceneObject
+from llm.offline.intents import Affordances, Front, Refusal, Support, Surroundings, alternatives, enumeration
+from llm.offline.lexicon import Category, Lexicon, names_of, short_names
+from llm.offline.reader import REFERENCE_DIRECTIONS, Location, NounPhrase
+from llm.offline.viewpoint import COLORS, LEVELS, SIZES, by_size, on_side, placed, referenced, stated_colors
+from oag import Scene
+from oag.model.symbols import has_boards
 from oag.sizes import TO_THE_AIM, Sizing
 
 
@@ -49,6 +50,7 @@ class Names:
         bearers: dict[str, tuple[list[str], ...]] = {}
         for key, thing in objects.items():
             tiers = names_of(thing, entries[thing.category])
+            tiers = (*tiers, short_names(thing, entries[thing.category], lexicon).difference(*tiers))
             for rank, names in enumerate(tiers):
                 for name in names:
                     bearers.setdefault(name, tuple([] for _ in tiers))[rank].append(key)
@@ -58,9 +60,15 @@ class Names:
 
     def knows(self, word: str) -> bool:
         """Decide whether a word, or its singular, is part of any name or may stand before one."""
-        if word in self.lexicon.descriptions or word in self.lexicon.which:
+        forms = (word, *singulars(word))
+        lexicon = self.lexicon
+        if (
+            word in lexicon.descriptions
+            or word in lexicon.which
+            or (lexicon.units | lexicon.vessels).intersection(forms)
+        ):
             return True
-        return any(form in self.words for form in (word, *singulars(word)))
+        return any(form in self.words for form in forms)
 
     def mentioned(self, words: Sequence[str]) -> tuple[str, ...]:
         """Return the objects named by any run of words, for suggestions."""
@@ -105,7 +113,7 @@ class Names:
     def door_of(self, whole: str, phrase: NounPhrase) -> Named:
         """Return an object whose door or drawer is meant."""
         before, front = phrase.words[:-1], phrase.front
-        which = (*((phrase.side,) if phrase.side else ()), *self._which(before))
+        which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
         if front is not None and which:
             raise self.unresolvable(phrase, which)
         named = all(word in self.lexicon.descriptions for word in before)
@@ -126,7 +134,7 @@ class Names:
 
     def unknown(self, phrase: NounPhrase, around: Surroundings) -> Refusal:
         """Return the refusal of a name without an object in the scene, with the nearest names."""
-        which = self._which(phrase.words)
+        which = self.which(phrase.words)
         if which:
             return self.unresolvable(phrase, which)
         wanted = " ".join(phrase.words)
@@ -135,6 +143,16 @@ class Names:
             f'nothing in {self.scene.name} is called "{wanted}"{self.meant(wanted)}',
             scene=[around.described(key) for key in self.scene.objects],
         )
+
+    def joined(self, words: tuple[str, ...], of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        """Yield the names that "a bottle of medicine", "two bars of soap" or "a set of keys" can stand for."""
+        *before, noun = words
+        for unit in dict.fromkeys((noun, *singulars(noun))):
+            yield (*before, unit, "of", *of)
+            if unit in self.lexicon.vessels:
+                yield from ((*before, *of[:-1], last, unit) for last in (of[-1], *singulars(of[-1])))
+            if unit in self.lexicon.units:
+                yield (*before, *of)
 
     def meant(self, *wanted: str) -> str:
         """Return the question whether one of the nearest names was meant; empty if none is near."""
@@ -154,7 +172,8 @@ class Names:
             problem = f"{listed} says which of several is meant, and nothing in {self.scene.name} tells that"
         return Refusal("unknown-object", f"{problem}; name the object alone, by its id where there are several")
 
-    def _which(self, words: Sequence[str]) -> tuple[str, ...]:
+    def which(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Return the words that select one of several, such as "second"."""
         return tuple(word for word in words if word in self.lexicon.which)
 
 
@@ -166,14 +185,10 @@ def _opened_by(key: str, can: Affordances) -> str:
 
 def singulars(word: str) -> tuple[str, ...]:
     """Return the possible singulars of a plural; empty for a word that is none."""
-    endings = (("shelves", "shelf"), ("knives", "knife"), ("ies", "y"), ("es", ""), ("s", ""))
+    endings = (("lves", "lf"), ("ives", "ife"), ("oaves", "oaf"), ("ies", "y"), ("es", ""), ("s", ""))
     return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
 
 
-# Largest gap between the boxes of neighbouring objects.
-NEIGHBOR_GAP_M = 0.20
-# Smaller differences count as neither left nor right, nor nearer.
-MARGIN_M = 0.05
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 
@@ -207,29 +222,42 @@ class Grounding:
         around = replace(Surroundings.of(scene, listed), sizing=sizing)
         return cls(around, Names.of(around, lexicon, entries))
 
-    def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
-        """Return the one object that a phrase names."""
+    def one(self, phrase: NounPhrase, source: Location | None = None, besides: Sequence[str] = ()) -> Grounded:
+        """Return the one object that a phrase names.
+
+        Args:
+            phrase: The phrase; of several objects that "a glass" names, the first will do.
+            source: Where it is taken from.
+            besides: What "a glass" should rather not name, and where it should rather not stand already.
+        """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
-        if named.plural:
+        if named.plural and not phrase.whichever:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
-        ids, notes = self._narrowed(named.ids, phrase, source)
+        ids, notes = self._narrowed(named, phrase, source)
         ids, more = self._on_side(ids, phrase)
+        if len(ids) > 1 and phrase.whichever:
+            ids, more = self._chosen(ids, 1, phrase, besides)
         if len(ids) > 1:
             problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
-    def every(self, phrase: NounPhrase, source: Location | None = None) -> tuple[Grounded, ...]:
+    def every(
+        self, phrase: NounPhrase, source: Location | None = None, besides: Sequence[str] = ()
+    ) -> tuple[Grounded, ...]:
         """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
-        if not phrase.several and not named.plural:
-            return (self.one(phrase, source),)
-        ids, notes = self._narrowed(named.ids, phrase, source)
+        if not phrase.several and (not named.plural or phrase.whichever):
+            return (self.one(phrase, source, besides),)
+        ids, notes = self._narrowed(named, phrase, source)
         wanted = phrase.count
+        if wanted is not None and len(ids) > wanted and phrase.whichever:
+            ids, more = self._chosen(ids, wanted, phrase, besides)
+            notes = (*more, *notes)
         if wanted is not None and len(ids) > wanted:
             problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
@@ -237,6 +265,14 @@ class Grounding:
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, besides: Sequence[str]) -> _Noted:
+        """Return as many objects as wanted of those that will do, with a note; those at other places come first."""
+        here = frozenset(besides)
+        ordered = sorted(ids, key=lambda key: (key in here, bool(here & {*map(_host, self.around.supports(key))})))
+        chosen = tuple(ordered[:wanted])
+        others = alternatives(ordered[wanted:], ", ")
+        return chosen, (f'any "{phrase}" will do: {enumeration(chosen)} is taken, and not {others}',)
 
     def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         """Return the items that "everything" means, without those that stand in or on another item."""
@@ -268,7 +304,7 @@ class Grounding:
         return held, named.notes
 
     def _grounded(self, object_id: str, named: Named, phrase: NounPhrase, more: tuple[str, ...]) -> Grounded:
-        notes = [*named.notes, *_on_trust(named.descriptions, (object_id,)), *more]
+        notes = [*named.notes, *self._untold(named, (object_id,)), *more]
         if named.passed_over:
             others = alternatives(named.passed_over, ", ")
             notes.append(f'"{named.name}" fits {object_id} best; {others} was passed over')
@@ -283,12 +319,13 @@ class Grounding:
         owner = phrase.owner
         if owner is None or owner.pronoun or owner.owner is not None:
             return phrase
-        words = (*phrase.words, "of", *owner.words)
-        if not self.names.described(words).ids:
-            return phrase
-        return replace(phrase, words=words, owner=None, location=owner.location, door=False)
+        for words in self.names.joined(phrase.words, owner.words):
+            if self.names.described(words).ids:
+                return replace(phrase, words=words, owner=None, location=owner.location, door=False)
+        return phrase
 
-    def _bearers(self, phrase: NounPhrase) -> Named:
+    def _bearers(self, phrase: NounPhrase, *, named_only: bool = False) -> Named:
+        """Return the objects of a phrase; `named_only` where it tells another thing apart and nothing is put there."""
         if phrase.pronoun:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
         if phrase.owner is not None:
@@ -297,21 +334,75 @@ class Grounding:
         if not named.ids and phrase.front is not None:
             named = self.names.doors(phrase, phrase.front)
         if named.ids:
-            return named
+            # Two rings of keys are "the keys", and so is one.
+            alike = (self.names.described((*phrase.words[:-1], one)).ids for one in singulars(phrase.words[-1]))
+            return replace(named, plural=len(named.ids) > 1 and not phrase.one_of and named.ids in alike)
         for singular in singulars(phrase.words[-1]):
             named = self.names.described((*phrase.words[:-1], singular))
             if named.ids:
                 return replace(named, plural=not phrase.one_of)
+        placed = self._placed(phrase, named_only=named_only)
+        if placed is not None:
+            return placed
         raise self.names.unknown(phrase, self.around)
 
-    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Location | None) -> _Noted:
-        ids = self._in_state(phrase, ids)
+    def _narrowed(self, named: Named, phrase: NounPhrase, source: Location | None) -> _Noted:
+        ids = self._in_state(phrase, named.ids)
         notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
             if place is not None:
                 ids, more = self._at(ids, place)
                 notes += more
-        return ids, notes
+        return self._as_described(named.descriptions, ids, phrase), notes
+
+    def _as_described(self, words: Sequence[str], ids: tuple[str, ...], phrase: NounPhrase) -> tuple[str, ...]:
+        """Return the objects of the colours and sizes that words name, as far as the scene states them."""
+        for word in words:
+            if word in COLORS:
+                stated = {key: stated_colors(self.around.scene.objects[key]) for key in ids}
+                fitting = tuple(key for key in ids if COLORS[word] in stated[key])
+                unstated = tuple(key for key in ids if not stated[key])
+                if not fitting and not unstated:
+                    others = "; ".join(f"{key} is {enumeration(sorted(stated[key]))}" for key in ids)
+                    raise Refusal("unknown-object", f'no "{phrase}" of the scene is {word}: {others}')
+                ids = fitting or unstated
+            elif word in SIZES:
+                ids = by_size(ids, word, self.around.scene)
+        return ids
+
+    def _untold(self, named: Named, ids: Sequence[str]) -> tuple[str, ...]:
+        """Return the notes on describing words that the scene does not confirm."""
+        things = [self.around.scene.objects[key] for key in ids]
+        decided = len(named.ids) > len(ids)
+
+        def is_stated(word: str) -> bool:
+            if word in SIZES:
+                return decided
+            return word in COLORS and all(COLORS[word] in stated_colors(thing) for thing in things)
+
+        return _on_trust(tuple(word for word in named.descriptions if not is_stated(word)), ids)
+
+    def _placed(self, phrase: NounPhrase, *, named_only: bool) -> Named | None:
+        """Return the piece of furniture that "the third drawer" or "the top cabinet" names by where it stands."""
+        which = self.names.which(phrase.words)
+        words = tuple(word for word in phrase.words if word not in which)
+        if len(which) != 1 or not words:
+            return None
+        named = self.names.described(words)
+        things = [self.around.scene.objects[key] for key in named.ids]
+        if not things or any(thing.role == "B" for thing in things):
+            return None
+        if len(things) == 1:
+            # "The top drawer" of one, like "the left drawer"; of a thing with boards, "top" is one of these.
+            trusted = which[0] in LEVELS and (named_only or not has_boards(things[0].category))
+            return replace(named, descriptions=(*named.descriptions, *which)) if trusted else None
+        ids, notes = self._narrowed(named, phrase, None)
+        found = placed(ids, which[0], self.around.scene)
+        if found is None:
+            return None
+        key, counted = found
+        note = f'{key} is taken for "{" ".join(phrase.words)}", counted {counted}'
+        return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
         whole = self.one(owner)
@@ -331,12 +422,12 @@ class Grounding:
 
     def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
         phrase = self._of_one_name(place.phrase)
-        named = self._bearers(phrase)
-        supports, notes = self._narrowed(named.ids, phrase, None)
+        named = self._bearers(phrase, named_only=True)
+        supports, notes = self._narrowed(named, phrase, None)
         supports, more = self._on_side(supports, phrase)
-        notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
+        notes = (*named.notes, *self._untold(named, supports), *more, *notes)
         if place.direction in REFERENCE_DIRECTIONS:
-            fitting = _referenced(ids, place.direction, supports, self.around.scene)
+            fitting = referenced(ids, place.direction, supports, self.around.scene)
             if fitting:
                 return fitting, notes
             problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
@@ -367,87 +458,10 @@ class Grounding:
         return on_side(ids, phrase.side, self.around.scene), ()
 
 
+def _host(support: Support) -> str:
+    return support.object_id
+
+
 def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
     things = alternatives(ids)
     return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)
-
-
-def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
-    """Return the object furthest to a side, nearest or farthest; all candidates if they are too close to call.
-
-    Sides are from the robot's viewpoint at its start.
-    """
-    measure: Callable[[str], float] = {
-        "left": lambda key: -left_m(key, scene),
-        "right": lambda key: left_m(key, scene),
-        "nearest": lambda key: math.hypot(*_from_robot(key, scene)),
-        "farthest": lambda key: -math.hypot(*_from_robot(key, scene)),
-    }[side]
-    return _least(ids, measure)
-
-
-def _referenced(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
-    pairs = [(key, other) for key in ids for other in others if key != other]
-    if direction == "CLOSEST":
-        gaps = {key: min(gap_m(first, other, scene) for first, other in pairs if first == key) for key, _ in pairs}
-        return _least(tuple(gaps), gaps.__getitem__)
-
-    def fits(key: str, other: str) -> bool:
-        if direction == "NEXT":
-            return gap_m(key, other, scene) <= NEIGHBOR_GAP_M
-        if direction == "UNDER":
-            return is_under(key, other, scene)
-        to_the_left_m = left_m(key, scene) - left_m(other, scene)
-        return to_the_left_m > MARGIN_M if direction == "LEFTOF" else -to_the_left_m > MARGIN_M
-
-    return tuple(dict.fromkeys(key for key, other in pairs if fits(key, other)))
-
-
-def left_m(object_id: str, scene: Scene) -> float:
-    """Return the distance of an object to the robot's left at the start [m]."""
-    dx, dy, yaw_rad = *_from_robot(object_id, scene), scene.robot.yaw_rad
-    return dy * math.cos(yaw_rad) - dx * math.sin(yaw_rad)
-
-
-def gap_m(first: str, second: str, scene: Scene) -> float:
-    """Return the gap between the axis-aligned footprints of two objects [m]."""
-    one, other = scene.objects[first], scene.objects[second]
-    halves = (_half_footprint_m(one), _half_footprint_m(other))
-    gaps = (
-        max(0.0, abs(one.position[axis] - other.position[axis]) - halves[0][axis] - halves[1][axis]) for axis in (0, 1)
-    )
-    return math.hypot(*gaps)
-
-
-def is_under(lower: str, upper: str, scene: Scene) -> bool:
-    """Decide whether an object is below another one.
-
-    The other's centre has to be within its footprint, and its top no higher than the other's bottom.
-    """
-    below, above = scene.objects[lower], scene.objects[upper]
-    half = _half_footprint_m(below)
-    within = all(abs(above.position[axis] - below.position[axis]) <= half[axis] for axis in (0, 1))
-    bottom, top = above.position[2] - above.height_m / 2, below.position[2] + below.height_m / 2
-    return within and top <= bottom + MARGIN_M
-
-
-def _half_footprint_m(thing: SceneObject) -> tuple[float, float]:
-    """Return the half extents, along x and y of the world, of the box around an object turned about z [m]."""
-    w, x, y, z = thing.orientation
-    cos, sin = abs(1.0 - 2.0 * (y * y + z * z)), abs(2.0 * (x * y + w * z))
-    along, across, _ = thing.extent_m
-    return (cos * along + sin * across) / 2, (sin * along + cos * across) / 2
-
-
-def _from_robot(object_id: str, scene: Scene) -> tuple[float, float]:
-    place, robot = scene.objects[object_id].position, scene.robot.position
-    return place[0] - robot[0], place[1] - robot[1]
-
-
-def _least(ids: Sequence[str], measure: Callable[[str], float]) -> tuple[str, ...]:
-    """Return the object of the least measure together with all that are too close to it.
-
-    Close candidates stay undecided, so that the query is refused as ambiguous rather than guessed.
-    """
-    least = min(map(measure, ids), default=0.0)
-    return tuple(key for key in ids if measure(key) <= least + MARGIN_M)

@@ -17,7 +17,7 @@ from typing import Literal, get_args
 import bddl
 from llm.errors import RefusalCode
 from oag import Scene, SceneObject
-from oag.model.symbols import GRIPPER
+from oag.model.symbols import GRIPPER, Kind
 from oag.sizes import TO_THE_AIM, Sizing
 
 Relation = Literal["inside", "ontop"]
@@ -254,7 +254,7 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
     Args:
         thing: The object.
         listed: Affordances of its category in a lexicon, or None without an entry. Then a fixture (type A) counts as
-            one with a door and an item (type B) as neither container nor support.
+            one with a door, a support as one with a surface, and an item (type B) as neither container nor support.
         facts: Stated atoms. An object with something inside has an interior, whatever its category. A fixture that
             is stated to be open or not has one behind its door, such as a nightstand with a drawer.
 
@@ -263,7 +263,9 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
             model, such as `cabinet_two_doors`.
     """
     is_fixture = thing.role == "A"
-    base = _SHAPES.get(thing.model) or listed or Affordances(interior=is_fixture, door=is_fixture)
+    closed = thing.kind is Kind.ARTICULATED
+    unlisted = Affordances(interior=closed, door=closed, surface=thing.kind is Kind.SUPPORT)
+    base = _SHAPES.get(thing.model) or listed or unlisted
     stated = ((atom, value) for atom, value in facts.items() if atom.args[-1] == thing.id)
     shown = {atom.predicate for atom, value in stated if value or atom.predicate == "open"}
     return Affordances(

@@ -6,8 +6,10 @@ state after those before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from llm.offline.grounding import Grounded, Grounding
 from llm.offline.intents import (
@@ -18,6 +20,7 @@ from llm.offline.intents import (
     Refusal,
     Relation,
     Request,
+    Support,
     Surroundings,
     alternatives,
     carries_past_doors,
@@ -26,7 +29,8 @@ from llm.offline.intents import (
     order_for_one_hand,
 )
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Location, NounPhrase, Reading
-from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_hand
+from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
+from llm.offline.viewpoint import start_gap_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +124,7 @@ class Discourse:
         return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
 
 
+_WASTE = ("garbage_can", "basket", "box")
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
@@ -174,7 +179,11 @@ class _IntentBuilder:
             if following is None or following.kind == "goto":
                 raise self._only_gone()
         elif command.kind == "clear":
-            mention = self._clear(command)
+            # "Clear the table and put everything into the fridge" says where to.
+            told = following is not None and any(phrase.everything or phrase.pronoun for phrase in following.objects)
+            mention = self._clear(command, guess=not told)
+        elif command.kind in _ARRANGING:
+            mention = Mention(_ARRANGING[command.kind](self, command))
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
             mention = self._wished(command, placed)
@@ -202,6 +211,8 @@ class _IntentBuilder:
         """Return the intents of a command; `placed` is whether the next command places its objects."""
         source = self._source(command)
         targets, place = self._ends(command, source)
+        if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
+            raise no_action()
         for grounded in (*targets, *(() if place is None else (place,))):
             if grounded.by_door and command.kind not in ("open", "close") and not self._goes_in(command, grounded):
                 raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
@@ -210,6 +221,8 @@ class _IntentBuilder:
         ids = [grounded.object_id for grounded in targets]
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
+        if command.kind == "nowhere" and self._set_down(command, ids):
+            return self._put_at_reached(ids)
         if command.kind == "nowhere":
             for key in ids:
                 check_item(key, self.grounding.around)
@@ -227,6 +240,27 @@ class _IntentBuilder:
         relation = self._relation(command.destination, ids, place)
         return Mention(_placings(ids, relation, place.object_id), origin, as_one)
 
+    def _is_waste(self, key: str) -> bool:
+        """Decide whether "throw" means putting a thing there."""
+        names = self.grounding.names
+        return names.entries[self.grounding.around.scene.objects[key].category] in (
+            names.lexicon.categories.get(kind) for kind in _WASTE
+        )
+
+    def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
+        """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
+        if not any(phrase.pronoun for phrase in command.objects) or command.source is not None:
+            return False
+        last = self.discourse.mentions[-1]
+        placed = all(intent.kind is IntentKind.PLACE for intent in last.intents) and set(ids) <= set(last.themes)
+        return self.reached is not None or placed
+
+    def _put_at_reached(self, ids: Sequence[str]) -> Mention:
+        if self.reached is None:
+            return self.discourse.mentions[-1]
+        place = Location("TO", NounPhrase((self.reached,)), "to")
+        return Mention(_placings(ids, self._relation(place, ids, Grounded(self.reached)), self.reached))
+
     def _goes_in(self, command: Command, grounded: Grounded) -> bool:
         """Decide whether the destination is a hollow part: a drawer, but not a door."""
         place = command.destination
@@ -237,7 +271,8 @@ class _IntentBuilder:
     def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         if command.destination is None:
             return self._targets(command, source, ()), None
-        if command.destination.phrase.pronoun and not any(phrase.everything for phrase in command.objects):
+        chooses = command.destination.phrase.pronoun or command.destination.phrase.whichever
+        if chooses and not any(phrase.everything for phrase in command.objects):
             targets = self._targets(command, source, ())
             return targets, self._destination(command.destination, [grounded.object_id for grounded in targets])
         # The destination is grounded first: its refusal is the less informative one if both fail.
@@ -253,7 +288,9 @@ class _IntentBuilder:
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
-                meant = self._target(command, phrase, source, besides)
+                # "A knife and a knife" are two.
+                others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
+                meant = self._target(command, phrase, source, (*besides, *others))
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -280,7 +317,7 @@ class _IntentBuilder:
             return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, besides)
-        return self.grounding.every(phrase, source)
+        return self.grounding.every(phrase, source, besides)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
         """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
@@ -323,9 +360,10 @@ class _IntentBuilder:
         return self._spoken_of(phrase, lambda key: bool(self.grounding.around.cargo(key)))
 
     def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
-        """Return the object of a place; a pronoun means none of the targets."""
+        """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
-            return self.grounding.one(place.phrase)
+            hosts = (step.object_id for key in targets for step in self.grounding.around.supports(key))
+            return self.grounding.one(place.phrase, besides=(*targets, *hosts))
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:
@@ -361,13 +399,17 @@ class _IntentBuilder:
     def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raise the refusal of a preposition that only distinguishes objects."""
         if place.direction in REFERENCE_DIRECTIONS:
+            host = next(iter(self._hosts(destination.object_id)), None)
+            known = [key for key in targets if key in self.grounding.around.scene.objects]
+            near = () if host is None or not known else (Request(_placings(known, host.relation, host.object_id)),)
             raise Refusal(
                 "unsupported-relation",
                 f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
                 f'"{place.preposition}" {destination.object_id}',
+                instead=near,
             )
 
-    def _clear(self, command: Command) -> Mention:
+    def _clear(self, command: Command, *, guess: bool) -> Mention:
         phrase = command.objects[0]
         if phrase.pronoun:
             cleared = Grounded(self._holder_spoken_of(phrase))
@@ -384,22 +426,173 @@ class _IntentBuilder:
         ids = [grounded.object_id for grounded in held]
         self.notes += cleared.notes
         if command.destination is None or place is None:
-            return Mention(self._anywhere(ids, cleared), cleared.object_id, True)
+            return Mention(self._anywhere(ids, cleared, guess=guess), cleared.object_id, True)
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
         return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
 
-    def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> tuple[Intent, ...]:
-        """Return the intents that put objects at the only other place for them."""
+    def _anywhere(self, ids: Sequence[str], cleared: Grounded, *, guess: bool = True) -> tuple[Intent, ...]:
+        """Return the intents that put objects at the only other place for them, or at their usual places."""
         around = self.grounding.around
         choices = places_for(ids, around, besides=(cleared.object_id,))
         if len(choices) != 1:
-            problem = f"it does not say where to put {enumeration(ids)}"
+            usual = {key: self._usual_place(key, cleared.object_id) if guess else None for key in ids}
+            if all(usual.values()):
+                return self._put_away(usual)
+            problem = f"it does not say where to put {enumeration(key for key in ids if not usual[key])}"
             problem += ", and several places can take them" if choices else ", and no other place can take them"
             raise Refusal("missing-place", problem, instead=choices)
         intents = choices[0].intents
         self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
         return intents
+
+    def _usual_place(self, key: str, besides: str = "") -> Intent | None:
+        """Return the intent that puts an object where people usually keep its kind; None without such a place."""
+        around, names = self.grounding.around, self.grounding.names
+        entry = names.entries[around.scene.objects[key].category]
+        for relation, kind in names.lexicon.usual_places(entry):
+            for place, thing in around.scene.objects.items():
+                intent = Intent(IntentKind.PLACE, key, relation, place)
+                if names.entries[thing.category] is kind and place != besides and is_possible(intent, around):
+                    return intent
+        return None
+
+    def _put_away(self, usual: Mapping[str, Intent | None]) -> tuple[Intent, ...]:
+        """Return the intents that put objects at their usual places, those of one place together."""
+        intents = [intent for intent in usual.values() if intent is not None]
+        places = [intent.destination for intent in intents]
+        intents.sort(key=lambda intent: places.index(intent.destination))
+        self.notes += [f"{intent.destination} is taken for the usual place of {intent.target}" for intent in intents]
+        return tuple(intents)
+
+    def _tidied(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put everything that lies about where people usually keep it."""
+        around = self.grounding.around
+        items = [key for key, thing in around.scene.objects.items() if thing.role == "B"]
+        loose = [key for key in items if not any(step.object_id in items for step in around.supports(key))]
+        usual = {key: self._usual_place(key) for key in loose if not self._is_kept(key)}
+        unplaced = [key for key, intent in usual.items() if intent is None]
+        if len(unplaced) == len(usual):
+            problem = f"no usual place is known for {enumeration(unplaced)}" if unplaced else "everything is tidy"
+            raise Refusal("missing-place" if unplaced else "already-so", problem)
+        self.notes += [f"no usual place of {key} is known; it stays where it is" for key in unplaced]
+        return self._put_away(usual)
+
+    def _is_kept(self, key: str) -> bool:
+        """Decide whether an object is at one of its usual places."""
+        around, names = self.grounding.around, self.grounding.names
+        entry = names.entries[around.scene.objects[key].category]
+        usual = names.lexicon.usual_places(entry)
+        kinds = [(s.relation, names.entries[around.scene.objects[s.object_id].category]) for s in self._hosts(key)]
+        return any(relation == where and kind is host for relation, kind in usual for where, host in kinds)
+
+    def _hosts(self, key: str) -> list[Support]:
+        around = self.grounding.around
+        return [step for step in around.supports(key) if step.object_id in around.scene.objects]
+
+    def _things(self, command: Command, source: Location | None = None) -> list[str]:
+        """Return the items that a command is about."""
+        targets = self._targets(command, source, ())
+        self.notes += [note for grounded in targets for note in grounded.notes]
+        ids = [grounded.object_id for grounded in targets]
+        for key in ids:
+            check_item(key, self.grounding.around)
+        return ids
+
+    def _swapped(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put each of two things where the other is."""
+        ids = self._things(command)
+        if len(ids) != 2:
+            raise Refusal("several-objects", f"two things can be swapped, and it names {enumeration(ids)}")
+        first, second = (next(iter(self._hosts(key)), None) for key in ids)
+        if first is None or second is None:
+            lost = ids[0] if first is None else ids[1]
+            raise Refusal("unknown-place", f"the scene does not state what {lost} stands on")
+        if first == second:
+            problem = f"{enumeration(ids)} are both {first}; a plan can tell places apart, but no spots of one place"
+            raise Refusal("unsupported-relation", problem)
+        return (
+            Intent(IntentKind.PLACE, ids[0], second.relation, second.object_id),
+            Intent(IntentKind.PLACE, ids[1], first.relation, first.object_id),
+        )
+
+    def _loaded(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things into or onto a thing, and this one somewhere."""
+        around, (vessel, *load) = self.grounding.around, command.objects
+        carrier = self.grounding.one(vessel)
+        moved = replace(command, objects=tuple(load), source=None, destination=None)
+        ids = [key for key in self._things(moved) if key != carrier.object_id]
+        check_item(carrier.object_id, around)
+        if command.destination is None:
+            raise Refusal("missing-place", f"it does not say where to put {carrier.object_id}")
+        place = self._destination(command.destination, [carrier.object_id, *ids])
+        self.notes += (*carrier.notes, *place.notes)
+        relation = self._relation(command.destination, [carrier.object_id], place)
+        within: Relation = "ontop" if command.source is not None and command.source.direction == "ON" else "inside"
+        return (
+            *_placings(ids, within, carrier.object_id),
+            *_placings((carrier.object_id,), relation, place.object_id),
+        )
+
+    def _stacked(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things onto each other, the largest one lowest."""
+        around = self.grounding.around
+        if command.destination is None:
+            place, ids = None, self._things(command)
+        else:
+            targets, place = self._ends(command, None)
+            ids = [grounded.object_id for grounded in targets]
+            self.notes += [note for one in (*targets, *((place,) if place else ())) for note in one.notes]
+        ids.sort(key=lambda key: -math.prod(around.scene.objects[key].extent_m[:2]))
+        intents: list[Intent] = []
+        if place is not None and command.destination is not None:
+            relation = self._relation(command.destination, ids[:1], place)
+            intents += _placings(ids[:1], relation, place.object_id)
+        elif len(ids) < 2:
+            raise Refusal("missing-place", f"it does not say what to stack {enumeration(ids)} on")
+        return (*intents, *(Intent(IntentKind.PLACE, upper, "ontop", lower) for lower, upper in pairwise(ids)))
+
+    def _unstacked(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things that stand on others beside the lowest of these, the topmost first."""
+        around = self.grounding.around
+        fixtures = {key for key, thing in around.scene.objects.items() if thing.role == "A"}
+        found: list[tuple[int, Intent]] = []
+        for key in self._things(command):
+            chain = around.chain(key)
+            base = next((step for step in chain if step.object_id in fixtures), None)
+            if base is not None and base != chain[0]:
+                found.append((len(chain), Intent(IntentKind.PLACE, key, base.relation, base.object_id)))
+        if not found:
+            raise Refusal("already-so", "nothing of it stands on another thing; there is nothing to do")
+        return tuple(intent for _, intent in sorted(found, key=lambda entry: -entry[0]))
+
+    def _brought(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things onto what is nearest to where the robot starts: nothing can be handed."""
+        around = self.grounding.around
+        ids = self._things(command, self._source(command))
+        tops = [
+            key for key, thing in around.scene.objects.items() if thing.role == "A" and around.affordances[key].surface
+        ]
+        tops = [key for key in tops if around.scene.objects[key].category.rsplit("_", 1)[-1] != "floor"]
+        if not tops:
+            raise Refusal("missing-place", "nothing can be handed over, and no surface is near the robot's start")
+        nearest = min(tops, key=lambda key: start_gap_m(key, around.scene))
+        there = f"{nearest}, the nearest surface to the robot's start"
+        if all(any(step.object_id == nearest for step in around.supports(key)) for key in ids):
+            problem = f"nothing can be handed over, and {enumeration(ids)} stands already on {there}"
+            raise Refusal("already-so", problem)
+        self.notes.append(f"nothing can be handed over; it is brought to {there}")
+        return _placings(ids, "ontop", nearest)
+
+
+_ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
+    "swap": _IntentBuilder._swapped,
+    "loaded": _IntentBuilder._loaded,
+    "stack": _IntentBuilder._stacked,
+    "unstack": _IntentBuilder._unstacked,
+    "bring": _IntentBuilder._brought,
+    "tidy": _IntentBuilder._tidied,
+}
 
 
 def _placings(ids: Sequence[str], relation: Relation, place: str) -> tuple[Intent, ...]:

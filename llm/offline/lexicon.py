@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -12,12 +12,13 @@ from typing import Any
 
 from bddl.files import read_bounded_text
 from llm.errors import LlmError
-from llm.offline.intents import FRONTS, Affordances, fronts_in
+from llm.offline.intents import FRONTS, PREPOSITION, Affordances, Relation, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _DROPPED = ("courtesy", "manner")
 _SIGNS = ("which", "people", "foreign")
+_COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
 
 
@@ -35,6 +36,18 @@ class Category:
     names: tuple[str, ...]
     surface_names: frozenset[str]
     affordances: Affordances
+    compact: frozenset[str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "compact", frozenset(name.replace(" ", "") for name in self.names))
+
+
+@dataclass(frozen=True, slots=True)
+class Usual:
+    """Where people usually keep things of some categories: at places of some categories, the best one first."""
+
+    things: tuple[str, ...]
+    places: tuple[tuple[Relation, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +58,16 @@ class Lexicon:
         terminals: Phrase (lower case, single blanks) -> terminal of the grammar.
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
+        loose: Prepositions that name a part of a place, which is dropped with a note.
         descriptions: Words that may stand before a name without changing its meaning.
         which: Words that select one of several, such as "second", and that no scene can resolve.
         people: Words for recipients to whom nothing can be handed.
         foreign: Words that indicate another language.
+        units: Words that count what follows "of", such as "set" in "a set of keys".
+        vessels: Words for what holds what follows "of", such as "bottle".
+        anything: Words for any item, such as "object".
+        beyond: Verb that no plan can follow -> reason.
+        usual: Usual places of things.
         categories: Entry by key.
     """
 
@@ -59,6 +78,12 @@ class Lexicon:
     which: frozenset[str]
     people: frozenset[str]
     foreign: frozenset[str]
+    units: frozenset[str]
+    vessels: frozenset[str]
+    anything: frozenset[str]
+    beyond: Mapping[str, str]
+    loose: frozenset[str]
+    usual: tuple[Usual, ...]
     categories: Mapping[str, Category]
 
     @classmethod
@@ -88,7 +113,10 @@ class Lexicon:
             _claim(owner if key in _DROPPED else {}, key, words.get(key, []), place)
         return cls(
             terminals=terminals,
-            **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
+            **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", "loose", *_SIGNS)},
+            **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
+            beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
+            usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
         )
 
@@ -100,14 +128,22 @@ class Lexicon:
         """Return the entry of a scene's category: its own, or that of the words it ends in; None without one."""
         words = category.lower().split(".", 1)[0].replace("-", "_").split("_")
         for start in range(len(words)):
-            key = "_".join(words[start:])
-            spoken = key.replace("_", " ")
+            key, compact = "_".join(words[start:]), "".join(words[start:])
             if key in self.categories:
                 return self.categories[key]
             for entry in self.categories.values():
-                if spoken in entry.names:
+                if compact in entry.compact:
                     return entry
         return None
+
+    def owners(self, name: str) -> tuple[Category, ...]:
+        """Return the entries that have a name."""
+        return tuple(entry for entry in self.categories.values() if name in entry.names)
+
+    def usual_places(self, entry: Category | None) -> tuple[tuple[Relation, Category], ...]:
+        """Return where people usually keep things of an entry, the best place first."""
+        kept = (usual for usual in self.usual if any(self.categories.get(key) is entry for key in usual.things))
+        return tuple((relation, self.categories[key]) for usual in kept for relation, key in usual.places)
 
 
 def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], ...]:
@@ -134,6 +170,27 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
     same = frozenset(name for name in of_kind - tops if _noun(name) in nouns)
     by_front = bool(fronts_in(stem) | fronts_in(category))
     return own, frozenset() if by_front else same, same if by_front else frozenset(), of_kind - tops - same, tops
+
+
+def short_names(thing: SceneObject, entry: Category | None, lexicon: Lexicon) -> frozenset[str]:
+    """Return shorter names of an item: its noun and, of a vessel, what it holds.
+
+    A `baseball_bat` is a bat, a `salt_shaker` is salt, and each is a thing. A noun that names another category is none
+    of its names: a garbage can is no can.
+    """
+    if thing.role != "B":
+        return frozenset()
+    stem = _spoken(thing.id.lower()).rstrip("0123456789 ")
+    whole = (stem, _spoken(thing.category.lower().split(".", 1)[0]), *(() if entry is None else entry.names))
+    found: set[str] = set()
+    for words in (name.split() for name in whole if not _AFTER_THE_NOUN & set(name.split())):
+        for start in range(1, len(words)):
+            tail = " ".join(words[start:])
+            if all(owner is entry for owner in lexicon.owners(tail)):
+                found.add(tail)
+        if len(words) > 1 and words[-1] in lexicon.vessels:
+            found.add(" ".join(words[:-1]))
+    return frozenset(found) | lexicon.anything
 
 
 def _noun(name: str) -> str:
@@ -168,6 +225,17 @@ def _category(key: str, entry: Any) -> Category:
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
     return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances)
+
+
+def _usual(entry: Any, categories: Mapping[str, Any]) -> Usual:
+    """Return an entry of `usual`; its names are keys of categories, those of places after "into" or "onto"."""
+    relations: dict[str, Relation] = {preposition: relation for relation, preposition in PREPOSITION.items()}
+    places = [str(place).partition(" ") for place in entry.get("places", ())]
+    things = [str(key) for key in entry.get("things", ())]
+    unknown = [key for key in (*things, *(key for _, _, key in places)) if key not in categories]
+    if unknown or any(preposition not in relations for preposition, _, _ in places):
+        raise LexiconError("[[usual]]", f'expected categories, and places such as "into drawer", got {entry!r}')
+    return Usual(tuple(things), tuple((relations[preposition], key) for preposition, _, key in places))
 
 
 @cache

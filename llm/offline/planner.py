@@ -47,6 +47,7 @@ _VERBS = {
     "TAKE": IntentKind.PICK,
     "PUT": IntentKind.PLACE,
     "CLEAR": IntentKind.PLACE,
+    "TIDY": IntentKind.PLACE,
 }
 # Wishes about one object, and the verb that asks for them.
 _VERB_OF: dict[WishKind, IntentKind] = {
@@ -119,12 +120,24 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple
         meant = _interpreted(tokens, grounding)
     except Refusal as refusal:
         if not strange:
-            raise
+            raise _beyond(tokens, names, refusal) from None
         other = refusal
     else:
         if not strange:
             return meant
-    raise _strange_words(strange, names, other)
+    raise _beyond(tokens, names, _strange_words(strange, names, other))
+
+
+def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Refusal:
+    """Return a refusal with the reason why its verb is beyond every plan, such as "pour"; others as they are."""
+    if not tokens:
+        return refusal
+    verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
+    if verb == tokens[0].text and refusal.code in _OF_WORDS:
+        refusal.code = "unknown-action"
+    if verb is not None and refusal.code in ("unknown-action", "not-understood"):
+        refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
+    return refusal
 
 
 def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:

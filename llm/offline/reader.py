@@ -18,15 +18,18 @@ from llm.offline.intents import Front
 from llm.offline.lexicon import Lexicon, built_in
 from oag.phrasing import rephrasings
 
-CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
+CommandKind = Literal[
+    "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "unstack", "bring", "tidy",
+    "toss", "loaded",
+]  # fmt: skip
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top. Those of the second line distinguish
 # objects, but no plan can achieve them.
 Direction = Literal[
     "INTO", "IN", "ONTO", "ON", "TO", "FROM",
-    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE",
+    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "BESIDE",
 ]  # fmt: skip
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
-    {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
+    {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "BESIDE"}
 )
 # Selects one of several similar objects, from the robot's viewpoint at its start.
 Side = Literal["left", "right", "nearest", "farthest"]
@@ -39,6 +42,7 @@ MAX_WORDS = 90
 TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
 _PREPOSITIONS = frozenset(get_args(Direction))
 _COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
+_INDEFINITE = frozenset({"TWO", "THREE", "FOUR"})
 _SIDES: dict[str, Side] = {
     "LEFT": "left",
     "ONLEFT": "left",
@@ -74,7 +78,8 @@ class NounPhrase:
         door: Whether the words end in the name of a door.
         several: Whether all objects of the name are meant ("all glasses").
         count: Required number, if given ("both glasses").
-        one_of: Whether any one of several is meant ("one of the glasses").
+        one_of: Whether one of several is meant ("one of the glasses").
+        whichever: Whether any of them will do ("a glass", "two of the glasses"), unlike "some glass" and "the glass".
         everything: Whether all items are meant, whatever they are called ("everything on the table").
         pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
@@ -88,6 +93,7 @@ class NounPhrase:
     several: bool = False
     count: int | None = None
     one_of: bool = False
+    whichever: bool = False
     everything: bool = False
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
@@ -117,9 +123,10 @@ class Command:
     """One command of a query.
 
     Attributes:
-        kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place.
-        objects: Objects of the action; for "clear" and "goto", the place.
-        source: Where the object is to be taken from.
+        kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place, and
+            "tidy" about all that lies about.
+        objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
+        source: Where the object is to be taken from; for "loaded", whether the others go in or on the first one.
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
     """
@@ -131,7 +138,16 @@ class Command:
     verbless: bool = False
 
     def __str__(self) -> str:
-        verbs = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "goto": "go to ", "bare": ""}
+        verbs = {
+            "pick": "pick up ",
+            "place": "put ",
+            "nowhere": "put ",
+            "goto": "go to ",
+            "bare": "",
+            "tidy": "tidy up",
+            "toss": "throw ",
+            "loaded": "load and put ",
+        }
         verb = verbs.get(self.kind, f"{self.kind} ")
         verb = "" if self.verbless else verb
         text = verb + " and ".join(str(phrase) for phrase in self.objects)
@@ -226,10 +242,17 @@ def _command(tree: Any) -> Command:
             source = _place(child)
         elif rule in ("destination", "there"):
             destination = _place(child)
+        elif rule in ("within", "upon"):
+            source = Location("ON" if rule == "upon" else "IN", NounPhrase(("it",), pronoun="it"), "in")
         elif rule == "things":
-            objects = _phrases(child)
+            objects = (*objects, *_phrases(child))
         else:
-            objects = (_phrase(child),)
+            objects = (*objects, _phrase(child))
+    if kind == "hold":
+        where = objects[0].location
+        if where is None or where.direction not in REFERENCE_DIRECTIONS:
+            return Command("pick", objects)
+        return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=where)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
@@ -270,13 +293,19 @@ def _phrase(tree: Any) -> NounPhrase:
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
     count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
+    # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
+    some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
+    whichever = "A" in types or some_number or (rule == "one_of" and not texts[0].startswith("some"))
     if rule == "several":
-        return NounPhrase(words, states, location, door=door, several=True, count=count)
+        return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
     owner = next(owners, None)
-    return NounPhrase(words, states, location, owner, door, several, count, one_of=rule == "one_of", side=side)
+    one_of = rule == "one_of"
+    return NounPhrase(
+        words, states, location, owner, door, several, count, one_of=one_of, whichever=whichever, side=side
+    )
 
 
 def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:
@@ -333,8 +362,24 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
     while index < len(pieces):
         for length in range(min(longest, len(pieces) - index), 0, -1):
             phrase = " ".join(pieces[index : index + length])
-            if phrase in lexicon.terminals:
+            following = pieces[index + length] if index + length < len(pieces) else ""
+            if " " in phrase and _begins_a_name(phrase, following, lexicon):
+                continue
+            if phrase == "'s" and tokens and tokens[-1].terminal == "WORD" and not _is_named(following, lexicon):
+                # "Two cd's".
+                tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
+            elif phrase in lexicon.terminals:
                 terminal = lexicon.terminals[phrase]
+                if (
+                    following == "of"
+                    and terminal in _VERBS_AS_NOUNS
+                    and tokens
+                    and tokens[-1].terminal in _BEFORE_NOUNS
+                ):
+                    # "A set of keys".
+                    terminal = "WORD"
+                if phrase in lexicon.loose:
+                    manner.append(phrase)
                 if terminal == "THEN" and phrase in lexicon.which and tokens and tokens[-1].terminal == "DETERMINER":
                     # "The first glass".
                     terminal = "WORD"
@@ -347,10 +392,31 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 continue
             index += length
             break
-    following = (*tokens[1:], TaggedWord("STOP", ""))
-    pairs = zip(tokens, following, strict=False)
+    if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
+        # "To put the glass on the table".
+        del tokens[0]
+    later = (*tokens[1:], TaggedWord("STOP", ""))
+    pairs = zip(tokens, later, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
     return kept, tuple(manner)
+
+
+# Verbs that are nouns after an article and before "of".
+_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE"})
+_IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
+_BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
+
+
+def _is_named(piece: str, lexicon: Lexicon) -> bool:
+    """Decide whether a word can belong to the name of a thing: unknown words, "drawer", and what stands before it."""
+    others = piece in lexicon.courtesy or lexicon.terminals.get(piece, "WORD") not in _IN_NAMES
+    return piece[:1].isalnum() and (not others or piece in lexicon.which)
+
+
+def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
+    """Decide whether a phrase about the room is none: in "the kitchen table" and "in the kitchen drawer"."""
+    is_room = lexicon.terminals.get(phrase) == "ROOM" or (phrase in lexicon.manner and phrase.startswith("in the "))
+    return is_room and _is_named(following, lexicon)
 
 
 def _pieces(query: str) -> list[str]:

@@ -55,12 +55,15 @@ _ARTICULATED = _words(
 )
 _SUPPORT = _words(
     "table desk counter countertop shelf bench workbench island stand sofa couch bed chair armchair stool ottoman "
-    "rack sink floor wall"
+    "rack sink floor wall toilet bathtub cart trolley "
+    # Compound names, and those of data sets that write them as one word.
+    "garbagecan trashcan dustbin wastebasket recyclingbin garbagebin trashbin sidetable coffeetable diningtable "
+    "tvstand sinkbasin bathtubbasin stoveburner stovetop"
 )
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
     "pear peach tomato potato onion carrot egg book sponge carton lid kettle teapot pitcher jug block "
-    "cube ball basket toy phone remote pen lamp"
+    "cube ball basket toy phone remote pen lamp paper newspaper pillow cushion towel cloth"
 )
 
 _RIMMED = _words("bowl cup mug")
@@ -126,7 +129,8 @@ def _category_words(category: str) -> list[str]:
 def is_known(category: str) -> bool:
     """Decide whether a category has a word of a known kind; the kind of any other is a guess from its size."""
     known = _ARTICULATED | _SUPPORT | _ITEM
-    return any(word in known or word.removesuffix("s") in known for word in _category_words(category))
+    words = _category_words(category)
+    return any(word in known or word.removesuffix("s") in known for word in ("".join(words), *words))
 
 
 @lru_cache(maxsize=4096)
@@ -134,12 +138,14 @@ def kind_of(category: str, smaller_side_m: float) -> Kind:
     """Decide the kind of an object from its category, and from its size where the category is not known.
 
     The last known word of a category, such as `water_glass` or `fridge.n.01`, decides, since compound names end in the
-    noun. An unknown one whose smaller horizontal side exceeds `FURNITURE_SIDE_M` counts as an articulated fixture,
-    since that allows the most; a smaller one as an item.
+    noun, unless the compound is known itself: a `garbage_can` is no can. An unknown one whose smaller horizontal side
+    exceeds `FURNITURE_SIDE_M` counts as an articulated fixture, since that allows the most; a smaller one as an item.
 
     Source: the paper's object size adjustment (types A and B), extended by common relatives.
     """
-    for word in reversed(_category_words(category)):
+    words = _category_words(category)
+    compounds = ("".join(words[start:]) for start in range(len(words)))
+    for word in (*compounds, *reversed(words)):
         for kind, known in ((Kind.ARTICULATED, _ARTICULATED), (Kind.SUPPORT, _SUPPORT), (Kind.ITEM, _ITEM)):
             if word in known or (word.endswith("s") and word[:-1] in known):
                 return kind

@@ -18,6 +18,8 @@ GOLDEN = HERE.parent / "golden"
 SCENES = {
     name: Scene.from_json(data) for name, data in json.loads((HERE / "scenes.json").read_text(encoding="utf-8")).items()
 }
+# A household with several things of a kind, colours, drawers above each other and things that stand on others.
+SCENES["flat"] = Scene.from_json(HERE / "flat.json")
 
 
 def noted(proposal: llm.Proposal) -> tuple[str, ...]:
@@ -79,3 +81,5 @@ PHRASINGS = FIRST_WORDS + FAMILIES
 LATER = tuple(_families([HERE / "phrasings_later.tsv"]))
 # Of people who did not know the grammar; it was extended by what they said.
 STRANGERS = tuple(_families([HERE / "phrasings_strangers.tsv"]))
+# Ordinary wishes, written before the planner could read them.
+ORDINARY = tuple(_families([HERE / "phrasings_ordinary.tsv"]))

@@ -204,9 +204,12 @@ def category_named(label: str) -> str | None:
     written = _written(label)
     if all(entry.category != written for entry in LIBRARY.values()):
         spoken = written.replace("_", " ")
-        bearers = {_category_or_none(key) for key, one in built_in().categories.items() if spoken in one.names} - {None}
+        lexicon = built_in()
+        entries = {_category_or_none(key): one for key, one in lexicon.categories.items() if spoken in one.names}
+        # A bin is a garbage can, and that is no can: the library's category has to be of the same entry.
+        bearers = [name for name, entry in entries.items() if name is not None and lexicon.category_of(name) is entry]
         if len(bearers) == 1:
-            return bearers.pop()
+            return bearers[0]
     return category_of(written)
 
 

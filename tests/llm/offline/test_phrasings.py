@@ -7,15 +7,19 @@ from collections import Counter
 import pytest
 
 import llm
-from tests.llm.kitchens import FAMILIES, FIRST_WORDS, LATER, PHRASINGS, SCENES, STRANGERS, Phrasing, outcome
+from tests.llm.kitchens import FAMILIES, FIRST_WORDS, LATER, ORDINARY, PHRASINGS, SCENES, STRANGERS, Phrasing, outcome
 
 
-@pytest.mark.parametrize("phrasing", (*PHRASINGS, *STRANGERS), ids=lambda given: f"{given.scene}: {given.query[:80]}")
+def _name(phrasing: Phrasing) -> str:
+    return f"{phrasing.scene}: {phrasing.query[:80]}"
+
+
+@pytest.mark.parametrize("phrasing", (*PHRASINGS, *STRANGERS, *ORDINARY), ids=_name)
 def test_a_phrasing_is_taken_as_intended(phrasing: Phrasing) -> None:
     assert outcome(phrasing) == phrasing.wanted
 
 
-@pytest.mark.parametrize("phrasing", LATER, ids=lambda phrasing: f"{phrasing.scene}: {phrasing.query[:80]}")
+@pytest.mark.parametrize("phrasing", LATER, ids=_name)
 def test_a_phrasing_of_a_later_day_is_taken_as_intended_or_refused(phrasing: Phrasing) -> None:
     got = outcome(phrasing)
     assert isinstance(got, str) or got == phrasing.wanted

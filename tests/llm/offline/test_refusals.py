@@ -43,7 +43,7 @@ CASES = {
         ("kitchen_t1", "open the fridge and sing a song"),
         ("breakfast", "put the glass on the table and the apple in the fridge"),
         ("kitchen_t1", "put the glass away"),
-        ("house", "clear the table"),
+        ("bedroom", "clear the nightstand"),
         ("kitchen_t1", "put the glass next to the fridge"),
         ("kitchen_t1", " , please!"),
         ("kitchen_t1", "put the glass " + "on the table " * 7),

@@ -9,7 +9,7 @@ import pytest
 import bddl
 import llm
 from llm import QueryError
-from llm.offline.grounding import gap_m, is_under
+from llm.offline.viewpoint import gap_m, is_under
 from oag import Scene
 
 CABINET = {"category": "bottom_cabinet", "bbox_extent": [0.6, 0.8, 0.75]}

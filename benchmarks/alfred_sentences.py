@@ -1,0 +1,196 @@
+"""What the offline planner makes of people's own instructions for household tasks.
+
+    python -m benchmarks.alfred_sentences FOLDER [--half tuning] [--types simple two] [--show]
+
+FOLDER holds the command files of github.com/zebehn/revisiting_alfred (`refined_*_commands.json`, MIT): instructions
+that people wrote for tasks of ALFRED, each with the action sequence of its expert. Every task becomes a scene: the
+furniture and the things of its sequence, in the categories of AI2-THOR, beside a fridge, a stove and other landmarks.
+All that stands in it is made here; nothing of the files is kept.
+
+Instructions are unique up to case, blanks and a last full stop, and sorted. Every second one from the first is for
+tuning, and the others are for judging once.
+
+    understood  a plan that is proved, and whose goal moves the things of the expert's plan, and only these, there
+    other       a plan that is proved for something else: to be looked at, since experts and people can disagree
+    refused     by the code of the refusal
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import bddl
+import llm
+import oag
+
+_TYPES = {
+    "simple": "pick_and_place_simple",
+    "two": "pick_two_obj_and_place",
+    "stacked": "pick_and_place_with_movable_recep",
+}
+# Names of AI2-THOR that the sequences write as one word.
+_WORDS = (
+    "soap_bar", "toilet_paper_hanger", "toilet_paper", "garbage_can", "spray_bottle", "key_chain", "pepper_shaker",
+    "salt_shaker", "soap_bottle", "butter_knife", "remote_control", "credit_card", "glass_bottle", "tissue_box",
+    "baseball_bat", "hand_towel_holder", "hand_towel", "side_table", "coffee_table", "dining_table", "alarm_clock",
+    "wine_bottle", "cell_phone", "bathtub_basin", "sink_basin", "stove_burner", "coffee_machine", "tennis_racket",
+    "laundry_hamper", "arm_chair",
+)  # fmt: skip
+_CATEGORY = {word.replace("_", ""): word for word in _WORDS} | {"armchair": "armchair"}
+_INTERIORS = frozenset((
+    "fridge", "cabinet", "drawer", "microwave", "safe", "garbage_can", "sink_basin", "bathtub_basin", "bowl", "mug",
+    "pot", "pan", "cup", "box",
+))  # fmt: skip
+_DOORS = frozenset(["fridge", "cabinet", "drawer", "microwave", "safe"])
+_LANDMARKS = ("fridge", "stove_burner", "dishwasher", "coffee_machine", "television", "toaster", "sink_basin")
+_ACTION = re.compile(r"(\w+)\(([^)]*)\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """One sentence, the expert's plan as pairs of a thing and the place that it is put at, and its task's scene."""
+
+    text: str
+    moves: tuple[tuple[str, str], ...]
+    scene: oag.Scene
+
+
+def normalised(text: str) -> str:
+    """Return a sentence without what does not tell it from others."""
+    return " ".join(text.casefold().split()).rstrip(" .!")
+
+
+def instructions(folder: Path, types: Sequence[str]) -> list[Instruction]:
+    """Return the unique instructions of some types of tasks, sorted."""
+    wanted = {_TYPES[name] for name in types}
+    found: dict[str, str] = {}
+    for path in sorted(folder.glob("refined_*_commands.json"), key=lambda path: ("unseen" in path.name, path.name)):
+        for task in json.loads(path.read_text(encoding="utf-8")):
+            if task["task_type"] in wanted:
+                for text in task["original"]:
+                    found.setdefault(normalised(text), task["action_sequence"])
+    made = ((text, *scene_of(sequence)) for text, sequence in sorted(found.items()) if text)
+    return [Instruction(text, moves, scene) for text, moves, scene in made]
+
+
+def scene_of(sequence: str) -> tuple[tuple[tuple[str, str], ...], oag.Scene]:
+    """Return the moves of an expert's plan by category, and a scene in which it can be followed."""
+    actions = [
+        (name, [_CATEGORY.get(part.strip(), part.strip()) for part in parts.split(",")])
+        for name, parts in _ACTION.findall(sequence)
+    ]
+    held: list[tuple[str, str]] = []
+    moves: list[tuple[str, str]] = []
+    place = ""
+    things = {args[0] for name, args in actions if name == "PickupObject"}
+    for name, args in actions:
+        if name == "GotoLocation" and args[0] and args[0] not in things:
+            place = args[0]
+        elif name == "PickupObject":
+            # What is fetched next is where the first thing was, unless the plan goes elsewhere.
+            held.append((args[0], place or (held[0][1] if held else "floor")))
+        elif name == "PutObject":
+            moves.append((args[0], args[1]))
+            place = ""
+    return tuple(moves), _scene(held, moves)
+
+
+def _scene(held: Sequence[tuple[str, str]], moves: Sequence[tuple[str, str]]) -> oag.Scene:
+    objects: dict[str, dict[str, object]] = {}
+    facts: list[str] = []
+    goals = list(dict.fromkeys(where for _, where in moves))
+    items = {what for what, _ in held}
+    for category in goals:
+        if category not in items:
+            _add(objects, facts, category)
+    for what, start in held:
+        # What is moved within one kind of furniture starts at another piece of it.
+        host = f"{start}_{1 if start in goals else 0}"
+        if host not in objects:
+            _add(objects, facts, start)
+        key = _add(objects, facts, what, item=True)
+        facts.append(f"({'inside' if start in _INTERIORS else 'ontop'} {key} {host})")
+    for category in goals:
+        if category in items and f"{category}_0" not in objects:
+            _add(objects, facts, category, item=True)
+    for category in _LANDMARKS:
+        if f"{category}_0" not in objects:
+            _add(objects, facts, category)
+    return oag.Scene.from_json(
+        {"name": "home", "objects": objects, "facts": facts, "closed": ["ontop", "inside", "open"]}
+    )
+
+
+def _add(objects: dict[str, dict[str, object]], facts: list[str], category: str, *, item: bool = False) -> str:
+    """Add a thing: the first piece of furniture with the others close around it, a sink above it, things on it."""
+    key = f"{category}_{sum(name.rsplit('_', 1)[0] == category for name in objects)}"
+    number = sum(1 for thing in objects.values() if thing["bbox_extent"] not in (_SMALL, _VESSEL))
+    across, along = _AROUND[number % len(_AROUND)]
+    position = [1.5 + 0.45 * across, 0.45 * along, 0.4]
+    if category == "sink_basin":
+        position = [1.5, 0.0, 0.95]
+    objects[key] = {
+        "category": category,
+        "position": [1.5, 0.01 * len(objects), 0.85] if item else position,
+        "bbox_extent": (_VESSEL if category in _INTERIORS else _SMALL)
+        if item
+        else [0.4, 0.4, 0.8 if category != "sink_basin" else 0.2],
+    }
+    if category in _DOORS:
+        facts.append(f"(not (open {key}))")
+    return key
+
+
+_AROUND = ((0, 0), (0, 1), (0, -1), (1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1))
+_SMALL, _VESSEL = [0.03, 0.04, 0.06], [0.085, 0.085, 0.06]
+
+
+def judged(instruction: Instruction) -> tuple[str, str]:
+    """Return what becomes of an instruction, and its goal or the refusal."""
+    try:
+        task = llm.propose(instruction.text, instruction.scene).task
+    except llm.QueryError as refusal:
+        return refusal.code, refusal.problem
+    goal = bddl.format(task.goal)
+    if oag.compose(task).verify().verdict is not oag.Verdict.PROVED:
+        return "unproved", goal
+    wanted = Counter(instruction.moves)
+    placed = Counter(_moves(task.goal, instruction.scene))
+    return ("understood" if placed and placed <= wanted else "other"), goal
+
+
+def _moves(goal: bddl.Formula, scene: oag.Scene) -> Iterator[tuple[str, str]]:
+    for atom, value in bddl.literals(goal) or ():
+        if value and atom.predicate in ("inside", "ontop"):
+            names = [scene.objects[key].category if key in scene.objects else key for key in atom.args]
+            yield names[0], names[1]
+
+
+def main() -> None:
+    """Print the counts of one half, and with --show every instruction."""
+    parser = argparse.ArgumentParser(description="How many of people's instructions the offline planner understands.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--half", choices=("tuning", "judging"), default="tuning")
+    parser.add_argument("--types", nargs="+", choices=tuple(_TYPES), default=["simple", "two"])
+    parser.add_argument("--show", action="store_true")
+    args = parser.parse_args()
+    half = instructions(args.folder, args.types)[0 if args.half == "tuning" else 1 :: 2]
+    counts: Counter[str] = Counter()
+    for instruction in half:
+        outcome, text = judged(instruction)
+        counts[outcome] += 1
+        if args.show:
+            print(f"{outcome:<20} {instruction.text}\n{'':<20} {text}")
+    for outcome, count in counts.most_common():
+        print(f"{outcome:<20} {count:>5} {count / len(half):>7.1%}")
+    print(f"{'together':<20} {len(half):>5}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""What is chosen or assumed is said; colours, sizes and places of drawers are those that the scene states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import llm
+from llm.offline.viewpoint import by_size, placed
+from oag import Scene
+from tests.llm.kitchens import SCENES, conjuncts, noted
+
+FLAT = SCENES["flat"]
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("put a mug on the counter", 'any "mug" will do: mug_0 is taken, and not mug_1'),
+        ("put a knife in the safe", 'any "knife" will do: knife_0 is taken, and not knife_1'),
+        ("open the third drawer", 'drawer_2 is taken for "third drawer", counted from the top'),
+        ("bring me the can", "table_0, the nearest surface to the robot's start"),
+        ("clear the table", "refrigerator_0 is taken for the usual place of apple_0"),
+        ("tidy up the room", "no usual place of tissue_box_0 is known; it stays where it is"),
+        ("put the can on the edge of the table", '"on the edge of" changes nothing in the plan'),
+        ("put the yellow apple on the sofa", '"yellow" is taken on trust'),
+    ],
+)
+def test_what_is_chosen_or_assumed_is_noted(query: str, said: str) -> None:
+    assert any(said in note for note in llm.propose(query, FLAT).notes)
+
+
+@pytest.mark.parametrize("query", ["put the red mug on the sofa", "put the big box on the sofa"])
+def test_what_the_scene_states_is_not_taken_on_trust(query: str) -> None:
+    assert not any("trust" in note for note in noted(llm.propose(query, FLAT)))
+
+
+@pytest.mark.parametrize(
+    ("query", "reason"),
+    [
+        ("pour the mug into the bowl", "tilts"),
+        ("please wipe the table", "cleans"),
+        ("fold the newspaper", "shape"),
+        ("turn on the microwave", "joint"),
+        ("heat the apple", "warm"),
+    ],
+)
+def test_what_no_plan_can_do_is_refused_with_the_reason_and_with_what_can_be_done(query: str, reason: str) -> None:
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose(query, FLAT)
+    assert caught.value.code == "unknown-action"
+    assert reason in caught.value.problem
+    assert caught.value.suggestions
+
+
+def test_beside_a_thing_the_nearest_wish_is_the_place_that_it_stands_on() -> None:
+    with pytest.raises(llm.QueryError) as caught:
+        llm.propose("put the apple next to the can", FLAT)
+    assert caught.value.suggestions == ("put apple_0 onto armchair_0",)
+
+
+COLORS = st.lists(st.sampled_from(["red", "blue", "green", ""]), min_size=1, max_size=4)
+
+
+def _mugs(colors: Sequence[str]) -> Scene:
+    table = {"category": "table", "position": [1.0, 0.0, 0.3], "bbox_extent": [0.6, 1.4, 0.6]}
+    mugs = {
+        f"mug_{index}": {
+            "category": "mug",
+            "position": [1.0, 0.3 * index, 0.65],
+            "bbox_extent": [0.08, 0.08, 0.09],
+            "parameters": {"color": color} if color else {},
+        }
+        for index, color in enumerate(colors)
+    }
+    facts = [f"(ontop {key} table_0)" for key in mugs]
+    return Scene.from_json({"name": "mugs", "objects": {"table_0": table, **mugs}, "facts": facts, "closed": ["ontop"]})
+
+
+@given(COLORS)
+def test_a_colour_means_what_is_stated_so_or_else_what_is_stated_nothing_of(colors: Sequence[str]) -> None:
+    meant = [index for index, color in enumerate(colors) if color == "red"]
+    meant = meant or [index for index, color in enumerate(colors) if not color]
+    try:
+        goal = conjuncts(llm.propose("pick up the red mug", _mugs(colors)).task.goal)
+    except llm.QueryError as error:
+        assert len(meant) != 1
+        assert error.code == ("ambiguous-object" if meant else "unknown-object")
+    else:
+        assert goal == {f"(inside mug_{meant[0]} gripper)"}
+
+
+def _column(heights_m: Sequence[float], sizes_m: Sequence[float]) -> Scene:
+    objects = {
+        f"drawer_{index}": {
+            "category": "drawer",
+            "position": [1.0, 0.0, height_m],
+            "bbox_extent": [size_m, size_m, 0.1],
+        }
+        for index, (height_m, size_m) in enumerate(zip(heights_m, sizes_m, strict=True))
+    }
+    return Scene.from_json({"name": "column", "objects": objects, "facts": []})
+
+
+HEIGHTS = st.permutations([0.1, 0.3, 0.5, 0.7, 0.9]).flatmap(
+    lambda order: st.integers(2, 5).map(lambda count: list(order[:count]))
+)
+
+
+@given(HEIGHTS)
+def test_what_is_above_each_other_is_counted_from_the_top(heights_m: list[float]) -> None:
+    scene = _column(heights_m, [0.5] * len(heights_m))
+    ids = tuple(scene.objects)
+    downwards = [f"drawer_{heights_m.index(height_m)}" for height_m in sorted(heights_m, reverse=True)]
+    for word, place in {"first": 0, "top": 0, "second": 1, "third": 2, "last": -1, "bottom": -1}.items():
+        found = placed(ids, word, scene)
+        expected = downwards[place] if place < len(downwards) else None
+        assert (found and found[0]) == expected
+    middle = placed(ids, "middle", scene)
+    assert (middle and middle[0]) == (downwards[len(ids) // 2] if len(ids) % 2 else None)
+
+
+@given(st.lists(st.sampled_from([0.2, 0.22, 0.4, 0.6]), min_size=2, max_size=4))
+def test_a_size_decides_where_the_difference_is_clear(sizes_m: list[float]) -> None:
+    scene = _column([0.1] * len(sizes_m), sizes_m)
+    ids = tuple(scene.objects)
+    largest, second = sorted(((size_m * size_m * 0.1) ** (1 / 3) for size_m in sizes_m), reverse=True)[:2]
+    clear = largest >= 1.15 * second
+    assert by_size(ids, "big", scene) == ((f"drawer_{sizes_m.index(max(sizes_m))}",) if clear else ids)
