@@ -42,8 +42,8 @@ from oag.model.symbols import (
 from oag.picture import object_of
 from oag.primitives.table import Clause, Context, effect, requirements
 from oag.task_definition import Task, chosen_scene
-from oag.verify.fixes import find_fixes
 from oag.verify.verify import Report, verify
+from oag.whole_fixes import find_all_fixes
 
 if TYPE_CHECKING:
     import networkx
@@ -142,7 +142,7 @@ class ObjectActionGraph:
 
     @cached_property
     def _report(self) -> Report:
-        return verify(self.task, self.scene, self.searched, repair=find_fixes)
+        return verify(self.task, self.scene, self.searched, repair=find_all_fixes)
 
 
 def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:
