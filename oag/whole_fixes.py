@@ -16,8 +16,8 @@ from oag.verify.verify import Report, Verdict, verify
 def find_all_fixes(report: Report) -> tuple[Fix, ...]:
     """Return the verified repairs of a refuted plan, as `find_fixes` does.
 
-    Where each of them leaves an error of a well-formed plan with a goal of its own, a repair of the whole plan comes first, if the
-    scene admits one.
+    Where each of them leaves an error of a well-formed plan with a goal of its own, a repair of the whole plan comes
+    first, if the scene admits one.
     """
     fixes = find_fixes(report)
     # A fix that leaves no error, only unknown facts, does not invent what the plan did not rest on.

@@ -23,7 +23,7 @@ from oag.flows import OPEN, PLACE, taking
 from oag.measurements import JointMotion, SupportDrive, Unplanned, first_of
 from oag.model.actions import ActionFlow
 from oag.model.symbols import GRIPPER
-from oag.primitives.table import RESTING
+from oag.primitives.cargo import RESTING
 
 MORE = 2
 """How many subtasks are inserted: a thing is set down and taken again, or taken and set down elsewhere."""
