@@ -105,16 +105,16 @@ def _detection(
     except NoMatchingModel:
         category = plain_name(label)
     x0, y0, x1, y1 = map(float, entry["box"])
-    told = {} if was is None else was["told"]
+    earlier = {} if was is None else was["told"]
     on = None if was is not None and entry["on"] == was["stands_on"] else entry.get("on")
-    given_on = told.get("on") if on is None else on
+    given_on = earlier.get("on") if on is None else on
     if given_on is not None and given_on != "floor" and given_on not in places:
         near = near_names(str(given_on), tuple(places)) or list(places)
         raise PhotoRefused(
             "again", path, f"{label} is on {given_on!r}, which is no id", f"expected floor, {', '.join(near)}"
         )
     sized = was is not None and _is_resized(entry, was)
-    size_m = entry["size_m"] if sized else told.get("size_m")
+    size_m = entry["size_m"] if sized else earlier.get("size_m")
     renamed = was is None or label != was["label"]
     return Detection(
         label,
@@ -122,8 +122,8 @@ def _detection(
         (x0, y0, x1, y1),
         1.0 if was is None else float(was["score"]),
         _CORRECTED if renamed or was is None else str(was["label_source"]),
-        doors=told.get("doors"),
-        drawers=told.get("drawers"),
+        doors=earlier.get("doors"),
+        drawers=earlier.get("drawers"),
         on=None if given_on is None else FLOOR if given_on == "floor" else places[given_on],
         provenance="person" if renamed or was is None else was["label_provenance"],
         size_m=None if size_m is None else _size(path, label, size_m),

@@ -107,7 +107,7 @@ def draw_scene(observation: Observation, guesses: Mapping[str, PoseHypothesis], 
 
 
 def side_by_side(observation: Observation, found: FittedRoom, scene: Scene | None) -> Picture:
-    """Return photograph, fitted outlines with names, and drawn scene beside each other, each 640 pixels wide.
+    """Return photograph, fitted outlines with names, and drawn scene side by side, each 640 pixels wide.
 
     Args:
         observation: The photograph.

@@ -30,7 +30,7 @@ _HEIGHT_M = 0.13  # Between an object's visible bottom and its possible support.
 _MOST = 3
 _MISJUDGED_M, _MOST_HALF_M = 0.5, 0.15
 _ON_FLOOR_M = 0.15
-_LEAST_OF_USUAL = 0.25  # Of the usual longest side, that is seen at least of furniture.
+_LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 
 
