@@ -6,7 +6,8 @@ scene_0_info.json   the scene in the format of Digital Cousins; scene_0_graph.js
 scene_1.json        the room with the second best models, scene_2.json with the third, each with _info and _graph as
                     well; absent if nothing else fits or physics refuses it, and photo.json says which
 photo.json          every intermediate number: camera, floor, walls, fits and their alternatives
-overlay.png         the photograph with the outlines of the fits
+overlay.png         photograph, outlines of the fits and drawn scene side by side
+things.json         a line a thing: name, support and size, to be corrected for `photo --again`
 report.html         a page with all of it
 boxes.json          the boxes and names that a detector or a model found, to be corrected and given back by --boxes
 conversation.json   the exchange with a model that was asked for boxes; exchanges.jsonl is the recording that replays it
@@ -18,30 +19,33 @@ of them.
 
 from __future__ import annotations
 
-import colorsys
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 import bddl
 from executor.assets.footprint import yaw_of
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
+from executor.photo.drawing import cut, draw_outlines, side_by_side, visible_owners
 from executor.photo.errors import PhotoRefused
-from executor.photo.fitting.hypothesis import PoseHypothesis, raycaster_of
-from executor.photo.geometry.observation import Observation, is_hidden
+from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR
 from executor.photo.pipeline import PhotoInput, PhotoResult
 from executor.photo.room.reconstruct import FittedThing
 from executor.photo.scene import COUNT, MadeScene, RoomVariation, provenance
 from executor.reports.html import jpeg, render
 from executor.reports.run_folder import FolderUnusable, ResultsExist
-from executor.system.files import read_json, write_json, write_text
+from executor.system.files import json_text, plain, read_json, write_json, write_text
 from oag import Scene, SceneObject
+
+SIZE_DIGITS = 3
+"""Of sizes in the file of things: millimetres."""
 
 _NEITHER = ("wall", "floor")
 
@@ -76,6 +80,31 @@ def _cousins_pose(obj: SceneObject) -> Array:
     return transform(rotation_z(yaw_of(obj) + math.pi), np.asarray(obj.position))
 
 
+def stands_on(result: PhotoResult) -> dict[str, str]:
+    """Return id -> the id of what an object stands on or in, `floor` for the floor; none without a scene."""
+    scene = result.made.scene
+    return {} if scene is None else {thing.id: _beneath(scene).get(thing.id, "floor") for thing in result.found.things}
+
+
+def things_text(result: PhotoResult, inputs: Mapping[str, object]) -> str:
+    """Return the JSON of the things, a line each, with what was typed."""
+    supports = stands_on(result)
+    entries: list[dict[str, object]] = [
+        {
+            "id": thing.id,
+            "label": thing.detection.label,
+            "on": supports.get(thing.id),
+            "size_m": [round(side, SIZE_DIGITS) for side in thing.fit.guess.size_m],
+            "box": list(thing.detection.box_px),
+        }
+        for thing in result.found.things
+    ]
+    entries += [{"label": one.detection.label, "box": list(one.detection.box_px)} for one in result.found.unfitted]
+    lines = ",\n".join(f"  {json.dumps(plain(entry), ensure_ascii=False)}" for entry in entries)
+    head = json_text(dict(inputs)).replace("\n", "\n  ")
+    return f"""{{\n  "inputs": {head},\n  "things": [\n{lines}\n  ]\n}}\n"""
+
+
 def _beneath(scene: Scene) -> dict[str, str]:
     literals = (literal for fact in scene.facts for literal in bddl.literals(fact) or ())
     return {
@@ -85,74 +114,17 @@ def _beneath(scene: Scene) -> dict[str, str]:
     }
 
 
-_GOLDEN = 0.61803  # Hues that follow each other by this share of the circle are never alike.
-_DIMMED = 0.75
-_AROUND = 0.15  # Of a box's sides, shown around it.
-_LEAST_SIDE_PX = 24
-
-
-def colour(number: int) -> NDArray[np.uint8]:
-    """Return the (3,) colour of an object by its number."""
-    return np.array([255 * part for part in colorsys.hsv_to_rgb(number * _GOLDEN % 1.0, 0.85, 1.0)], dtype=np.uint8)
-
-
-def visible_owners(observation: Observation, guesses: Mapping[str, PoseHypothesis]) -> NDArray[np.int32]:
-    """Return (H, W) the object visible in each pixel, by its position in the mapping; -1 for none."""
-    return visible_surfaces(observation, guesses)[0]
-
-
-def visible_surfaces(
-    observation: Observation, guesses: Mapping[str, PoseHypothesis]
-) -> tuple[NDArray[np.int32], Array]:
-    """Return (H, W) the object visible in each pixel as `visible_owners`, and (H, W) the depth of the nearest [m]."""
-    depth = np.full(observation.z_m.shape, np.inf)
-    owner = np.full(observation.z_m.shape, -1, dtype=np.int32)
-    rays = observation.rays.reshape(-1, 3)
-    for number, guess in enumerate(guesses.values()):
-        body = raycaster_of(guess)
-        if body is None:
-            continue
-        own = body.depth(guess, observation.eye_m, rays).reshape(depth.shape)
-        nearer = own < depth
-        depth, owner = np.where(nearer, own, depth), np.where(nearer, number, owner)
-    # Parts hidden by something unknown get no outline.
-    return np.where(is_hidden(observation, depth), -1, owner).astype(np.int32), depth
-
-
-def draw_outlines(observation: Observation, owner: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Return the photograph (H, W, 3) with the outline of every fitted object."""
-    picture = (observation.rgb * _DIMMED).astype(np.uint8)
-    border = np.zeros(owner.shape, dtype=bool)
-    for axis in (0, 1):
-        for step in (-1, 1):
-            border |= np.roll(owner, step, axis=axis) != owner
-    for number in np.unique(owner[owner >= 0]):
-        picture[border & (owner == number)] = colour(int(number))
-    return picture
-
-
-def cut(picture: NDArray[np.uint8], box_px: tuple[float, float, float, float]) -> NDArray[np.uint8]:
-    """Crop a picture to a box and its surroundings."""
-    height, width = picture.shape[:2]
-    x0, y0, x1, y1 = box_px
-    over_x = max(_AROUND * (x1 - x0), (_LEAST_SIDE_PX - (x1 - x0)) / 2, 0.0)
-    over_y = max(_AROUND * (y1 - y0), (_LEAST_SIDE_PX - (y1 - y0)) / 2, 0.0)
-    left, right = max(0, int(x0 - over_x)), min(width, int(x1 + over_x) + 1)
-    top, bottom = max(0, int(y0 - over_y)), min(height, int(y1 + over_y) + 1)
-    return picture[top:bottom, left:right]
-
-
 _SURE = 0.7  # A right fit to a box that is 3 % off has about 0.8.
 
 
 def photo_page(result: PhotoResult) -> str:
     """Return the report of a reconstruction as a self-contained page."""
-    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
-    picture = draw_outlines(result.observation, visible_owners(result.observation, guesses))
+    guesses = result.found.guesses
+    picture = draw_outlines(result.observation.rgb, visible_owners(result.observation, guesses))
     return render(
         "photo.html",
         result=result,
-        picture=jpeg(picture),
+        picture=jpeg(side_by_side(result.observation, result.found, result.made.scene)),
         noise_mm=None if result.given.depth is None else 1000 * float(result.observation.noise.sigma_m(np.array(2.0))),
         left_out=[
             *(f"{one.detection.label or 'thing'}: {one.reason}" for one in result.found.unfitted),
@@ -176,7 +148,7 @@ SCHEMA = "scene2demo-photo/1"
 _VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
 _COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
 EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
-BOXES = "boxes.json"
+BOXES, THINGS = "boxes.json", "things.json"
 FILES = (
     "scene.json",
     "scene_refused.json",
@@ -186,6 +158,7 @@ FILES = (
     "overlay.png",
     "report.html",
     BOXES,
+    THINGS,
     EXCHANGES,
     CONVERSATION,
 )
@@ -234,7 +207,7 @@ def reusable_scene(folder: Path, given: PhotoInput) -> Path | None:
     except (OSError, ValueError):
         return None
     scene = folder / "scene.json"
-    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256
+    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256 and not made_of.get("interrupted")
     return scene if same and scene.is_file() else None
 
 
@@ -250,8 +223,27 @@ def write_boxes(folder: Path, given: PhotoInput) -> None:
     write_json(folder / BOXES, {"source": found[0].source, "size_px": size_px, "things": things, "left_out": left_out})
 
 
-def write_result(folder: Path, result: PhotoResult) -> None:
-    """Write all files of a reconstruction."""
+def write_first(folder: Path, result: PhotoResult) -> None:
+    """Write a first scene and its picture; `write_result` writes over them."""
+    if result.made.scene is not None and not result.made.refused:
+        write_json(folder / "scene.json", result.made.scene.to_json())
+    _write_overlay(folder, result)
+
+
+def _write_overlay(folder: Path, result: PhotoResult) -> None:
+    picture = side_by_side(result.observation, result.found, result.made.scene)
+    Image.fromarray(picture).save(folder / "overlay.png")
+
+
+def write_result(folder: Path, result: PhotoResult, inputs: Mapping[str, object] = MappingProxyType({})) -> None:
+    """Write all files of a reconstruction.
+
+    Args:
+        folder: The folder.
+        result: The reconstruction.
+        inputs: What was typed, for `photo --again`; empty writes no file of things to be corrected.
+    """
+    (folder / "scene.json").unlink(missing_ok=True)  # A first scene is not what physics refuses in the end.
     if result.made.scene is not None:
         name = "scene_refused.json" if result.made.refused else "scene.json"
         written = {
@@ -265,11 +257,10 @@ def write_result(folder: Path, result: PhotoResult) -> None:
             write_json(folder / f"scene_{one.number}.json", one.made.scene.to_json())
             _write_cousins(folder, result, one.number, one.made)
     write_json(folder / "photo.json", result_json(result))
-    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
-    Image.fromarray(draw_outlines(result.observation, visible_owners(result.observation, guesses))).save(
-        folder / "overlay.png"
-    )
+    _write_overlay(folder, result)
     write_text(folder / "report.html", photo_page(result))
+    if inputs:
+        write_text(folder / THINGS, things_text(result, inputs))
 
 
 def _write_cousins(folder: Path, result: PhotoResult, number: int, made: MadeScene) -> None:
@@ -283,6 +274,7 @@ def result_json(result: PhotoResult) -> dict[str, object]:
     return {
         "schema": SCHEMA,
         "given_sha256": result.given.sha256,
+        "interrupted": result.found.interrupted,
         "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
         "depth": None
         if result.given.depth is None
@@ -340,7 +332,13 @@ def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
             "doors": thing.detection.doors,
             "drawers": thing.detection.drawers,
             "on": _given_support(thing, result),
+            "size_m": None if thing.detection.size_m is None else list(thing.detection.size_m),
         },
+        "stands_on": stands_on(result).get(thing.id),
+        "fit": guess.to_json(),
+        "cost": fit.cost,
+        "rough": fit.rough,
+        "assumed": fit.assumed,
         "model": guess.entry.model,
         "position_m": list(guess.as_object().position),
         "yaw_rad": guess.yaw_rad,
@@ -357,6 +355,7 @@ def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
         "colour_srgb": fit.colour,
         "settled_m": result.made.settled_m.get(thing.id),
         "alternatives": [
-            {"model": one.guess.entry.model, "cost_more": one.cost - fit.cost} for one in fit.alternatives
+            {"model": one.guess.entry.model, "cost_more": one.cost - fit.cost, "fit": one.guess.to_json()}
+            for one in fit.alternatives
         ],
     }

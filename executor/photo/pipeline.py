@@ -15,8 +15,10 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from executor.photo.errors import PhotoRefused
+from executor.photo.fitting.likelihood import Fit
 from executor.photo.geometry.level import (
     find_board,
     flat_observation,
@@ -43,7 +45,7 @@ from executor.photo.inputs.consistency import depth_doubts
 from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth, DepthSource, is_capture, read_capture
 from executor.photo.inputs.picture import CameraFacts, Intrinsics, Photograph, read_camera, read_facts, read_picture
 from executor.photo.networks.masks import Masker
-from executor.photo.room.reconstruct import FittedRoom, reconstruct
+from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
 from executor.photo.scene import SAME_HEIGHT_M, MadeScene, RoomVariation, scene_of, variations_of
 
 OnSentence = Callable[[str], None]
@@ -62,6 +64,7 @@ class PhotoInput:
         observation, floor: The picture in the level frame, and the floor that levels it.
         left_out: Detections for which the library has no model.
         doubts: Evidence that depth or boxes do not belong to this picture, as sentences.
+        origin_sha256: Hash of the input that this one is a correction of; empty where it is none.
     """
 
     name: str
@@ -73,10 +76,13 @@ class PhotoInput:
     floor: FloorPlane
     left_out: tuple[LeftOut, ...] = ()
     doubts: tuple[str, ...] = ()
+    origin_sha256: str = ""
 
     @property
     def sha256(self) -> str:
-        """Hash of everything that determines a reconstruction."""
+        """Hash of everything that determines a reconstruction, before it was corrected."""
+        if self.origin_sha256:
+            return self.origin_sha256
         level = self.floor.up.tolist(), self.floor.height_m, self.observation.depth_distortion
         settings = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], level)
         parts = (
@@ -305,14 +311,21 @@ def _of_kind(depth: Depth, facts: CameraFacts) -> Depth:
 
 
 def reconstruct_scene(
-    given: PhotoInput, on_progress: OnSentence = lambda words: None, *, variations: bool = True
+    given: PhotoInput,
+    on_progress: OnSentence = lambda words: None,
+    *,
+    variations: bool = True,
+    on_first: Callable[[PhotoResult], None] | None = None,
+    kept: Mapping[int, Fit] = MappingProxyType({}),
 ) -> PhotoResult:
-    """Reconstruct the scene of a photograph.
+    """Reconstruct the scene of a photograph; after Ctrl-C, with `on_first`, the scene of what is fitted by then.
 
     Args:
         given: The input.
         on_progress: Called with sentences about the progress.
         variations: Whether the next best models are made rooms of as well.
+        on_first: Called with a first scene of rough fits, before anything is fitted closely.
+        kept: index of a detection -> its fit, which stays as it is.
 
     Raises:
         PhotoRefused: Nothing is recognised.
@@ -324,14 +337,21 @@ def reconstruct_scene(
     walls = () if given.depth is None else find_walls(observation, given.detections)
     walled = time.perf_counter()
     on_progress(f"camera {floor.height_m:.2f} m above the floor ({floor.source}), {len(walls)} walls")
-    found = reconstruct(observation, given.detections, walls, on_progress, floor.spread_share)
+    same_height_m = SAME_HEIGHT_M if observation.has_depth else _ABOUT_M
+
+    def show_first(room: FittedRoom) -> None:
+        if room.things and on_first is not None:
+            room, made = scene_of(room, given.name, same_height_m=same_height_m)
+            on_first(PhotoResult(given, room, made, (), {"first scene": time.perf_counter() - began}))
+
+    listener = Listener(on_progress, None if on_first is None else show_first)
+    found = reconstruct(observation, given.detections, walls, listener, floor.spread_share, kept)
     fitted = time.perf_counter()
     _require_things(given, found)
-    same_height_m = SAME_HEIGHT_M if observation.has_depth else _ABOUT_M
     found, made = scene_of(found, given.name, same_height_m=same_height_m)
     _require_things(given, found)
     settled = time.perf_counter()
-    varied = variations_of(found, given.name) if variations else ()
+    varied = variations_of(found, given.name) if variations and not found.interrupted else ()
     took = {
         "walls": walled - began,
         "fitting": fitted - walled,

@@ -28,6 +28,7 @@ from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.scenes.file import complete_scene
 from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
+from oag.model.robots import LIFTED
 from oag.model.scene import about_z
 
 SAME_HEIGHT_M = 0.02
@@ -43,14 +44,15 @@ _NOISE_RAD = math.radians(3.0)  # Uncertainty of a cabinet's heading by depth at
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M, _EDGE_STEPS = 0.004, 24
 _HIGHER_M = 0.002
+_NEAR_HEIGHT_M = 0.13  # Between a thing on nothing that has a box, and a top beside it.
 _FARTHEST_M = 0.5  # A thing is moved onto a top: the next one that is as high may be across the room.
 _ON_ITEM, _ON_TOP = 0.7, 0.4
 """Share of an item's half sides in which a middle is stable; share of a thing's own ones that lies on furniture."""
 
 _REPORTED_M = 0.005
-_CHANGES, _SHRUNK, _SHRINKAGE = 12, 3, 0.7
-"""Changes of things until physics accepts a scene; how often one is made plainer or narrower before it is left out, and
-how much narrower."""
+_SHRUNK, _SHRINKAGE = 3, 0.7
+"""How often a thing is made plainer or narrower until physics accepts it, before it is left out, and how much
+narrower."""
 
 
 def resolve_overlaps(
@@ -82,6 +84,9 @@ def resolve_overlaps(
     for key in small:
         others = {other: room[other] for other in room if other != key}
         room[key] = _on_its_top(room[key], others, same_height_m)
+        if is_item(room[key]) and not _stands(room[key], others):
+            # Its support may end too early: where nothing is below it, a near top is likelier than the floor.
+            room[key] = _on_its_top(room[key], others, _NEAR_HEIGHT_M)
         if is_item(room[key]) and not _stands(room[key], others):
             room[key] = _put_down(room[key], list(others.values()))
             notes.append(f"{key} stands on nothing that has a box; it was put down")
@@ -306,7 +311,7 @@ def scene_of(found: FittedRoom, name: str, *, same_height_m: float = SAME_HEIGHT
         return found, MadeScene(None, "nothing is in it", (), {})
     made = first = made_of(found, found.guesses, name, same_height_m=same_height_m)
     room, changed = found, Counter[str]()
-    for _ in range(_CHANGES):
+    for _ in range((_SHRUNK + 1) * len(found.things) + 1):
         thing = next((one for one in room.things if one.id == made.culprit), None)
         if not made.refused or (thing is None and not room.walls):
             break
@@ -388,6 +393,8 @@ def scene_json(
 ) -> dict[str, object]:
     """Return the content of a scene file without facts, which follow from geometry.
 
+    Its robot is the one on a lift: real tables and counters are as high as they are.
+
     Args:
         guesses: id -> pose hypothesis.
         walls: The walls.
@@ -400,7 +407,7 @@ def scene_json(
         key = f"wall_{number}"
         ended = replace(wall, span_m=_ends_m(wall, [one for one in walls if one is not wall]))
         things[key] = _entry(_wall(ended, key, _back_m(wall, footprints)))
-    return {"name": name, "objects": things}
+    return {"name": name, "robot": {"name": LIFTED.name}, "objects": things}
 
 
 def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:

@@ -501,6 +501,9 @@ def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, 
         T_link_world = inverse(world.T_world_link(object_id, region.link))
         room = np.array(region.half_extents_m) + EDGE_M
         for item in world.dynamic_ids:
+            wide_m = min(world.assets[item].extent_m[:2]) / 2
+            if region.kind == "interior" and wide_m > max(region.half_extents_m[:2]):
+                continue  # As a saucer is in no cup that stands on it.
             centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
             if bool(np.all(np.abs(centre - np.array(region.center_m)) <= room)):
                 found.append(item)

@@ -42,6 +42,7 @@ _RISE_M = 0.02
 side of a shelf or the board above."""
 
 _EDGE_M = 0.005
+_UPRIGHT = 0.95  # Cosine of a lean up to which an object stands.
 _REST_IMPULSE_NS = 1e-5
 
 
@@ -271,9 +272,14 @@ def box_around(world: World, object_id: str, T_frame_world: Array | None = None)
 
 def _fit(world: World, object_id: str, container: str, region: Region) -> tuple[float, float]:
     """Return the depth of an object's centre in a region (negative: outside), and how far its box sticks out of it."""
-    center, half = box_around(world, object_id, inverse(world.T_world_link(container, region.link)))
+    T_container_world = inverse(world.T_world_link(container, region.link))
+    center, half = box_around(world, object_id, T_container_world)
     offset, room = np.abs(center - np.asarray(region.center_m)), np.asarray(region.half_extents_m)
-    return float(np.min(room - offset)), float(np.max(offset + half - room))
+    depth, excess = float(np.min(room - offset)), float(np.max(offset + half - room))
+    up = float((T_container_world[:3, :3] @ world.T_world_link(object_id)[:3, 2])[2])
+    # A saucer is in no cup that stands on it, though its middle is.
+    spare_m = float(room[:2].max()) - min(world.assets[object_id].extent_m[:2]) / 2
+    return (min(depth, spare_m) if spare_m < 0.0 and abs(up) > _UPRIGHT else depth), excess
 
 
 def _surfaces(world: World, support: str) -> list[tuple[str | None, Array, Array]]:

@@ -244,8 +244,11 @@ _SHAPES = {
     "generic_cylinder": Affordances(surface=True),
     "generic_slab_on_legs": Affordances(surface=True),
     "generic_open_box": Affordances(interior=True),
+    "carton": Affordances(surface=True),
+    "book_lying": Affordances(surface=True),
 }
-"""Of things that are there as a shape alone, whatever they are called: a refrigerator that is a box has no door."""
+"""By the model, whatever things are called: a refrigerator that is there as a box alone has no door, and a carton is
+closed."""
 
 
 def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:

@@ -314,14 +314,14 @@ _TAPE_M = 0.0004
 
 
 def carton(obj: SceneObject) -> Asset:
-    """Return a closed carton as large as the object."""
+    """Return a closed carton as large as the object; things can stand on it."""
     extent = require_size(obj, (0.01, 0.01, 0.01))
     x, y, z = (value / 2 for value in extent)
     color = _BOX_COLORS[BOX_COLOR.read(obj)]
     whole = box((-x, -y, -z), (x, y, z), color, friction=0.8, density_kg_m3=350.0, visible=False)
     look = box((-x, -y, -z), (x, y, z - _TAPE_M), color, collides=False)
     tape = box((-0.999 * x, -0.12 * y, z - 2 * _TAPE_M), (0.999 * x, 0.12 * y, z), _TAPE, collides=False)
-    return box_item(obj, "box", (whole, look, tape), extent, "box.n.01")
+    return box_item(obj, "box", (whole, look, tape), extent, "box.n.01", surface("box", x, y, z))
 
 
 def open_box(obj: SceneObject) -> Asset:
@@ -418,7 +418,7 @@ _BOOK_COVER, _BOOK_SET_BACK = 0.10, 0.03
 def book(obj: SceneObject) -> Asset:
     """Return a book whose thickness is the object's smallest side; it lies if that is z, and stands otherwise.
 
-    An upright one fits between the fingers; a lying one is too wide for them.
+    An upright one fits between the fingers; a lying one is too wide for them, and things can stand on it.
     """
     extent = require_size(obj, (0.008, 0.008, 0.008))
     thin = min(range(3), key=lambda axis: extent[axis])
@@ -437,7 +437,8 @@ def book(obj: SceneObject) -> Asset:
     (along,) = {0, 1, 2} - {thin, spine}
     low[along], high[along] = -half[along], half[along]
     shapes.append(box(low, high, color, collides=False))
-    return box_item(obj, "book", shapes, extent, "hardback.n.01")
+    tops = (surface("book", *half),) if thin == 2 else ()
+    return box_item(obj, "book", shapes, extent, "hardback.n.01", *tops)
 
 
 _IVORY, _DARK = (0.85, 0.83, 0.76), (0.05, 0.05, 0.06)

@@ -25,7 +25,6 @@ import bddl
 import llm
 from bddl.errors import Scene2DemoError
 from bddl.files import read_bounded_text
-from executor.assets.footprint import yaw_of
 from executor.bench.photo.picture_score import (
     FLOOR,
     PictureThing,
@@ -38,12 +37,12 @@ from executor.bench.photo.picture_score import (
 )
 from executor.bench.photo.rooms import each_once
 from executor.geometry import Array
+from executor.photo.drawing import as_settled, visible_surfaces
 from executor.photo.errors import PhotoRefused
-from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.inputs.annotations import Detection, boxes_in, is_left_out
 from executor.photo.inputs.depth import depth_in
 from executor.photo.inputs.picture import CameraFacts
-from executor.photo.output import prepared, visible_surfaces, write_result
+from executor.photo.output import prepared, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
 from executor.rollouts.feasibility import feasible
@@ -54,8 +53,7 @@ from executor.scenes.validation import require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
 from executor.system.files import read_json
-from oag import Scene, SceneObject, compose
-from oag.model.robots import chosen_robot
+from oag import Scene, compose
 from oag.sizes import Sizing
 
 PICTURE_SCHEMA = "scene2demo-photo-picture/1"
@@ -162,7 +160,7 @@ def measure_pictures(
     on_progress: Callable[[Mapping[str, Any]], None],
     *,
     limit_s: float = LIMIT_S,
-    full_size: bool = False,
+    robot: str = "",
 ) -> Iterator[dict[str, Any]]:
     """Yield the result of every picture, measured if it has no file yet.
 
@@ -171,11 +169,11 @@ def measure_pictures(
         pictures: Which ones.
         on_progress: Called with every result.
         limit_s: Most CPU seconds of a picture and its sentences.
-        full_size: Whether the sentences are executed by the robot of full size.
+        robot: Name of the robot that executes the sentences; by default the scene's own.
     """
 
     def measured(picture: RealPicture) -> dict[str, Any]:
-        return _measured(picture, folder / picture.name, limit_s, full_size=full_size)
+        return _measured(picture, folder / picture.name, limit_s, robot)
 
     yield from each_once(folder, "picture", pictures, measured, on_progress)
 
@@ -198,7 +196,7 @@ def cpu_limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: bool) -> dict[str, Any]:
+def _measured(picture: RealPicture, folder: Path, limit_s: float, robot: str) -> dict[str, Any]:
     began = time.process_time()
     record: dict[str, Any] = {
         "schema": PICTURE_SCHEMA,
@@ -206,7 +204,7 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
         "half": picture.half,
         "has_depth": picture.depth is not None,
         "limit_s": limit_s,
-        "full_size": full_size,
+        "robot": robot,
     }
     prepared(folder, force=True)
     try:
@@ -228,7 +226,7 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, *, full_size: 
     made = {thing["thing"]: thing["made"] for thing in record["things"] if thing["made"]}
     scene = None if record["refused"] else folder / "scene.json"
     record["sentences"] = [
-        _asked(picture, request, scene, made, limit_s - (time.process_time() - began), full_size=full_size)
+        _asked(picture, request, scene, made, limit_s - (time.process_time() - began), robot)
         for request in picture.sentences
     ]
     return record
@@ -269,7 +267,7 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
     made_of = {id(one.detection): one.id for one in result.found.things}
     made = {key: made_of[id(one)] for key, one in detections.items() if id(one) in made_of}
     causes = {id(one.detection): one.cause.value for one in result.found.unfitted}
-    guesses = _as_settled(scene, result)
+    guesses = as_settled(result.found, scene)
     owner, made_z_m = visible_surfaces(result.observation, guesses)
     numbers = {key: number for number, key in enumerate(guesses)}
     stands = _stands(scene, made)
@@ -309,18 +307,6 @@ def _compared(picture: RealPicture, given: PhotoInput, result: PhotoResult) -> d
     }
 
 
-def _as_settled(scene: Scene, result: PhotoResult) -> dict[str, PoseHypothesis]:
-    """Return the fits as they are in the scene: moved, resized and settled."""
-    return {thing.id: _placed(thing.fit.guess, scene.objects[thing.id]) for thing in result.found.things}
-
-
-def _placed(guess: PoseHypothesis, obj: SceneObject) -> PoseHypothesis:
-    x, y, z = obj.position
-    length, width, height = (float(side) for side in obj.extent_m)
-    sides = (length, width, height)
-    return replace(guess, x_m=x, y_m=y, yaw_rad=yaw_of(obj), bottom_m=z - height / 2, size_m=sides)
-
-
 def _stands(scene: Scene, made: Mapping[str, str]) -> dict[str, str]:
     """Return id -> relation and support as an annotation has them; what stands on nothing is on the floor."""
     names = {key: name for name, key in made.items()}
@@ -353,8 +339,7 @@ def _asked(
     scene_file: Path | None,
     made: Mapping[str, str],
     left_s: float,
-    *,
-    full_size: bool,
+    robot: str,
 ) -> dict[str, Any]:
     """Return how far a sentence comes: planned, feasible, succeeded, and as asked; and where it ends."""
     began = time.process_time()
@@ -370,7 +355,7 @@ def _asked(
         return {**record, "cpu_s": 0.0}
     try:
         with cpu_limit(left_s):
-            _chain(picture, request, scene_file, made, record, full_size=full_size)
+            _chain(picture, request, scene_file, made, record, robot)
     except OutOfTime:
         record |= {"stage": "time", "why": f"no CPU time is left after {record['stage']}"}
     except llm.QueryError as problem:
@@ -390,12 +375,11 @@ def _chain(
     scene_file: Path,
     made: Mapping[str, str],
     record: dict[str, Any],
-    *,
-    full_size: bool,
+    robot: str,
 ) -> None:
     """Plan, prove, ask whether it is feasible, and execute a sentence as `run` does, and write into its record."""
     record["stage"] = "scene"
-    scene = scene_for(request["sentence"], scene_file, robot=chosen_robot("", full_size=full_size))
+    scene = scene_for(request["sentence"], scene_file, robot=robot)
     require_valid(scene)
     record["stage"] = "sentence"
     graph = compose(llm.propose(request["sentence"], scene, sizing=Sizing(0)).task, scene=scene)

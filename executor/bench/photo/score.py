@@ -25,8 +25,8 @@ from executor.assets.library import LIBRARY, asset_for
 from executor.bench.photo.rooms import ROUND
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array, rotation_z, transform_from_quaternion
+from executor.photo.drawing import visible_owners
 from executor.photo.inputs.annotations import Detection
-from executor.photo.output import visible_owners
 from executor.photo.pipeline import PhotoResult
 from executor.sim.render.cameras import joints_at_start, link_frames
 from executor.system.extras import require

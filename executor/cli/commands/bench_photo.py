@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from executor.cli.errors import DONE, check
-from executor.cli.options import CommonOptions, Flag, FullSize, Maybe, ResultsFolder
+from executor.cli.options import CommonOptions, Flag, Maybe, ResultsFolder, RobotName
 from executor.cli.output import OUT, print_json, say, tell
 from executor.system.files import write_json
 
@@ -34,7 +34,7 @@ class Options(CommonOptions):
     """With --pictures: ids of some pictures; by default all."""
     limit_s: float = 300.0
     """With --pictures: most CPU seconds of a picture and its sentences."""
-    full_size: FullSize = False
+    robot: RobotName = None
     rooms: int = 20
     """How many rooms of households: 102 of a seed, then of the next one."""
     kitchens: int = 0
@@ -55,7 +55,7 @@ def execute(options: Options) -> int:
     """Measure, print the report card, and return 0 when all is measured; what is finished is kept."""
     if options.pictures is not None:
         return _execute_pictures(options, options.pictures)
-    stray = next((name for name in ("half", "only", "full_size") if getattr(options, name)), "")
+    stray = next((name for name in ("half", "only", "robot") if getattr(options, name)), "")
     check(not stray, f"--{stray.replace('_', '-')}", getattr(options, stray, ""), "--pictures beside it")
     return _execute_rooms(options)
 
@@ -71,7 +71,7 @@ def _execute_pictures(options: Options, folder: Path) -> int:
     chosen = read_pictures(options.annotations, folder, options.half, options.only or ())
     options.out.mkdir(parents=True, exist_ok=True)
     on_picture = _silent if options.json else _tell_picture
-    done = list(measure_pictures(options.out, chosen, on_picture, limit_s=options.limit_s, full_size=options.full_size))
+    done = list(measure_pictures(options.out, chosen, on_picture, limit_s=options.limit_s, robot=options.robot or ""))
     parts: dict[str, dict[str, Any]] = {
         name: {"card": dict(picture_rows(some)), **causes(some)} for name, some in sections(done).items()
     }

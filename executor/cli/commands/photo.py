@@ -5,14 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import tyro
 
-from executor.cli.errors import DONE, FAILED, check
+from bddl.terminal import pluralize
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import (
     CommonOptions,
     GoOn,
@@ -25,13 +27,14 @@ from executor.cli.options import (
     PhotoInputs,
     Read,
     ReplaceResults,
-    ResultsFolder,
     Temperature,
+    option_help,
 )
-from executor.cli.output import print_json, say, tell_progress
+from executor.cli.output import print_json, say, tell, tell_progress
 from executor.system.files import write_json
 
 if TYPE_CHECKING:
+    from executor.photo.fitting.likelihood import Fit
     from executor.photo.inputs.annotations import Detections, Detector
     from executor.photo.inputs.depth import DepthSource
     from executor.photo.inputs.picture import Photograph
@@ -47,9 +50,12 @@ class Options(CommonOptions):
     those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
     """
 
-    picture: tyro.conf.Positional[Annotated[Path, Read()]]
+    picture: tyro.conf.Positional[Annotated[Maybe[Path], Read()]] = None
     """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
-    out: ResultsFolder
+    out: Annotated[Maybe[Path], option_help("Folder for the results.")] = None
+    again: Maybe[Path] = None
+    """In place of a picture: folder of an earlier reconstruction. What was corrected in its things.json (a name, what a
+    thing is on, a size) and what was not fitted before Ctrl-C is fitted; all else stays."""
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
@@ -138,44 +144,90 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
         inputs: Files and values typed with it.
         folder: Folder of the reconstruction.
         quiet: Whether to print no progress.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; what is fitted by then is in the folder.
     """
     from executor.photo.errors import RoomRefused
-    from executor.photo.output import prepared, remove_empty_folder, reusable_scene, write_boxes, write_result
-    from executor.photo.pipeline import reconstruct_scene
+    from executor.photo.output import prepared, reusable_scene
 
     given = read_photograph(picture, inputs)
     kept = reusable_scene(folder, given)
     if kept is not None:
         return kept
     prepared(folder, force=True, keep=inputs.boxes)
-    with remove_empty_folder(folder):
-        write_boxes(folder, given)
-        result = reconstruct_scene(given, tell_progress(quiet))
-    write_result(folder, result)
+    result = _reconstructed(folder, given, typed(picture, inputs), {}, quiet=quiet)
+    if result.found.interrupted:
+        raise KeyboardInterrupt(_go_on(folder, result))
     if result.made.refused:
         raise RoomRefused(picture, result.made.refused, folder)
     return folder / "scene.json"
 
 
-def execute(options: Options) -> int:
-    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction."""
-    from executor.photo.output import prepared, remove_empty_folder, result_json, write_boxes, write_result
+def typed(picture: Path, inputs: PhotoInputs) -> dict[str, Any]:
+    """Return what was typed as plain data, which `photo --again` reads; paths are absolute."""
+    words = {name: value for name, value in asdict(inputs).items() if value is not None}
+    camera = inputs.camera
+    if camera is not None and Path(camera).is_file():
+        words["camera"] = Path(camera)
+    paths = {"picture": picture, **words}
+    return {key: str(value.resolve()) if isinstance(value, Path) else value for key, value in paths.items()}
+
+
+def _reconstructed(
+    folder: Path, given: PhotoInput, words: Mapping[str, Any], kept: Mapping[int, Fit], *, quiet: bool
+) -> PhotoResult:
+    """Return the reconstruction of an input, with all files of it in the folder; a first scene is there in seconds."""
+    from executor.photo.output import remove_empty_folder, write_boxes, write_first, write_result
     from executor.photo.pipeline import reconstruct_scene
+
+    tell_step = tell_progress(quiet)
+
+    def show_first(result: PhotoResult) -> None:
+        write_first(folder, result)
+        name = "overlay.png" if result.made.refused else "scene.json and overlay.png"
+        took = f"after {result.took_s['first scene']:.0f} s"
+        fits = pluralize(len(result.found.things), "rough fit")
+        tell_step(f"first scene of {fits} {took}, in {folder}: {name}")
+
+    with remove_empty_folder(folder):
+        write_boxes(folder, given)
+        result = reconstruct_scene(given, tell_step, on_first=show_first, kept=kept)
+    write_result(folder, result, words)
+    return result
+
+
+def _go_on(folder: Path, result: PhotoResult) -> str:
+    things = result.found.things
+    fitted = sum(not thing.fit.rough for thing in things)
+    kept = f"{fitted} of {pluralize(len(things), 'thing')} fitted, the others roughly"
+    return f"interrupted; {folder} has the scene so far, {kept}. Go on by: scene2demo photo --again {folder}"
+
+
+def execute(options: Options) -> int:
+    """Reconstruct, write the results, and return 0; 1 where physics refuses the reconstruction, 130 after Ctrl-C."""
+    from executor.photo.output import prepared, result_json
 
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     check(not options.resume or options.model is not None, "--resume", "", "--model with it, whose answers are kept")
     spent: list[Spending] = []
-    with ExitStack() as counted:
-        asked = _asked(options, spent, counted)
-        given = read_photograph(options.picture, options.photo_inputs, asked)
-    # Where a model was asked, the folder has the conversation already.
-    boxes = options.photo_inputs.boxes
-    folder = options.out if options.model is not None else prepared(options.out, force=options.force, keep=boxes)
-    with remove_empty_folder(folder):
-        write_boxes(folder, given)
-        result = reconstruct_scene(given, tell_progress(options.json))
-    write_result(folder, result)
-    code = FAILED if result.made.refused else DONE
+    kept: Mapping[int, Fit] = {}
+    if options.again is not None:
+        given, words, kept, folder = _corrected(options, options.again)
+    else:
+        picture, out = options.picture, options.out
+        if picture is None:
+            raise BadOption("PATH", "is missing", "a picture, or --again with the folder of an earlier reconstruction")
+        if out is None:
+            raise BadOption("--out", "is missing", "a folder for the results")
+        with ExitStack() as counted:
+            given = read_photograph(picture, options.photo_inputs, _asked(options, out, spent, counted))
+        # Where a model was asked, the folder has the conversation already.
+        boxes = options.photo_inputs.boxes
+        folder = out if options.model is not None else prepared(out, force=options.force, keep=boxes)
+        words = typed(picture, options.photo_inputs)
+    result = _reconstructed(folder, given, words, kept, quiet=options.json)
+    code = INTERRUPTED if result.found.interrupted else FAILED if result.made.refused else DONE
     if options.json:
         used = {"usage": spent[0].to_json() if spent else None}
         print_json({"ok": code == DONE, "exit_code": code, "folder": str(folder), **used, **result_json(result)})
@@ -183,15 +235,45 @@ def execute(options: Options) -> int:
     _print_result(result)
     for spending in spent:
         say(spending.total())
-    say(f"results in {folder}: {'scene_refused' if code else 'scene'}.json, photo.json, overlay.png, report.html")
+    scene = "scene_refused" if result.made.refused else "scene"
+    say(f"results in {folder}: {scene}.json, things.json, photo.json, overlay.png, report.html")
+    if result.found.interrupted:
+        tell(f"scene2demo: {_go_on(folder, result)}")
+    else:
+        say(f"correct names, supports or sizes in {folder / 'things.json'}, then: scene2demo photo --again {folder}")
     return code
 
 
-def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detector | None:
+def _corrected(options: Options, folder: Path) -> tuple[PhotoInput, Mapping[str, Any], Mapping[int, Fit], Path]:
+    """Return the input of an earlier reconstruction as people corrected it, what was typed, kept fits, the folder."""
+    from executor.photo.again import read_earlier
+    from executor.photo.output import prepared
+
+    none_else = options.picture is None and options.model is None and options.photo_inputs == PhotoInputs()
+    check(none_else, "--again", folder, "nothing else with it but --out: the folder knows what was typed")
+    earlier = read_earlier(folder)
+    words = dict(earlier.inputs)
+    picture = Path(words["picture"])
+    given_types = get_type_hints(PhotoInputs)
+    typed_again: dict[str, Any] = {
+        name: Path(value) if "Path" in str(given_types[name]) else value
+        for name, value in words.items()
+        if name in given_types and name not in ("boxes", "detector", "least_score", "names")
+    }
+    given = read_photograph(picture, PhotoInputs(**typed_again), earlier.detect)
+    out = options.out or folder
+    same = out.resolve() == folder.resolve()
+    boxes = folder / "boxes.json"
+    prepared(out, force=same or options.force, keep=boxes if same else None)
+    return replace(given, origin_sha256=earlier.given_sha256), words, earlier.kept, out
+
+
+def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStack) -> Detector | None:
     """Return the detector that asks the typed model, None without one; nothing is sent yet.
 
     Args:
         options: The typed options.
+        out: Folder of the results.
         spent: Receives the model's usage, once it is asked.
         counted: Prints the usage on failure.
     """
@@ -211,11 +293,11 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
 
     def detect(picture: Photograph) -> Detections:
         """Prepare the folder, since requests cost from here on; the inputs have been found usable."""
-        record = options.out / EXCHANGES
+        record = out / EXCHANGES
         if options.force and replayed is None:
             tell_kept(kept_aside(record))
         kept = record if options.resume else replayed
-        folder = prepared(options.out, force=options.force or options.resume, keep=kept)
+        folder = prepared(out, force=options.force or options.resume, keep=kept)
         live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
         asked = live or model
         spending = Spending(asked, tell_progress(options.json))
@@ -232,12 +314,17 @@ def _asked(options: Options, spent: list[Spending], counted: ExitStack) -> Detec
 
 
 def _print_result(result: PhotoResult) -> None:
+    from executor.photo.output import stands_on
+
+    supports = stands_on(result)
     width = max(len(thing.id) for thing in result.found.things)
     for thing in result.found.things:
         size = " x ".join(f"{side:.2f}" for side in thing.fit.guess.size_m)
         spread = f"+- {100 * thing.fit.spread_m[1]:.0f} cm"
+        on = f", on {supports[thing.id]}" if thing.id in supports else ""
         sure = f"{100 * thing.fit.in_box:.0f} % of its box, {100 * thing.fit.confidence:.0f} % sure"
-        say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m {spread}, {sure}")
+        sure = "roughly" if thing.fit.rough else sure
+        say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m {spread}{on}; {sure}")
     for one in result.found.unfitted:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
     for other in result.given.left_out:

@@ -7,6 +7,7 @@ Pixels that it covers outside the box cost. Without depth the box is the only ev
 
 from __future__ import annotations
 
+import colorsys
 import math
 from dataclasses import dataclass
 
@@ -255,6 +256,19 @@ def _middle(rows: Array) -> Array:
 
 _OPTION = "color"
 _LEAST_COLOUR_PX = 12
+_HUES = (
+    (8.0, "red"),
+    (40.0, "orange"),
+    (68.0, "yellow"),
+    (165.0, "green"),
+    (255.0, "blue"),
+    (320.0, "purple"),
+    (345.0, "pink"),
+    (361.0, "red"),
+)
+"""Where the hue of each basic colour term ends [deg]."""
+
+_BLACK, _WHITE, _COLOURLESS, _FAINT, _PALE, _DARK = 0.22, 0.68, 0.15, 0.10, 0.35, 0.38
 _SHARE_OF_LIGHT = 0.15
 """Weight of a doubling of the light against the shares of the colours: a picture shows colours, but hardly how
 bright the room was."""
@@ -267,6 +281,17 @@ def median_colour(evidence: PixelEvidence, guess: PoseHypothesis) -> tuple[int, 
         return None
     red, green, blue = (round(255.0 * float(value)) for value in np.median(shown, axis=0))
     return red, green, blue
+
+
+def colour_name(srgb: tuple[int, int, int]) -> str:
+    """Return the basic colour term for a colour, sRGB from 0 to 255, by its hue, saturation and value."""
+    hue, saturation, value = colorsys.rgb_to_hsv(*(part / 255.0 for part in srgb))
+    if value < _BLACK or saturation < _COLOURLESS or saturation * value < _FAINT:
+        return "black" if value < _BLACK else "white" if value > _WHITE else "grey"
+    name = next(name for most_deg, name in _HUES if 360.0 * hue < most_deg)
+    if name in ("orange", "yellow") and saturation < _PALE:
+        return "beige" if value > _WHITE else "brown"
+    return "brown" if name == "orange" and value < _DARK else name
 
 
 def with_colour(evidence: PixelEvidence, guess: PoseHypothesis) -> PoseHypothesis:

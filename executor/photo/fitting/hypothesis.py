@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any, Literal
@@ -72,6 +73,17 @@ class PoseHypothesis:
             parameters=dict(self.parameters),
         )
 
+    def to_json(self) -> dict[str, object]:
+        """Return it as plain data, which `hypothesis_of` reads back."""
+        return {
+            "model": self.entry.model,
+            "category": self.entry.category,
+            "place_m": [self.x_m, self.y_m, self.bottom_m],
+            "yaw_rad": self.yaw_rad,
+            "size_m": list(self.size_m),
+            "parameters": dict(self.parameters),
+        }
+
     def with_parameters(self, **values: object) -> PoseHypothesis:
         """Return it with some options changed."""
         return replace(self, parameters=tuple(sorted({**dict(self.parameters), **values}.items())))
@@ -97,6 +109,15 @@ class PoseHypothesis:
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
         return np.asarray(points * self.size_m @ turn.T + middle)
+
+
+def hypothesis_of(data: Mapping[str, Any]) -> PoseHypothesis:
+    """Return the hypothesis of plain data; KeyError, TypeError or ValueError where it is none."""
+    entry = replace(BUILT[data["model"]], category=str(data["category"]))
+    x_m, y_m, bottom_m = map(float, data["place_m"])
+    length, width, height = map(float, data["size_m"])
+    parameters = tuple(sorted(data["parameters"].items()))
+    return PoseHypothesis(entry, x_m, y_m, float(data["yaw_rad"]), bottom_m, (length, width, height), parameters)
 
 
 class MeshRaycaster:

@@ -322,6 +322,7 @@ class Fit:
         spread_m: Standard deviations of its place on the floor in its worst direction, and of its worst side.
         in_box: IoU of its box with the box around its visible part; 1 until it is computed.
         assumed: If none of its sides are visible, the assumption made, for people.
+        rough: Whether it is only the likeliest start of a search.
     """
 
     guess: PoseHypothesis
@@ -334,6 +335,7 @@ class Fit:
     spread_m: tuple[float, float]
     in_box: float = 1.0
     assumed: str = ""
+    rough: bool = False
 
     @property
     def likelier(self) -> float:

@@ -42,7 +42,7 @@ from executor.photo.fitting.refinement import (
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection, plain_name
-from oag.model.symbols import Kind, kind_of
+from oag.model.symbols import Kind, is_known, kind_of
 
 _OUTLINE_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _ASKEW = (0.0, 1 / 3, 2 / 3)  # Of a quarter turn.
@@ -72,9 +72,14 @@ def named_models(detection: Detection) -> list[ModelEntry]:
 
 
 def generic_models(detection: Detection) -> list[ModelEntry]:
-    """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is."""
+    """Return the generic shapes as models of a detection's category, whose word decides what kind of thing it is.
+
+    What is furniture by its name is no open box: it has a top, which may only look hollow.
+    """
     category = plain_name(detection.label) or THING
-    return [replace(entry, category=category) for entry in GENERIC.values()]
+    entries = [replace(entry, category=category) for entry in GENERIC.values()]
+    is_furniture = is_known(category) and kind_of(category, 0.0) is not Kind.ITEM
+    return [entry for entry in entries if not (is_furniture and entry.model == "generic_open_box")]
 
 
 def stands_on_floor(detection: Detection) -> bool:
@@ -343,6 +348,23 @@ _MOSTLY = 0.9  # Share of its pixels that a correct closed model explains, witho
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 
 
+def starts_of(
+    around: SearchContext,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottoms_m: Sequence[float],
+    points: Array,
+) -> list[PoseHypothesis]:
+    """Return the start hypotheses of a detection: around its points (N, 3), or by its box where there are none."""
+    near = around.near
+    begun: list[PoseHypothesis] = []
+    for bottom in bottoms_m:
+        begun += starts(points, entries, bottom, near.walls)
+        if not len(points):
+            begun += outline_starts(around.observation, box_px, entries, bottom, near.headings_rad)
+    return begun
+
+
 def likely_boxes(
     around: SearchContext,
     box_px: tuple[float, float, float, float],
@@ -363,11 +385,7 @@ def likely_boxes(
         coarse, search: Likelihoods for choosing starts and for searching.
     """
     near = around.near
-    begun: list[PoseHypothesis] = []
-    for bottom in bottoms_m:
-        begun += starts(points, entries, bottom, near.walls)
-        if not len(points):
-            begun += outline_starts(around.observation, box_px, entries, bottom, near.headings_rad)
+    begun = starts_of(around, box_px, entries, bottoms_m, points)
     # With hardly any residual pixels, colours are better evidence than depth.
     by_look = not len(points)
     followed = _worth_following([coarse.rated(guess, colours=by_look) for guess in begun])

@@ -59,6 +59,7 @@ class Detection:
         doors, drawers: Given numbers; None if unknown.
         on: Index of the given support among the detections; FLOOR, or None if unknown.
         provenance: Origin of box and label.
+        size_m: Given length, width and height; None where they are fitted.
     """
 
     label: str
@@ -71,6 +72,7 @@ class Detection:
     drawers: int | None = None
     on: int | None = None
     provenance: Provenance = "person"
+    size_m: tuple[float, float, float] | None = None
 
     @property
     def area_px(self) -> float:
@@ -126,6 +128,7 @@ class Detection:
             "drawers": self.drawers,
             "on": self.on,
             "provenance": self.provenance,
+            **({} if self.size_m is None else {"size_m": list(self.size_m)}),
         }
 
 

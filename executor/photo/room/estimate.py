@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.footprint import region_frame
-from executor.assets.library import asset_for
+from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array
 from executor.photo.errors import LostCause
 from executor.photo.fitting.hypothesis import PoseHypothesis, picture_of
-from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext
-from executor.photo.fitting.starts import LEAST_POINTS, foot_of, points_of
+from executor.photo.fitting.likelihood import Fit, Neighbourhood, SearchContext, usual_size_m
+from executor.photo.fitting.starts import LEAST_POINTS, foot_of, named_models, points_of, stands_on_floor
 from executor.photo.geometry.observation import Observation, is_hidden
 from executor.photo.geometry.residuals import box_of
 from executor.photo.geometry.walls import Wall, depth_of_empty, find_walls_again
@@ -30,6 +30,7 @@ _HEIGHT_M = 0.13  # Between an object's visible bottom and its possible support.
 _MOST = 3
 _MISJUDGED_M, _MOST_HALF_M = 0.5, 0.15
 _ON_FLOOR_M = 0.15
+_LEAST_OF_USUAL = 0.25  # Least share of the usual longest side of furniture that is partly hidden.
 _AS_FITTED_M = 0.05  # Tolerance of the pixels of a rough fit.
 
 
@@ -238,6 +239,24 @@ class RoomEstimate:
         visible = self._layers.visible()[index]
         return overlap(box_of(visible), self.detections[index].box_px) if visible.any() else 0.0
 
+    def is_on_floor(self, index: int) -> bool:
+        """Return whether an object is furniture that stands on the floor, by its name, a given support and its depth.
+
+        What is measured to be far smaller than any such furniture is something else, whatever it is called.
+        """
+        detection = self.detections[index]
+        if detection.on not in (None, FLOOR) or not stands_on_floor(detection):
+            return False
+        own = self.observation.z_m[detection.pixels(self.observation.size_px) & self.observation.measured]
+        x0, y0, x1, y1 = detection.box_px
+        width, height = self.observation.size_px
+        is_cut = x0 < 1.0 or y0 < 1.0 or x1 > width - 1.0 or y1 > height - 1.0
+        usual_m = [max(usual_size_m(entry)) for entry in named_models(detection) if entry.model in LIBRARY]
+        if detection.on == FLOOR or is_cut or len(own) < LEAST_POINTS or not usual_m:
+            return True
+        side_m = max(x1 - x0, y1 - y0) / self.observation.K.fx * float(np.median(own))
+        return side_m > _LEAST_OF_USUAL * min(usual_m)
+
     def around(self, index: int, hidden_by: Iterable[int] = (), *, by_box: bool = False) -> SearchContext:
         """Return the context of a search for an object that was removed.
 
@@ -269,12 +288,17 @@ class RoomEstimate:
             detection: The detection.
             points: (N, 3) its own.
         """
-        tops = tops_of(fit.guess for fit in self.fits.values())
+        if detection.on == FLOOR:
+            return [0.0]
+        support = None if detection.on is None else self.fits.get(detection.on)
+        tops = list(tops_of(fit.guess for fit in self.fits.values()))
         if len(points) < LEAST_POINTS:
             points = self.observation.points_m[detection.pixels(self.observation.size_px) & self.observation.measured]
         if len(points) >= LEAST_POINTS:
-            return heights_under(points, tops)
-        support = None if detection.on is None else self.fits.get(detection.on)
+            # Where a person or a model says what it stands on, only its tops count.
+            low_m = float(np.percentile(points[:, 2], 5.0))
+            given = [top.height_m for top in tops if support is not None and top.of is support.guess]
+            return [min(given, key=lambda one: abs(one - low_m))] if given else heights_under(points, tops)
         return heights_behind(self.observation, detection, tops, None if support is None else support.guess)
 
     def _near(self) -> Neighbourhood:

@@ -7,11 +7,20 @@ from dataclasses import replace
 
 from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
 from executor.photo.errors import LostCause
-from executor.photo.fitting.fit import assess_fit, fills_picture, fit_beneath, fit_thing, update_fit
+from executor.photo.fitting.fit import (
+    assess_fit,
+    fills_picture,
+    fit_beneath,
+    fit_roughly,
+    fit_thing,
+    update_fit,
+)
+from executor.photo.fitting.hypothesis import raycaster_of
 from executor.photo.fitting.likelihood import Fit, SearchContext, usual_size_m
 from executor.photo.fitting.refinement import with_parts
-from executor.photo.fitting.starts import feet_of, generic_models, named_models, stands_on_floor
+from executor.photo.fitting.starts import feet_of, generic_models, named_models
 from executor.photo.geometry.residuals import BoxView
 from executor.photo.inputs.annotations import Detection
 from executor.photo.room.estimate import RoomEstimate
@@ -47,9 +56,10 @@ class RoomFitter:
         around = room.around(index, hidden_by)
         is_unchanged = self._is_view_unchanged(index, around)
         if before is not None and is_unchanged:
-            return room.add_fit(index, update_fit(around, detection.box_px, before))
+            return room.add_fit(index, _of_size(update_fit(around, detection.box_px, before), detection))
         best: Fit | None = None
-        for found in self._fits(index, bottoms_m, hidden_by):
+        for one in self._fits(index, bottoms_m, hidden_by):
+            found = _of_size(one, detection)
             room.add_fit(index, found)
             found = replace(found, in_box=room.in_box(index))
             room.remove_fit(index)
@@ -62,6 +72,29 @@ class RoomFitter:
             room.lost[index] = LostCause.NO_PLACE
         return room.add_fit(index, best)
 
+    def fit_roughly(self, index: int, bottoms_m: Sequence[float] | None) -> None:
+        """Fit one object by the likeliest start of a search, which takes a fraction of a second.
+
+        Args:
+            index: Which detection.
+            bottoms_m: As for `fit`.
+        """
+        room, detection = self.room, self.room.detections[index]
+        around = room.around(index)
+        points = room.points(detection, around)
+        whole = [] if room.observation.has_depth else fills_picture(detection, room.observation.size_px)
+        found = fit_beneath(around, whole, self._feet(index, whole[0])) if whole else None
+        for entries in (_models(detection), generic_models(detection)):
+            if found is None and entries:
+                heights_m = bottoms_m or room.heights_m(detection, points)
+                found = fit_roughly(around, detection.box_px, _shown(entries, around), heights_m, points)
+        if found is None:
+            room.lost[index] = LostCause.NO_PLACE
+            room.add_fit(index, None)
+            return
+        room.add_fit(index, _of_size(found, detection))
+        room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
+
     def judge(self, index: int) -> str:
         """Compare a fit with its box among everything known in the end; fit it again if it is of something else."""
         room = self.room
@@ -69,7 +102,7 @@ class RoomFitter:
             before = room.fits[index]
             in_box = room.in_box(index)
             self._views.pop(index, None)
-            self.fit(index, [0.0] if stands_on_floor(room.detections[index]) else None, ())
+            self.fit(index, [0.0] if room.is_on_floor(index) else None, ())
             if index not in room.fits or room.in_box(index) <= in_box:
                 room.remove_fit(index)
                 room.add_fit(index, before)
@@ -85,9 +118,7 @@ class RoomFitter:
         room, detection = self.room, self.room.detections[index]
         whole = [] if room.observation.has_depth else fills_picture(detection, room.observation.size_px)
         if whole:
-            others = [one.box_px for number, one in enumerate(room.detections) if number != index]
-            feet = feet_of(room.observation, others, usual_size_m(whole[0])[2])
-            yield fit_beneath(room.around(index), whole, feet)
+            yield fit_beneath(room.around(index), whole, self._feet(index, whole[0]))
             return
         generic = generic_models(detection)
         for entries, by_box in ((_models(detection), False), (generic, False), (generic[:1], True)):
@@ -100,6 +131,11 @@ class RoomFitter:
             if found is not None:
                 yield found
 
+    def _feet(self, index: int, entry: ModelEntry) -> Array:
+        """Return (N, 2) where the other boxes end on the top of a support of usual size."""
+        others = [one.box_px for number, one in enumerate(self.room.detections) if number != index]
+        return feet_of(self.room.observation, others, usual_size_m(entry)[2])
+
     def _is_view_unchanged(self, index: int, around: SearchContext) -> bool:
         """Return whether an object's box shows hardly anything else than at its last search; else remember the view."""
         if not self.room.observation.has_depth:
@@ -109,6 +145,16 @@ class RoomFitter:
             return True
         self._views[index] = view
         return False
+
+
+def _of_size(found: Fit, detection: Detection) -> Fit:
+    """Return a fit with the size that a person gave; as a box where its model has no such size."""
+    if detection.size_m is None:
+        return found
+    guess = replace(found.guess, size_m=detection.size_m)
+    if raycaster_of(guess) is None:
+        guess = replace(guess, entry=generic_models(detection)[0], parameters=())
+    return replace(found, guess=guess)
 
 
 def _models(detection: Detection) -> list[ModelEntry]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
 
 from executor.photo.errors import LostCause
+from executor.photo.fitting.evidence import colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.fitting.starts import stands_on_floor
 from executor.photo.geometry.observation import Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
@@ -60,11 +62,13 @@ class FittedRoom:
         things: In the order of their boxes.
         unfitted: Detections that were left out.
         walls: The walls.
+        interrupted: Whether some of the fits are rough, since there was no time for them.
     """
 
     things: tuple[FittedThing, ...]
     unfitted: tuple[Unfitted, ...]
     walls: tuple[Wall, ...]
+    interrupted: bool = False
 
     @property
     def guesses(self) -> dict[str, PoseHypothesis]:
@@ -77,46 +81,127 @@ class FittedRoom:
         return replace(self, things=rest, unfitted=(*self.unfitted, Unfitted(thing.detection, cause, detail)))
 
 
+@dataclass(frozen=True)
+class Listener:
+    """Receives what is known while a room is fitted.
+
+    Attributes:
+        on_progress: Called with sentences.
+        on_first: Called once, within seconds, with a room of rough fits; None where nobody needs it.
+    """
+
+    on_progress: Callable[[str], None] = lambda words: None
+    on_first: Callable[[FittedRoom], None] | None = None
+
+
+SILENT = Listener()
+
+
 def reconstruct(
     observation: Observation,
     detections: Sequence[Detection],
     walls: tuple[Wall, ...],
-    on_progress: Callable[[str], None] = lambda words: None,
+    listener: Listener = SILENT,
     scale_share: float = 0.0,
+    kept: Mapping[int, Fit] = MappingProxyType({}),
 ) -> FittedRoom:
     """Fit the objects of a picture by models of the library, or by generic shapes.
+
+    After Ctrl-C it returns what is fitted by then, if the listener takes rough fits; the other objects are rough.
 
     Args:
         observation: The picture in the level frame.
         detections: Boxes with labels.
         walls: The walls.
-        on_progress: Called for each object when it is finally fitted.
+        listener: Receives progress.
         scale_share: Relative uncertainty of the picture's scale, without depth.
+        kept: index of a detection -> its fit, which stays as it is.
     """
-    room = RoomEstimate(observation, walls, detections, scale_share)
-    fitter = RoomFitter(room)
-    boxes = range(len(detections))
-    # Near objects hide far ones, and are large in the picture.
-    by_size = sorted(boxes, key=lambda index: -detections[index].area_px)
-    standing = [index for index in by_size if stands_on_floor(detections[index])]
-    # What carries another thing ends below it in the picture.
-    carried = [index for index in boxes if index not in standing]
-    carried.sort(key=lambda index: -detections[index].box_px[3])
-    for index in standing:
-        fitter.fit(index, [0.0], hidden_by=boxes)
-    if observation.has_depth:
-        room.look_for_walls()
-    for index in standing:
-        on_progress(fitter.fit(index, [0.0], hidden_by=carried))
-    for index in carried:
-        on_progress(fitter.fit(index, None, hidden_by=carried))
-    for index in by_size:
-        on_progress(fitter.judge(index))
-    return _result(room)
+    room = _Reconstruction(observation, detections, walls, scale_share, kept, listener.on_progress)
+    if listener.on_first is not None:
+        listener.on_first(room.with_rough_fits())
+    try:
+        return room.fitted()
+    except KeyboardInterrupt:
+        if listener.on_first is None:
+            raise
+        return replace(room.with_rough_fits(), interrupted=True)
+
+
+class _Reconstruction:
+    """A room that is being fitted, each object in its turn."""
+
+    def __init__(
+        self,
+        observation: Observation,
+        detections: Sequence[Detection],
+        walls: tuple[Wall, ...],
+        scale_share: float,
+        kept: Mapping[int, Fit],
+        on_progress: Callable[[str], None],
+    ) -> None:
+        self._new = partial(RoomEstimate, observation, walls, detections, scale_share)
+        self._on_progress, self._found = on_progress, dict(kept)
+        self._room = self._new()
+        for index, fit in kept.items():
+            self._room.add_fit(index, fit)
+        boxes = range(len(detections))
+        # Near objects hide far ones, and are large in the picture.
+        by_size = sorted(boxes, key=lambda index: -detections[index].area_px)
+        self._all = [index for index in by_size if index not in kept]
+        self._standing = [index for index in self._all if self._room.is_on_floor(index)]
+        # What carries another thing ends below it in the picture.
+        carried = [index for index in boxes if index in self._all and index not in self._standing]
+        self._carried = sorted(carried, key=lambda index: -detections[index].box_px[3])
+
+    def fitted(self) -> FittedRoom:
+        """Fit the furniture, again among all others, then the things on it; compare each with its box in the end."""
+        room, fitter = self._room, RoomFitter(self._room)
+        boxes = range(len(room.detections))
+        for index in self._standing:
+            self._announce(index, "first look")
+            fitter.fit(index, [0.0], hidden_by=boxes)
+            self._keep(index)
+        if room.observation.has_depth:
+            room.look_for_walls()
+        for index in (*self._standing, *self._carried):
+            self._announce(index, "fitting")
+            self._on_progress(fitter.fit(index, [0.0] if index in self._standing else None, hidden_by=self._carried))
+            self._keep(index)
+        for index in self._all:
+            fitter.judge(index)
+            self._keep(index)
+        return _result(room)
+
+    def with_rough_fits(self) -> FittedRoom:
+        """Return the room with the fits so far, and rough ones of all others."""
+        room = self._new()
+        fitter = RoomFitter(room)
+        for index, fit in self._found.items():
+            room.add_fit(index, fit)
+        for index in (*self._standing, *self._carried):
+            if index not in self._found:
+                fitter.fit_roughly(index, [0.0] if index in self._standing else None)
+        return _result(room)
+
+    def _announce(self, index: int, what: str) -> None:
+        turn = (*self._standing, *self._carried).index(index) + 1
+        self._on_progress(f"{what}: {self._room.detections[index].label or 'thing'}, {turn} of {len(self._all)}")
+
+    def _keep(self, index: int) -> None:
+        if index in self._room.fits:
+            self._found[index] = self._room.fits[index]
 
 
 def _result(room: RoomEstimate) -> FittedRoom:
-    """Name the fitted objects."""
+    """Name the fitted objects; one among several of a name has its colour before it, if no other has that colour."""
+    called = {
+        index: room.detections[index].name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
+        for index, fit in room.fits.items()
+    }
+    shown = {index: None if fit.colour is None else colour_name(fit.colour) for index, fit in room.fits.items()}
+    kinds = Counter((name, shown[index]) for index, name in called.items())
+    several = Counter(called.values())
     counts: Counter[str] = Counter()
     things, unfitted = [], []
     for index, detection in enumerate(room.detections):
@@ -124,7 +209,9 @@ def _result(room: RoomEstimate) -> FittedRoom:
         if fit is None:
             unfitted.append(Unfitted(detection, room.lost[index]))
             continue
-        name = detection.name_as(fit.guess.entry, min(fit.guess.size_m[:2]))
+        name, colour = called[index], shown[index]
+        if several[name] > 1 and colour is not None and kinds[name, colour] == 1:
+            name = f"{colour}_{name}"
         things.append(FittedThing(f"{name}_{counts[name]}", detection, fit))
         counts[name] += 1
     return FittedRoom(tuple(things), tuple(unfitted), room.walls)

@@ -35,12 +35,12 @@ from executor.bench.photo.picture_score import (
 from executor.bench.photo.pictures import OutOfTime, cpu_limit, measure_pictures, reached, read_pictures
 from executor.cli.app import run
 from executor.geometry import Array, rotation_z
+from executor.photo.drawing import visible_surfaces
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.geometry.level import flat_observation
 from executor.photo.geometry.observation import FloorPlane
 from executor.photo.geometry.residuals import box_of
 from executor.photo.inputs.picture import Exif, Intrinsics, Photograph, up_in_camera
-from executor.photo.output import visible_surfaces
 from executor.records import Rollout
 from executor.scenes import library
 from executor.sim.world import World

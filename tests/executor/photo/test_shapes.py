@@ -18,8 +18,10 @@ from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array
 from executor.photo.errors import LostCause
+from executor.photo.fitting.evidence import colour_name
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
+from executor.photo.fitting.starts import generic_models
 from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import Detection, plain_name, read_boxes
 from executor.photo.room.estimate import RoomEstimate, heights_under, tops_of
@@ -180,3 +182,48 @@ def test_a_shape_is_a_support_where_it_has_a_top_and_opens_nowhere() -> None:
     assert compose(llm.propose("put the mug on the drill", made.scene).task, scene=made.scene).verify()
     with pytest.raises(llm.QueryError):
         llm.propose("open the drill", made.scene)
+
+
+@pytest.mark.parametrize(
+    ("srgb", "name"),
+    [
+        ((174, 181, 189), "white"),
+        ((20, 22, 25), "black"),
+        ((156, 158, 159), "grey"),
+        ((160, 30, 25), "red"),
+        ((200, 90, 30), "orange"),
+        ((79, 50, 24), "brown"),
+        ((210, 190, 150), "beige"),
+        ((200, 190, 40), "yellow"),
+        ((76, 120, 82), "green"),
+        ((30, 60, 119), "blue"),
+        ((111, 64, 129), "purple"),
+        ((203, 117, 150), "pink"),
+    ],
+)
+def test_a_colour_has_the_name_that_people_give_it(srgb: tuple[int, int, int], name: str) -> None:
+    assert colour_name(srgb) == name
+
+
+def test_things_of_one_name_are_told_apart_by_a_colour_that_one_of_them_has() -> None:
+    orange, white, dull = (200, 90, 30), (220, 220, 215), (120, 120, 118)
+    seen, boxes = seen_from_above(TABLE, *(replace(BOWL, y_m=y) for y in (-0.25, 0.0, 0.25)))
+    kept = {0: known(seen, (boxes[0], TABLE)).things[0].fit}
+    for place, (box, colour) in enumerate(zip(boxes[1:], (orange, dull, dull), strict=True), start=1):
+        kept[place] = replace(known(seen, (box, replace(BOWL, y_m=0.25 * (place - 2)))).things[0].fit, colour=colour)
+    boxes = [boxes[0], *(replace(box, label="bowl") for box in boxes[1:])]
+    ids = [thing.id for thing in reconstruct(seen, boxes, (), kept=kept).things]
+    assert ids == [f"{boxes[0].label}_0", "orange_bowl_0", "bowl_0", "bowl_1"]
+    room = reconstruct(seen, boxes[:3], (), kept={0: kept[0], 1: kept[1], 2: replace(kept[2], colour=white)})
+    assert [thing.id for thing in room.things][1:] == ["orange_bowl_0", "white_bowl_0"]
+    _, made = scene_of(room, "drawn")
+    assert made.scene is not None and made.scene.objects["orange_bowl_0"].category == "bowl"
+    assert llm.propose("pick up the orange bowl", made.scene).task.subtasks[-1].target == "orange_bowl_0"
+    with pytest.raises(llm.QueryError):
+        llm.propose("pick up the bowl", made.scene)
+
+
+def test_furniture_is_no_open_box() -> None:
+    assert "generic_open_box" in {one.model for one in generic_models(Detection("bin", "bin", (0, 0, 9, 9), 1.0, ""))}
+    sofa = Detection("armchair", "armchair", (0, 0, 9, 9), 1.0, "")
+    assert {one.model for one in generic_models(sofa)} == {*SHAPES} - {"generic_open_box"}

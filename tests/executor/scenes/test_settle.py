@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bddl
+from executor.scenes.file import complete_scene
 from executor.scenes.placement import PlaceSpec, place, stand_robot
 from executor.scenes.room import Room, against, row, stand
 from executor.scenes.validation import Unsettled, settle
@@ -97,3 +98,17 @@ def test_a_fact_that_is_left_out_of_a_closed_predicate_is_refused() -> None:
     facts = tuple(fact for fact in scene.facts if bddl.format(fact) != "(ontop glass_0 table_0)")
     with pytest.raises(Unsettled, match="glass_0 is ontop table_0 by the detectors"):
         settle(replace(scene, facts=facts))
+
+
+def test_a_saucer_is_in_no_cup_that_stands_on_it() -> None:
+    objects = {
+        "table_0": {"category": "table", "model": "table_four_legs", "position": [1.5, 0.0]},
+        "plate_0": {"category": "plate", "on": "table_0", "at": [0.0, 0.0]},
+        "cup_0": {"category": "cup", "on": "plate_0", "at": [0.0, 0.0]},
+    }
+    scene = complete_scene({"name": "coffee", "objects": objects}).scene
+    assert scene is not None
+    facts = {bddl.format(fact) for fact in scene.facts}
+    assert {"(ontop plate_0 table_0)", "(ontop cup_0 plate_0)"} <= facts
+    assert not any(fact.startswith("(inside") for fact in facts)
+    assert settle(scene).facts == scene.facts
