@@ -50,6 +50,7 @@ def test_corrections_of_a_policy_are_replayed_and_learned_from() -> None:
 
 
 @pytest.mark.physics
+@pytest.mark.slow
 def test_a_policy_is_evaluated_and_its_training_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("torch")
     policy = Path(shutil.copytree(WRITTEN / "policy", tmp_path / "policy"))

@@ -60,6 +60,7 @@ def test_one_badly_indented_line_misleads_nobody() -> None:
 
 @settings(max_examples=40)
 @given(problems(), st.data())
+@pytest.mark.slow
 def test_a_printed_problem_without_one_parenthesis_is_reported_on_its_line(
     problem: bddl.Problem, data: st.DataObject
 ) -> None:

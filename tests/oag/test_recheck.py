@@ -75,6 +75,7 @@ def refutation(name: str) -> dict[str, Any]:
     return data
 
 
+@pytest.mark.slow
 def test_every_deletion_swap_and_addition_is_noticed_or_harmless() -> None:
     check_every_change(certificate(), None, 1)
     check_every_change(refutation("dropped_open"), None, 1)

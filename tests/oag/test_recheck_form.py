@@ -180,6 +180,7 @@ def test_the_checker_reads_nothing_else(text: str) -> None:
 
 
 @pytest.mark.parametrize("index", [0, 3, 5])
+@pytest.mark.slow
 def test_the_form_is_that_of_the_schema(index: int) -> None:
     """Of one certificate of each verdict, whatever is changed; but that 1.0 is no whole number here."""
     assert [SMALL[number][3] for number in (0, 3, 5)] == ["CONDITIONAL", "REFUTED", "PROVED"]

@@ -85,6 +85,7 @@ def test_every_listed_task_is_proved_and_has_something_to_do(scene: oag.Scene) -
 
 @given(scenes())
 @settings(max_examples=15, deadline=None)
+@pytest.mark.slow
 def test_sentences_are_read_as_the_goals_of_their_wishes(scene: oag.Scene) -> None:
     refused: list[Wish] = []
     found = list(llm.tasks(scene, on_refusal=lambda wish, why: refused.append(wish)))

@@ -45,6 +45,7 @@ def check_stable(case: Case) -> None:
 
 @given(cases(most_unknown=2))
 @FEW
+@pytest.mark.slow
 def test_p26_every_offered_fix_verifies(case: Case) -> None:
     check_fixes(case)
 

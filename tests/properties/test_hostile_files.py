@@ -65,6 +65,7 @@ def test_no_file_crashes_the_library(first: int, tmp_path: Path) -> None:
     assert _crashes(read_through, BLOCK, first, tmp_path) == []
 
 
+@pytest.mark.slow
 def test_no_file_crashes_the_command_line(tmp_path: Path) -> None:
     assert _crashes(typed, 30, 0, tmp_path) == []
 

@@ -116,6 +116,7 @@ def test_the_model_gets_the_very_pictures_that_are_kept_and_a_replay_needs_no_re
     ],
     ids=["gone", "nonsense"],
 )
+@pytest.mark.slow
 def test_a_model_that_does_not_help_ends_with_the_whole_story(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, server: Any, said: str
 ) -> None:

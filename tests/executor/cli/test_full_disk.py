@@ -60,6 +60,7 @@ def run(tmp_path: Path) -> int:
 @pytest.mark.parametrize(
     "size", [pytest.param(100, marks=pytest.mark.slow), 2_000, pytest.param(20_000, marks=pytest.mark.slow)]
 )
+@pytest.mark.slow
 def test_a_run_leaves_no_half_of_it(
     invented: Rollout, tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int
 ) -> None:

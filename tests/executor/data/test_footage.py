@@ -74,6 +74,7 @@ def test_every_view_has_its_pictures_of_the_size_that_was_asked_for(
         assert render_views.poses[f"{POSES}{view}"].shape == (count, 7)
 
 
+@pytest.mark.slow
 def test_the_same_states_give_the_same_files(
     filmed: tuple[Path, RenderedViews], scene_renderer: SceneRenderer, episode: StoredEpisode, tmp_path: Path
 ) -> None:

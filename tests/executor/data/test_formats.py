@@ -71,6 +71,7 @@ def source(store: EpisodeStore, episode: Episode) -> StoredEpisode:
     return store.episode(f"{episode.about['name']}-{episode.about['id'][:8]}")
 
 
+@pytest.mark.slow
 def test_the_same_episodes_give_the_same_bytes(filmed_store: EpisodeStore, exported: Path, tmp_path: Path) -> None:
     other = EpisodeStore(tmp_path / "another")
     other.add_requests(filmed_store.requests())

@@ -154,6 +154,7 @@ def test_what_a_plan_leaves_open_is_taken_from_the_command_line(
         "episodes: 1",
     ],
 )
+@pytest.mark.slow
 def test_one_request_has_one_id_however_it_is_typed(run_generate: Generate, tmp_path: Path, plan: str) -> None:
     assert run_generate("T1", "--episodes", 1, "--rate-hz", "10")[1]["made"] == 1
     (tmp_path / "plan.yaml").write_text(f"{plan}\nsources:\n  - families: [T1]\n")
@@ -259,6 +260,7 @@ def test_a_scene_that_was_changed_meanwhile_is_not_taken_for_what_it_was(folder:
     assert not list(folder.glob("units/*"))
 
 
+@pytest.mark.slow
 def test_a_run_that_made_nothing_fails(run_generate: Generate) -> None:
     code, said = run_generate("T1", "--seed", 3, "--episodes", 2)
     assert code == 1 and not said["ok"] and said["exit_code"] == 1
@@ -375,6 +377,7 @@ def test_a_wrong_plan_says_where(text: str, said: str, tmp_path: Path, capsys: p
 
 
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.slow
 def test_however_it_ends_what_was_made_is_whole(folder: Path, signal_number: int) -> None:
     code = (
         f"import executor.data.generation as g; g.WORKER = '{INVENTED}'\n"

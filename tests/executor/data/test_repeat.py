@@ -16,6 +16,7 @@ from executor.sim.engine import Physics
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.slow
 def test_commands_give_the_same_states_again(made_store: EpisodeStore) -> None:
     episodes = list(made_store.demonstrations())
     assert len(episodes) == 2

@@ -48,6 +48,7 @@ def test_the_robot_is_where_its_joints_say_and_the_room_is_where_it_was(picked: 
             assert turn.magnitude() < 1e-3
 
 
+@pytest.mark.slow
 def test_what_is_held_moves_along(episode: Episode) -> None:
     count = episode.length
     columns = {name: np.array(column) for name, column in episode.columns.items()}

@@ -84,6 +84,7 @@ def test_one_number_is_one_setting_however_it_is_typed(tmp_path: Path) -> None:
         settings("noise = false")
 
 
+@pytest.mark.slow
 def test_train_goes_on_and_evaluate_counts(
     picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -167,6 +167,7 @@ def test_the_page_shows_what_failed_and_the_video_that_there_is() -> None:
     assert "With --videos" not in page and "With --videos" in evaluation_page(replace(report, failed=failed[1:]))
 
 
+@pytest.mark.slow
 def test_where_stances_are_compared_how_an_episode_goes_depends_on_the_room_alone() -> None:
     unit = next(series_of({**PLAN, "stances": 2, "episodes": 1})[0].units())
     assert unit.stances == 2 and unit.to_json()["stances"] == 2

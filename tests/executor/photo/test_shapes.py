@@ -123,6 +123,7 @@ def test_without_depth_a_thing_without_a_model_fills_its_box() -> None:
     assert drill.guess.bottom_m == pytest.approx(room.things[0].fit.guess.size_m[2], abs=0.01)
 
 
+@pytest.mark.slow
 def test_what_the_sensor_does_not_see_is_fitted_to_its_box() -> None:
     seen, (table, box) = seen_from_above(TABLE, shape("generic_box", (0.14, 0.10, 0.12)))
     holes = replace(seen, z_m=np.where(box.pixels(seen.size_px), 0.0, seen.z_m))

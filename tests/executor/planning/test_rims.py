@@ -196,6 +196,7 @@ def _moved(thing: SceneObject) -> Rollout:
         pytest.param(_thing("mug", (0.11, 0.08, 0.09), yaw_rad=2.0), id="mug", marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_what_is_too_wide_is_carried_by_its_wall_and_put_down_upright(thing: SceneObject) -> None:
     done = _moved(thing)
     assert done.succeeded, done.failure

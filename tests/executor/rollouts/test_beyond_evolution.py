@@ -38,6 +38,7 @@ def test_fingers_that_do_not_move_a_door_end_it_with_what_it_would_take(force_n:
     assert gave_up.cause == "the grip was lost" and "fingers that press harder" in gave_up.needed
 
 
+@pytest.mark.slow
 def test_a_door_that_something_stops_ajar_is_opened_to_there() -> None:
     told = opened(BlockedDoor("refrigerator_0", 0.04))
     assert told.succeeded and told.revisions == 2

@@ -93,6 +93,7 @@ def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     assert done.stdout.split()[-1] == t3_rollout.state_hash
 
 
+@pytest.mark.slow
 def test_t3_succeeds_and_another_seed_is_another_run(t3_rollout: Rollout) -> None:
     second = rollout(t3(), seed=2)
     assert t3_rollout.succeeded, t3_rollout.failure
@@ -133,6 +134,7 @@ def test_a_refuted_plan_moves_nothing() -> None:
     assert "REFUTED" in str(refusal.value)
 
 
+@pytest.mark.slow
 def test_an_interrupted_rollout_keeps_what_was_done() -> None:
     def stop_in_the_second_subtask(event: Event) -> None:
         if event.subtask == 1 and event.name == "CONVERGE":

@@ -114,6 +114,7 @@ def test_tables_clutter_and_robots_vary(family: str) -> None:
     assert max(items) >= 6 and min(items) <= 5
 
 
+@pytest.mark.slow
 def test_apples_and_cups_vary() -> None:
     assert {pair.scene["apple_0"].model for pair in drawn("T2")} == {"red_apple", "half_apple"}
     assert {pair.task.subtasks[0].support_init for pair in drawn("T3")} == {"cabinet_0", "table_0"}

@@ -77,6 +77,7 @@ def overview_gap_m(done: Rollout) -> float:
     return min(Solids.of(done.scene).gap_m(eye), Solids.of(done.scene, joints).gap_m(eye))
 
 
+@pytest.mark.slow
 def test_a_lens_in_a_wall_in_a_door_or_under_the_floor_is_found() -> None:
     wall = replace(scene_object("wall", (0.1, 3.0, 2.5)), position=(1.0, 0.0, 1.25))
     fridge = replace(scene_object("refrigerator"), position=(0.0, 2.0, 0.6))
