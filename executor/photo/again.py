@@ -105,7 +105,7 @@ def _detection(
     except NoMatchingModel:
         category = plain_name(label)
     x0, y0, x1, y1 = map(float, entry["box"])
-    earlier = {} if was is None else was["told"]
+    earlier = {} if was is None else was["given"]
     on = None if was is not None and entry["on"] == was["stands_on"] else entry.get("on")
     given_on = earlier.get("on") if on is None else on
     if given_on is not None and given_on != "floor" and given_on not in places:

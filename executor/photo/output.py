@@ -328,7 +328,7 @@ def _thing_json(thing: FittedThing, result: PhotoResult) -> dict[str, object]:
         "label_provenance": thing.detection.provenance,
         "score": thing.detection.score,
         "mask_pixels": None if thing.detection.mask is None else int(thing.detection.mask.sum()),
-        "told": {
+        "given": {
             "doors": thing.detection.doors,
             "drawers": thing.detection.drawers,
             "on": _given_support(thing, result),

@@ -180,8 +180,8 @@ class _IntentBuilder:
                 raise self._only_gone()
         elif command.kind == "clear":
             # "Clear the table and put everything into the fridge" says where to.
-            told = following is not None and any(phrase.everything or phrase.pronoun for phrase in following.objects)
-            mention = self._clear(command, guess=not told)
+            placed = following is not None and any(phrase.everything or phrase.pronoun for phrase in following.objects)
+            mention = self._clear(command, guess=not placed)
         elif command.kind in _ARRANGING:
             mention = Mention(_ARRANGING[command.kind](self, command))
         else:
