@@ -49,10 +49,10 @@ class Usage:
         input_tokens: As counted by the server.
         output_tokens: As counted by the server.
         uncounted: Replies without counts; tokens and cost are then lower bounds.
-        cost_usd: By list price, or None if the price is unknown.
+        cost_usd: By list price, without recorded replies; None if the price is unknown.
         waited_s: Time spent waiting for replies, retries included [s].
         elapsed_s: Time since the first request [s].
-        recorded: Replies from a recording; the other numbers include them, and nothing was paid for them now.
+        recorded: Replies from a recording, which cost nothing now; the counts of requests and tokens include them.
     """
 
     requests: int = 0
@@ -100,7 +100,8 @@ class Metered:
     """Forward requests within a budget, and count them.
 
     The budget is checked before a request. The reply that exceeds it is returned, since it is paid for; the next
-    request is not sent. No request waits longer than the remaining time.
+    request is not sent. No request waits longer than the remaining time. Recorded replies cost nothing; where a model
+    goes on after them, they use up no limit but that in time.
 
     Attributes:
         name: The configuration string.
@@ -122,8 +123,12 @@ class Metered:
         prices: Mapping[int, Price | None] = MappingProxyType({}),
         warnings: tuple[str, ...] = (),
         boxes: BoxForm | None = None,
+        replays: bool = False,
     ) -> None:
         """Set up the meter; nothing is sent.
+
+        Args:
+            replays: A recording alone answers, so that its run ends at the same limits again.
 
         Raises:
             ModelConfigError: The cost is limited, but the price is unknown.
@@ -140,7 +145,10 @@ class Metered:
             advice = "Limit tokens instead, or write the price into a file of profiles"
             raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
         self._transport = transport
+        self._replays = replays
         self._usage = Usage(cost_usd=0.0 if known else None)
+        # What recorded replies count for in the usage, and not in the limits.
+        self._unpaid = Usage()
         self._started: float | None = None
         self._lock = Lock()
 
@@ -179,16 +187,17 @@ class Metered:
         with self._lock:
             if self._started is None:
                 self._started = time.monotonic()
-            used, budget, elapsed_s = self._usage, self.budget, self._elapsed_s()
+            used, unpaid, budget, elapsed_s = self._usage, self._unpaid, self.budget, self._elapsed_s()
             limits = (
-                (used.requests, budget.requests, f"{budget.requests} requests"),
-                (used.tokens, budget.tokens, f"{budget.tokens} tokens"),
+                (used.requests - unpaid.requests, budget.requests, f"{budget.requests} requests"),
+                (used.tokens - unpaid.tokens, budget.tokens, f"{budget.tokens} tokens"),
                 (used.cost_usd or 0.0, budget.cost_usd, f"${budget.cost_usd or 0.0:g}"),
                 (elapsed_s, budget.time_s, f"{budget.time_s or 0.0:g} s"),
             )
             spent = next((words for use, limit, words in limits if limit is not None and use >= limit), None)
             problem = None if spent is None else f"the budget of {spent} is used up"
-            if problem is None and used.uncounted and (budget.tokens, budget.cost_usd) != (None, None):
+            uncounted = used.uncounted - unpaid.uncounted
+            if problem is None and uncounted and (budget.tokens, budget.cost_usd) != (None, None):
                 problem = "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
             if problem is None:
                 self._usage = replace(used, requests=used.requests + 1)
@@ -210,18 +219,23 @@ class Metered:
             if reply is None:
                 self._usage = used
                 return
-            inputs, outputs = reply.input_tokens or 0, reply.output_tokens or 0
-            cost_usd = used.cost_usd
-            if cost_usd is not None and price is not None:
-                cost_usd += price.cost_usd(inputs, outputs)
-            self._usage = replace(
-                used,
-                input_tokens=used.input_tokens + inputs,
-                output_tokens=used.output_tokens + outputs,
-                uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
-                cost_usd=cost_usd,
-                recorded=used.recorded + reply.recorded,
-            )
+            self._usage = _with_reply(used, reply)
+            if reply.recorded and not self._replays:
+                unpaid = replace(self._unpaid, requests=self._unpaid.requests + attempts)
+                self._unpaid = _with_reply(unpaid, reply)
+            elif not reply.recorded and used.cost_usd is not None and price is not None:
+                paid_usd = price.cost_usd(reply.input_tokens or 0, reply.output_tokens or 0)
+                self._usage = replace(self._usage, cost_usd=used.cost_usd + paid_usd)
 
     def _elapsed_s(self) -> float:
         return 0.0 if self._started is None else time.monotonic() - self._started
+
+
+def _with_reply(used: Usage, reply: ChatReply) -> Usage:
+    return replace(
+        used,
+        input_tokens=used.input_tokens + (reply.input_tokens or 0),
+        output_tokens=used.output_tokens + (reply.output_tokens or 0),
+        uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
+        recorded=used.recorded + reply.recorded,
+    )

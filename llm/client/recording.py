@@ -331,6 +331,10 @@ class Recorder:
             # Failed requests are sent again, and a new line must not follow a truncated one.
             self._replace("".join(exchange.line() for exchange in replied))
         self._earlier = Replay(path)
+        if isinstance(transport, (Replay, Continued)):
+            # The earlier run took these replies from there.
+            for exchange in replied:
+                _pass_reply(transport, exchange.digest)
         self._checks_start = same_start and bool(replied)
         self.notes = (*warnings, f"{path}: {pluralize(len(replied), 'answer')} of the earlier run, not asked again")
 
@@ -342,20 +346,30 @@ class Recorder:
             CassetteError: The file cannot be written, or belongs to a run that began with another request.
         """
         earlier = None if self._earlier is None else self._earlier.next_of(request.digest())
-        if isinstance(earlier, ChatReply):
+        if earlier is not None and isinstance(earlier.outcome, ChatReply):
             self._checks_start = False
-            return earlier
+            return earlier.outcome
         if self._earlier is not None and self._checks_start:
             raise self._earlier.missing(request, _ANOTHER_RUN)
         self._check_room(request)
+        exchange = self._ask(request)
+        self._write(exchange.line())
+        if isinstance(exchange.outcome, ModelError):
+            raise exchange.outcome
+        return exchange.outcome
+
+    def _ask(self, request: ChatRequest) -> Exchange:
+        """Return the exchange to write: one that a recording answers keeps who made it, and when."""
+        if isinstance(self._transport, (Replay, Continued)):
+            recorded = self._transport.next_of(request.digest())
+            if recorded is not None:
+                return recorded
         try:
-            reply = self._transport.complete(request)
+            return Exchange.of(request, self._transport.complete(request))
         except ModelError as error:
-            if type(error).__name__ in FAILURES:
-                self._write(Exchange.of(request, error).line())
-            raise
-        self._write(Exchange.of(request, reply).line())
-        return reply
+            if type(error).__name__ not in FAILURES:
+                raise
+            return Exchange.of(request, error)
 
     def _check_room(self, request: ChatRequest) -> None:
         """Refuse to ask if the answer, which is paid for, could not be stored."""
@@ -391,9 +405,9 @@ class Replay:
         """Read the file."""
         self.path = path
         self._exchanges, self.warnings = read_recording(path)
-        self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)
+        self._waiting: dict[str, deque[Exchange]] = defaultdict(deque)
         for exchange in self._exchanges:
-            self._waiting[exchange.digest].append(exchange.outcome)
+            self._waiting[exchange.digest].append(exchange)
         self._lock = Lock()
 
     def complete(self, request: ChatRequest) -> ChatReply:
@@ -403,18 +417,18 @@ class Replay:
             ReplayMissing: There is none left; the message states how the nearest recorded request differs.
             ModelError: The model failed when this was recorded.
         """
-        outcome = self.next_of(request.digest())
-        if outcome is None:
+        exchange = self.next_of(request.digest())
+        if exchange is None:
             raise self.missing(request, "Record the run again, with the same version, scene, query and seed")
-        if isinstance(outcome, ModelError):
-            raise outcome
-        return outcome
+        if isinstance(exchange.outcome, ModelError):
+            raise exchange.outcome
+        return exchange.outcome
 
-    def next_of(self, digest: str) -> ChatReply | ModelError | None:
-        """Consume and return the outcome of the next recorded request with a digest; None without one."""
+    def next_of(self, digest: str) -> Exchange | None:
+        """Consume and return the next recorded exchange with a digest; None without one."""
         with self._lock:
-            outcomes = self._waiting.get(digest)
-            return outcomes.popleft() if outcomes else None
+            exchanges = self._waiting.get(digest)
+            return exchanges.popleft() if exchanges else None
 
     def missing(self, request: ChatRequest, again: str) -> ReplayMissing:
         """Return the error for a request that is not recorded: its difference from the nearest one, and advice."""
@@ -451,14 +465,26 @@ class Continued:
             ReplayMissing: The first request is not in the recording, which belongs to another run.
             ModelError: As the transport does.
         """
-        digest = request.digest()
-        while (outcome := self._replay.next_of(digest)) is not None:
-            self._begun = True
-            if isinstance(outcome, ChatReply):
-                return outcome
+        exchange = self.next_of(request.digest())
+        if exchange is not None and isinstance(exchange.outcome, ChatReply):
+            return exchange.outcome
         if not self._begun:
             raise self._replay.missing(request, "The recording is of another run: name that run's, or the model alone")
         return self._transport.complete(request)
+
+    def next_of(self, digest: str) -> Exchange | None:
+        """Consume and return the next recorded exchange with a digest and a reply; None without one."""
+        while (exchange := self._replay.next_of(digest)) is not None:
+            self._begun = True
+            if isinstance(exchange.outcome, ChatReply):
+                return exchange
+        return None
+
+
+def _pass_reply(recorded: Replay | Continued, digest: str) -> None:
+    """Consume the exchanges with a digest up to the next one with a reply."""
+    while (exchange := recorded.next_of(digest)) is not None and not isinstance(exchange.outcome, ChatReply):
+        pass
 
 
 _REPLAY = "replay"
@@ -546,6 +572,7 @@ def connect(
         prices={} if profile is None else {module: one.price for module, one in profiles.items()},
         warnings=warnings,
         boxes=None if profile is None else profile.boxes,
+        replays=profile is None,
     )
 
 

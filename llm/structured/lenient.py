@@ -92,7 +92,8 @@ def read_yaml(text: str) -> object | None:
         return None
     try:
         found = yaml.load(text, _loader(yaml))
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError):
+    except Exception:
+        # The library raises any kind of error on texts from outside, such as an OverflowError for \UFFFFFFFF.
         return None
     return found if isinstance(found, dict | list) else None
 

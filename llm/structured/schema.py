@@ -308,11 +308,17 @@ def _flat(node: Mapping[str, object], known: Mapping[str, Mapping[str, object]])
 
 
 _LONGEST_PROBLEM = 240
-# Keys of an action whose value names the primitive, the likeliest first; and those of its numbers.
-_PRIMITIVE_KEYS = ("primitive", "primitive_id", "action", "action_id", "name", "id")
+# Keys of an action whose value names the primitive, the likeliest first; these two may name something else as well.
+_AMBIGUOUS_KEYS = ("name", "id")
+_PRIMITIVE_KEYS = ("primitive", "primitive_id", "action", "action_id", *_AMBIGUOUS_KEYS)
+# Keys that say what their numbers are, and those of any numbers.
+_KIND_OF_KEY = {
+    **dict.fromkeys(("distance", "distance_m"), ParameterKind.DISTANCE_M),
+    **dict.fromkeys(("angle", "angle_deg", "degrees"), ParameterKind.ANGLE_DEG),
+    "limits": ParameterKind.JOINT_LIMITS,
+}
 _NUMBER_KEYS = (
-    "parameters", "parameter", "params", "param", "values", "value", "args", "arguments",
-    "distance", "distance_m", "angle", "angle_deg", "degrees", "limits",
+    "parameters", "parameter", "params", "param", "values", "value", "args", "arguments", *_KIND_OF_KEY
 )  # fmt: skip
 # The ends of a range, in pairs.
 _ENDS = (("from", "to"), ("low", "high"), ("min", "max"), ("lower", "upper"), ("start", "end"))
@@ -377,24 +383,37 @@ def _primitive_of(named: object) -> Primitive | None:
 
 def _own_form(item: Mapping[str, object]) -> object:
     """Convert an action with keys to the paper's form, mistakes included."""
-    named = [item[key] for key in _PRIMITIVE_KEYS if key in item]
+    keys = [key for key in _PRIMITIVE_KEYS if key in item]
+    named = [item[key] for key in keys]
     # A primitive may have its name and its ID; beside both, an ID is that of the step.
     primitives = {_primitive_of(name) for name in named}
-    if "primitive" not in item and len(primitives) > 1:
-        raise _refused("flow/unknown-primitive", f"it names more than one primitive: {named!r}")
-    primitive, numbers = named[0], _numbers(item)
+    meant = _primitive_of(named[0])
+    words = {found for value in item.values() if (found := _primitive_by_name(value)) is not None}
+    if ("primitive" not in item and len(primitives) > 1) or (meant is not None and words - {meant}):
+        raise _refused("flow/unknown-primitive", f"it names more than one primitive: {dict(item)!r}")
+    other = [key for key, value in item.items() if key not in _KNOWN_KEYS and isinstance(value, str) and value.strip()]
+    if keys[0] in _AMBIGUOUS_KEYS and other and not words:
+        problem = f"either {keys[0]!r} or {other[0]!r} may name the primitive; write it under primitive"
+        raise _refused("flow/unknown-primitive", problem)
+    primitive, numbers = named[0], _numbers(item, meant)
     return _id(primitive) if numbers == [] else {str(_id(primitive)): numbers[0] if len(numbers) == 1 else numbers}
 
 
-def _numbers(item: Mapping[str, object]) -> list[object]:
+def _primitive_by_name(value: object) -> Primitive | None:
+    """Return the primitive whose name a text is; None for others, IDs among them."""
+    return _primitive_of(value) if isinstance(value, str) and as_number(value) == value else None
+
+
+def _numbers(item: Mapping[str, object], primitive: Primitive | None) -> list[object]:
     """Return the numbers of an action with keys; raise where it cannot be known which they are."""
-    given = [item[key] for key in _NUMBER_KEYS if key in item and item[key] not in _NO_NUMBERS]
+    given = [key for key in _NUMBER_KEYS if key in item and item[key] not in _NO_NUMBERS]
     if len(given) > 1:
         raise _refused("flow/parameter", f"numbers stand under more than one key: {', '.join(map(repr, item))}")
     if given:
-        numbers = given[0]
+        _check_kind(given[0], primitive)
+        numbers = item[given[0]]
         if isinstance(numbers, Mapping):
-            numbers = _of_mapping(numbers)
+            numbers = _of_mapping(numbers, primitive)
         return [as_number(number) for number in numbers] if isinstance(numbers, list) else [as_number(numbers)]
     # A number under another key would be lost, and a different motion executed.
     astray = [key for key, value in item.items() if key not in _KNOWN_KEYS and not isinstance(value, str | None)]
@@ -403,9 +422,18 @@ def _numbers(item: Mapping[str, object]) -> list[object]:
     return []
 
 
-def _of_mapping(numbers: Mapping[str, object]) -> object:
+def _check_kind(key: str, primitive: Primitive | None) -> None:
+    """Raise where numbers have a key of another kind than the primitive's: half a degree is not half a metre."""
+    kind = _KIND_OF_KEY.get(key)
+    if kind is not None and primitive is not None and parameter_kind(primitive) is not kind:
+        takes = parameter_kind(primitive).value
+        raise _refused("flow/parameter", f"{primitive.name} takes {takes}; its numbers stand under {key!r}")
+
+
+def _of_mapping(numbers: Mapping[str, object], primitive: Primitive | None) -> object:
     """Return the only number of a mapping, or the two ends of a range; the mapping itself if it has others."""
     if len(numbers) == 1 and (key := next(iter(numbers))) in _NUMBER_KEYS:
+        _check_kind(key, primitive)
         return numbers[key]
     return next(([numbers[low], numbers[high]] for low, high in _ENDS if {low, high} == {*numbers}), numbers)
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 import bddl
 
 _NUMBER = re.compile(r"[-+]?(?:\d{1,15}\.?\d{0,15}|\.\d{1,15})(?:[eE][-+]?\d{1,2})?")
-_NUMBERED = re.compile(r"(?:sub[ _-]?task|step|t)?[ _#-]*(\d{1,4})", re.IGNORECASE)
+# A hyphen stands only after a word: elsewhere it is the sign of a number below zero.
+_NUMBERED = re.compile(r"(?:(?:sub[ _-]?task|step|t)(?:-| - )?)?[ _#]*(\d{1,4})", re.IGNORECASE)
 # Longest formula, and most levels of a list, that are read in another form than that of BDDL.
 _LONGEST_FORMULA = 1_000
 _DEEPEST_LIST = 12

@@ -19,6 +19,7 @@ from llm.evolve.model_inspector import StepCritique
 from llm.evolve.model_supervisor import RevisedFlow
 from llm.structured.schema import Answer, wire_schema
 from oag import Primitive
+from oag.model.symbols import ParameterKind, parameter_kind
 from tests.llm.evolve.scripted_judges import critique_answer, revision_answer
 from tests.llm.scripted_modules import SCHEMAS, right_answers, without_subtask
 from tests.source_tree import ROOT
@@ -156,6 +157,12 @@ def saying(name: str, value: object, kinds: tuple[int, ...]) -> Form:
 def own(primitive: object, numbers: object) -> Object:
     """Return an action of the wire's form."""
     return {"primitive": primitive, "parameters": numbers}
+
+
+def named_as(primitive: int) -> str:
+    """Return the key that says what the numbers of a primitive are."""
+    kinds = {ParameterKind.DISTANCE_M: "distance", ParameterKind.ANGLE_DEG: "degrees"}
+    return kinds.get(parameter_kind(Primitive(primitive)), "limits")
 
 
 def paper(primitive: object, numbers: list[float]) -> object:
@@ -391,11 +398,17 @@ FORMS: dict[str, Form] = {
     "nested limits": of_flows(lambda key, numbers: own(key, [numbers] if len(numbers) == 2 else numbers)),
     "one parameter": of_flows(lambda key, n: {"primitive": key, "parameter": n[0] if len(n) == 1 else n or None}),
     "steps numbered": of_flows(lambda key, numbers: {"step": 1, "comment": "so", **own(key, numbers)}),
-    "numbers elsewhere": of_flows(lambda key, n: {"primitive": key, **({"distance": n} if n else {})}),
+    # A key says what its numbers are: a distance is no angle, and no limit of a joint.
+    "numbers elsewhere": of_flows(lambda key, n: {"primitive": key, **({named_as(key): n} if n else {})}),
+    "numbers of another kind": of_flows(lambda key, n: {"primitive": key, "angle_deg": n or 0.5}, reads=False),
     "named numbers": of_flows(lambda key, n: own(key, {"value": n}) if n else own(key, [])),
     "a range by its ends": of_flows(lambda key, n: own(key, {"from": n[0], "to": n[1]} if len(n) == 2 else n)),
     "ID and value": of_flows(lambda key, n: {"id": key, "value": n[0] if len(n) == 1 else n or None}),
     "action and value": of_flows(lambda key, n: {"action": Primitive(key).name, "value": n}),
+    "an ID beside another name": of_flows(
+        lambda key, n: {"id": 21, "skill": Primitive(key).name, "value": n}, reads=False
+    ),
+    "an ID beside a text": of_flows(lambda key, n: {"id": key, "skill": "as before", "value": n}, reads=False),
     "ID, name and parameters": of_flows(lambda key, n: {"id": key, "name": Primitive(key).name, "parameters": n}),
     "calls": of_flows(lambda key, n: f"{Primitive(key).name}({', '.join(map(str, n))})"),
     "calls without quotes": Form(lambda right, _: re.sub(r'"(\w+\([^"()]*\))"', r"\1", calls(right)), kinds=FLOWS),

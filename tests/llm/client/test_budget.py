@@ -169,3 +169,17 @@ def test_what_was_sent_again_before_it_was_answered_is_counted(monkeypatch: pyte
         with pytest.raises(BudgetSpent, match="the budget of 3 requests"):
             metered.complete(ASK)
     assert (metered.usage.requests, metered.usage.failures, len(server.seen)) == (3, 2, 3)
+
+
+def test_recorded_replies_cost_nothing_and_use_up_no_limit() -> None:
+    recorded = ChatReply("then", None, 5, attempts=3, recorded=True)
+    script = Scripted(recorded, recorded, ChatReply("now", 10, 5))
+    # A request costs 10 tokens of 2 and 5 of 10 dollars a million.
+    metered = Metered(script, budget=Budget(requests=2, tokens=30, cost_usd=0.00014), price=PRICE)
+    for _ in range(4):
+        metered.complete(ASK)
+    with pytest.raises(BudgetSpent, match="the budget of 2 requests is used up"):
+        metered.complete(ASK)
+    used = metered.usage
+    assert (used.requests, used.recorded, used.tokens, used.uncounted) == (8, 2, 40, 2)
+    assert used.cost_usd == pytest.approx(2 * 70e-6)

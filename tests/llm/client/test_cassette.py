@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from llm.client.recording import (
     FAILURES,
     MOST_LINES,
+    Continued,
     Exchange,
     Recorder,
     Replay,
@@ -335,6 +336,39 @@ def test_equal_requests_go_on_with_their_answers_in_order(tmp_path: Path) -> Non
         first.complete(ASK)
     again = Recorder(Scripted("three"), file, resume=True)
     assert [again.complete(ASK).text for _ in range(3)] == ["one", "two", "three"]
+
+
+def test_a_run_that_goes_on_with_a_recording_goes_on_itself(tmp_path: Path) -> None:
+    earlier, file = tmp_path / "earlier.jsonl", tmp_path / "run.jsonl"
+    first = Recorder(Scripted("one", "two", ModelUnavailable("m", "no")), earlier)
+    assert [first.complete(question("mug")).text for _ in range(2)] == ["one", "two"]
+    with pytest.raises(ModelUnavailable):
+        first.complete(question("door"))
+    lines = [json.loads(line) for line in earlier.read_text().splitlines()]
+    for line in lines:
+        line["made_by"]["version"] = "0.0.1"
+    earlier.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    script = Scripted("of doors", ModelUnavailable("m", "no"))
+    second = Recorder(Continued(Replay(earlier), script), file)
+    assert [second.complete(question(about)).text for about in ("mug", "door")] == ["one", "of doors"]
+    with pytest.raises(ModelUnavailable):
+        second.complete(question("cup"))
+    # Who made an answer stays with it.
+    assert [exchange.version == "0.0.1" for exchange in read_recording(file)[0]] == [True, False, False]
+    script = Scripted("of cups", "three")
+    third = Recorder(Continued(Replay(earlier), script), file, resume=True)
+    told = [third.complete(question(about)) for about in ("mug", "door", "cup", "mug", "mug")]
+    assert [reply.text for reply in told] == ["one", "of doors", "of cups", "two", "three"]
+    assert [reply.recorded for reply in told] == [True, True, False, True, False]
+    assert script.asked == [question("cup"), question("mug")]
+
+
+def test_a_run_that_goes_on_where_its_first_parts_are_finished_asks_the_model(tmp_path: Path) -> None:
+    earlier, file = tmp_path / "earlier.jsonl", tmp_path / "run.jsonl"
+    Recorder(Scripted("of mugs"), earlier).complete(question("mug"))
+    assert Recorder(Continued(Replay(earlier), Scripted()), file).complete(question("mug")).recorded
+    again = Recorder(Continued(Replay(earlier), Scripted("of cups")), file, resume=True, same_start=False)
+    assert again.complete(question("cup")).text == "of cups"
 
 
 def test_another_runs_recording_is_not_gone_on_with(tmp_path: Path) -> None:

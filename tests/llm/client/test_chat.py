@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from llm.client.openai import Unanswered, error_message, read_answer
+from llm.client.completion import Unanswered, error_message, read_answer
 from llm.client.transport import ChatReply
 from llm.errors import ModelError
 

@@ -14,7 +14,8 @@ from tests.llm.bad_answers import ANY_MODULE, OF_MODULE, BadAnswer, generate
 from tests.llm.forms import answer_codes
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 
-QUICK = range(200)
+# The search for a fix takes seconds on answer 120; the slow test has it.
+QUICK = [seed for seed in range(200) if seed != 120]
 ALL = range(2_400)
 FAULTS = {fault.__name__ for fault in (*ANY_MODULE, *(fault for faults in OF_MODULE.values() for fault in faults))}
 

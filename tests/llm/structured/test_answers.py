@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from llm.proposing.modules import Flows, Understanding
 from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
+from llm.structured.values import as_ordinal
 from oag import Primitive
 from tests.json_edits import altered
 from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers
@@ -119,3 +120,62 @@ def test_a_misspelt_field_is_named() -> None:
     data = {key: value for key, value in RIGHT[1].items() if key != "task_message_detail"}
     with pytest.raises(ValidationError, match="task_message_detail is missing; task_message_details is no field"):
         Understanding.model_validate({**data, "task_message_details": "..."})
+
+
+def flow_of(*actions: object) -> list[object]:
+    """Return the actions of a flow as they are read."""
+    read = Flows.model_validate({"sub_tasks": [{"sub_task": 1, "flow": list(actions)}]})
+    return [(int(step.action().primitive), step.parameters) for step in read.sub_tasks[0].flow]
+
+
+@pytest.mark.parametrize(
+    ("action", "read"),
+    [
+        ({"id": 3}, (3, [])),
+        ({"id": 3, "name": "GRASP"}, (3, [])),
+        ({"id": 3, "skill": "GRASP"}, (3, [])),
+        ({"name": "GRASP", "target": "glass_0"}, (3, [])),
+        ({"primitive": 3, "id": 1}, (3, [])),
+        ({"primitive": 3, "comment": "take it"}, (3, [])),
+        ({"primitive": "LIFT_EEF_UP", "value": "0.2"}, (7, [0.2])),
+        ({"id": 7, "distance_m": 0.2}, (7, [0.2])),
+        ({"primitive": 7, "parameters": {"distance": 0.2}}, (7, [0.2])),
+        ({"primitive": 20, "angle_deg": 30.0}, (20, [30.0])),
+        ({"primitive": 19, "limits": [0.0, 0.6]}, (19, [0.0, 0.6])),
+    ],
+)
+def test_an_action_with_keys_is_read_as_what_they_name(action: object, read: object) -> None:
+    assert flow_of(action) == [read]
+
+
+@pytest.mark.parametrize(
+    ("action", "problem"),
+    [
+        ({"id": 1, "skill": "GRASP"}, "more than one primitive"),
+        ({"id": 1, "skill": "take the glass"}, "may name the primitive"),
+        ({"name": "lift", "skill": "take the glass"}, "may name the primitive"),
+        ({"primitive": 3, "name": "OPEN_GRIPPER", "skill": "LIFT_EEF_UP"}, "more than one primitive"),
+        ({"primitive": 1, "name": "GRASP"}, "more than one primitive"),
+        ({"primitive": 13, "angle_deg": 0.5}, "MOVE_BASE_FORWARD takes one distance"),
+        ({"primitive": 13, "parameters": {"degrees": 0.5}}, "MOVE_BASE_FORWARD takes one distance"),
+        ({"primitive": 20, "distance_m": 0.5}, "takes one angle"),
+        ({"primitive": 19, "angle": [0.0, 0.6]}, "takes joint limits"),
+        ({"primitive": "GRASP", "distance": 0.1}, "takes no parameter"),
+    ],
+)
+def test_an_action_whose_keys_contradict_each_other_is_refused(action: object, problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        flow_of(action)
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [("2", 2), (2.0, 2), ("#2", 2), ("sub_task_2", 2), ("sub-task-2", 2), ("Step 2", 2), ("step - 2", 2), ("t2", 2)],
+)
+def test_a_number_of_a_subtask_is_read(value: object, number: int) -> None:
+    assert as_ordinal(value) == number
+
+
+@pytest.mark.parametrize("value", ["-2", " -2", "#-2", "_-2", "step -2", "sub_task_-2", "step--2", "-sub_task_2", "2-"])
+def test_a_number_below_zero_is_no_number_of_a_subtask(value: str) -> None:
+    assert as_ordinal(value) == value

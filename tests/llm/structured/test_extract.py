@@ -6,7 +6,7 @@ import json
 import re
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import oag
@@ -251,3 +251,18 @@ def test_what_lacks_a_sign_is_read_as_what_it_was_or_not_at_all(value: dict[str,
         json.JSONDecoder().raw_decode(changed)
     except ValueError:
         assert lenient.read_object(changed) in (None, (value, len(changed)))
+
+
+ESCAPES = st.sampled_from("xuU0abnrtvefNP_L \\\"'\n").flatmap(
+    lambda kind: st.text("0123456789abcdefABCDEF", max_size=8).map(lambda digits: f"\\{kind}{digits}")
+)
+
+
+@given(st.lists(ESCAPES | st.text(SIGNS, max_size=3), max_size=6).map("".join), st.sampled_from(['"', "'", ""]))
+@example("\\UFFFFFFFF", '"')
+def test_any_escape_in_yaml_is_read_or_not(inside: str, quote: str) -> None:
+    """The library raises what Python does for a code beyond Unicode."""
+    text = f"goal: {quote}{inside}{quote}\nwhy: so"
+    found = lenient.read_yaml(text)
+    assert found is None or isinstance(found, dict | list)
+    assert isinstance(extract(text, answer_in), dict | oag.Diagnostic)

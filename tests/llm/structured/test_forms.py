@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from llm.client.openai import read_answer
+from llm.client.completion import read_answer
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.evolve import Situation
 from llm.evolve.judges import judges
