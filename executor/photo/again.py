@@ -84,7 +84,10 @@ def _earlier(path: Path, corrected: Mapping[str, Any], before: Mapping[str, Any]
     }:
         stale |= more
     kept = {place: _fit(before["things"][entry["id"]]) for place, entry in enumerate(entries) if place not in stale}
-    return Earlier(corrected["inputs"], tuple(detections), kept, str(before["given_sha256"]))
+    inputs = corrected["inputs"]
+    if not isinstance(inputs, dict) or not isinstance(inputs.get("picture"), str):
+        raise PhotoRefused("again", path, 'its "inputs" name no picture', 'expected {"picture": FILE, ...} as written')
+    return Earlier(inputs, tuple(detections), kept, str(before["given_sha256"]))
 
 
 def _is_corrected(entry: Mapping[str, Any], was: Mapping[str, Any]) -> bool:

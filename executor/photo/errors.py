@@ -13,6 +13,7 @@ class LostCause(Enum):
 
     NO_PLACE = "its box ends above the horizon of everything that it may stand on"
     NO_ROOM = "the scene cannot be with it"
+    NO_TIME = "it was not fitted before Ctrl-C"
 
 
 class PhotoRefused(Scene2DemoError, ValueError):

@@ -38,7 +38,7 @@ from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR
 from executor.photo.pipeline import PhotoInput, PhotoResult
 from executor.photo.room.reconstruct import FittedThing
-from executor.photo.scene import COUNT, MadeScene, RoomVariation, provenance
+from executor.photo.scene import COUNT, RoomVariation, provenance
 from executor.reports.html import jpeg, render
 from executor.reports.run_folder import FolderUnusable, ResultsExist
 from executor.system.files import json_text, plain, read_json, write_json, write_text
@@ -149,28 +149,17 @@ _VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
 _COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
 EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
 BOXES, THINGS = "boxes.json", "things.json"
-FILES = (
-    "scene.json",
-    "scene_refused.json",
-    *_VARIED,
-    *_COUSINS,
-    "photo.json",
-    "overlay.png",
-    "report.html",
-    BOXES,
-    THINGS,
-    EXCHANGES,
-    CONVERSATION,
-)
+_PERHAPS = ("scene.json", "scene_refused.json", *_VARIED, *_COUSINS, THINGS)
+"""What not every result has; of an earlier one it is stale."""
+FILES = (*_PERHAPS, "photo.json", "overlay.png", "report.html", BOXES, EXCHANGES, CONVERSATION)
 
 
-def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
-    """Return the folder, created if absent; earlier results in it are removed only with `force`.
+def prepared(path: Path, *, force: bool) -> Path:
+    """Return the folder, created if absent; `write_result` replaces earlier results in it, which takes `force`.
 
     Args:
         path: The folder.
-        force: Whether earlier results may be removed.
-        keep: A file that is not removed: the recording that is replayed or resumed, or corrected boxes.
+        force: Whether earlier results may be replaced.
 
     Raises:
         ResultsExist: It has results, and `force` is not given.
@@ -183,18 +172,15 @@ def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
     found = [name for name in FILES if (path / name).exists()]
     if found and not force:
         raise ResultsExist(path, found)
-    for name in found:
-        if keep is None or (path / name).resolve() != keep.resolve():
-            (path / name).unlink()
     return path
 
 
 @contextmanager
 def remove_empty_folder(folder: Path) -> Iterator[None]:
-    """Remove the empty folder of a photograph that is refused before anything was written."""
+    """Remove the empty folder of a photograph that is refused, or interrupted, before anything was written."""
     try:
         yield
-    except PhotoRefused:
+    except (PhotoRefused, KeyboardInterrupt):
         if not any(folder.iterdir()):
             folder.rmdir()
         raise
@@ -207,8 +193,9 @@ def reusable_scene(folder: Path, given: PhotoInput) -> Path | None:
     except (OSError, ValueError):
         return None
     scene = folder / "scene.json"
-    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256 and not made_of.get("interrupted")
-    return scene if same and scene.is_file() else None
+    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256
+    whole = same and not made_of.get("interrupted") and not made_of.get("refused")
+    return scene if whole and scene.is_file() else None
 
 
 def write_boxes(folder: Path, given: PhotoInput) -> None:
@@ -223,11 +210,15 @@ def write_boxes(folder: Path, given: PhotoInput) -> None:
     write_json(folder / BOXES, {"source": found[0].source, "size_px": size_px, "things": things, "left_out": left_out})
 
 
-def write_first(folder: Path, result: PhotoResult) -> None:
-    """Write a first scene and its picture; `write_result` writes over them."""
-    if result.made.scene is not None and not result.made.refused:
-        write_json(folder / "scene.json", result.made.scene.to_json())
+def write_first(folder: Path, result: PhotoResult) -> list[str]:
+    """Write a first scene and its picture, and return the names of the files; an earlier result stays as it is."""
+    if (folder / "photo.json").exists():
+        return []
     _write_overlay(folder, result)
+    if result.made.scene is None or result.made.refused:
+        return ["overlay.png"]
+    write_json(folder / "scene.json", result.made.scene.to_json())
+    return ["scene.json", "overlay.png"]
 
 
 def _write_overlay(folder: Path, result: PhotoResult) -> None:
@@ -236,37 +227,50 @@ def _write_overlay(folder: Path, result: PhotoResult) -> None:
 
 
 def write_result(folder: Path, result: PhotoResult, inputs: Mapping[str, object] = MappingProxyType({})) -> None:
-    """Write all files of a reconstruction.
+    """Write all files of a reconstruction over earlier ones, and remove what it does not have.
 
     Args:
         folder: The folder.
         result: The reconstruction.
         inputs: What was typed, for `photo --again`; empty writes no file of things to be corrected.
     """
-    (folder / "scene.json").unlink(missing_ok=True)  # A first scene is not what physics refuses in the end.
+    written = write_fits(folder, result, inputs)
     if result.made.scene is not None:
-        name = "scene_refused.json" if result.made.refused else "scene.json"
-        written = {
-            **result.made.scene.to_json(),
-            "provenance": provenance(result.found, result.made, result.floor.source),
-        }
-        write_json(folder / name, written)
-        _write_cousins(folder, result, 0, result.made)
+        written += _write_cousins(folder, result, 0, result.made.scene)
     for one in result.varied:
         if one.made.scene is not None and not one.made.refused:
-            write_json(folder / f"scene_{one.number}.json", one.made.scene.to_json())
-            _write_cousins(folder, result, one.number, one.made)
-    write_json(folder / "photo.json", result_json(result))
+            written.append(write_json(folder / f"scene_{one.number}.json", one.made.scene.to_json()).name)
+            written += _write_cousins(folder, result, one.number, one.made.scene)
     _write_overlay(folder, result)
     write_text(folder / "report.html", photo_page(result))
+    for name in _PERHAPS:
+        if name not in written:
+            (folder / name).unlink(missing_ok=True)
+
+
+def write_fits(folder: Path, result: PhotoResult, inputs: Mapping[str, object]) -> list[str]:
+    """Write the scene and what `photo --again` goes on from, and return the names of the files.
+
+    Args:
+        folder, result, inputs: As for `write_result`.
+    """
+    contents = {}
+    if result.made.scene is not None:
+        origin = provenance(result.found, result.made, result.floor.source)
+        name = "scene_refused.json" if result.made.refused else "scene.json"
+        contents[name] = json_text({**result.made.scene.to_json(), "provenance": origin}) + "\n"
+    contents["photo.json"] = json_text(result_json(result)) + "\n"
     if inputs:
-        write_text(folder / THINGS, things_text(result, inputs))
+        contents[THINGS] = things_text(result, inputs)
+    for name, text in contents.items():
+        write_text(folder / name, text)
+    return list(contents)
 
 
-def _write_cousins(folder: Path, result: PhotoResult, number: int, made: MadeScene) -> None:
-    if made.scene is not None:
-        for file, content in zip(cousins_files(number), cousins_json(made.scene, result.observation), strict=True):
-            write_json(folder / file, content)
+def _write_cousins(folder: Path, result: PhotoResult, number: int, scene: Scene) -> list[str]:
+    contents = cousins_json(scene, result.observation)
+    files = zip(cousins_files(number), contents, strict=True)
+    return [write_json(folder / file, content).name for file, content in files]
 
 
 def result_json(result: PhotoResult) -> dict[str, object]:

@@ -316,6 +316,7 @@ def reconstruct_scene(
     *,
     variations: bool = True,
     on_first: Callable[[PhotoResult], None] | None = None,
+    on_fitted: Callable[[PhotoResult], None] = lambda result: None,
     kept: Mapping[int, Fit] = MappingProxyType({}),
 ) -> PhotoResult:
     """Reconstruct the scene of a photograph; after Ctrl-C, with `on_first`, the scene of what is fitted by then.
@@ -325,10 +326,12 @@ def reconstruct_scene(
         on_progress: Called with sentences about the progress.
         variations: Whether the next best models are made rooms of as well.
         on_first: Called with a first scene of rough fits, before anything is fitted closely.
+        on_fitted: Called with the result but for its variations.
         kept: index of a detection -> its fit, which stays as it is.
 
     Raises:
         PhotoRefused: Nothing is recognised.
+        KeyboardInterrupt: Ctrl-C before anything is fitted, or without `on_first`.
     """
     began = time.perf_counter()
     observation, floor = given.observation, given.floor
@@ -348,21 +351,32 @@ def reconstruct_scene(
     found = reconstruct(observation, given.detections, walls, listener, floor.spread_share, kept)
     fitted = time.perf_counter()
     _require_things(given, found)
-    found, made = scene_of(found, given.name, same_height_m=same_height_m)
+    try:
+        found, made = scene_of(found, given.name, same_height_m=same_height_m)
+    except KeyboardInterrupt:
+        if on_first is None:
+            raise
+        found, made = replace(found, interrupted=True), MadeScene(None, "interrupted before it settled", (), {})
     _require_things(given, found)
     settled = time.perf_counter()
-    varied = variations_of(found, given.name) if variations and not found.interrupted else ()
-    took = {
-        "walls": walled - began,
-        "fitting": fitted - walled,
-        "settling": settled - fitted,
-        "variations": time.perf_counter() - settled,
-    }
-    return PhotoResult(given, found, made, varied, took)
+    took = {"walls": walled - began, "fitting": fitted - walled, "settling": settled - fitted}
+    result = PhotoResult(given, found, made, (), took)
+    on_fitted(result)
+    if not variations or found.interrupted:
+        return result
+    try:
+        varied = variations_of(found, given.name)
+    except KeyboardInterrupt:
+        if on_first is None:
+            raise
+        return replace(result, found=replace(found, interrupted=True))
+    return replace(result, varied=varied, took_s={**took, "variations": time.perf_counter() - settled})
 
 
 def _require_things(given: PhotoInput, found: FittedRoom) -> None:
     """Refuse a room without any object."""
     if not found.things:
+        if found.interrupted:
+            raise KeyboardInterrupt
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)

@@ -413,7 +413,7 @@ def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
 
 
 Strategies = Callable[[bool], Iterator[Iterator[Stance[Any]]]]
-"""Makes the strategies of a search; told whether it is narrowed to a choice."""
+"""Makes the strategies of a search, by whether it is narrowed to a choice."""
 
 
 def adopt_first(session: Session, strategies: Strategies) -> Session | int:

@@ -30,6 +30,10 @@ _COLORS: Mapping[str, Color] = {
     "yellow": (0.70, 0.50, 0.08),
     "green": (0.07, 0.30, 0.10),
     "blue": (0.06, 0.14, 0.40),
+    "beige": (0.62, 0.48, 0.30),
+    "orange": (0.75, 0.25, 0.03),
+    "purple": (0.20, 0.07, 0.30),
+    "pink": (0.75, 0.30, 0.42),
 }
 COLOR = ChoiceParameter("color", tuple(_COLORS))
 _SYNSET, _LINK = "object.n.01", "body"

@@ -42,7 +42,7 @@ from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.annotations import Detection, boxes_in, is_left_out
 from executor.photo.inputs.depth import depth_in
 from executor.photo.inputs.picture import CameraFacts
-from executor.photo.output import prepared, write_result
+from executor.photo.output import FILES, prepared, write_result
 from executor.photo.pipeline import AuxiliaryInputs, PhotoInput, PhotoResult, read_inputs, reconstruct_scene
 from executor.records import PlanRefused, Rollout
 from executor.rollouts.feasibility import feasible
@@ -206,7 +206,8 @@ def _measured(picture: RealPicture, folder: Path, limit_s: float, robot: str) ->
         "limit_s": limit_s,
         "robot": robot,
     }
-    prepared(folder, force=True)
+    for name in FILES:
+        (prepared(folder, force=True) / name).unlink(missing_ok=True)
     try:
         with cpu_limit(limit_s):
             given = read_inputs(picture.color, _auxiliary(picture))

@@ -56,7 +56,7 @@ def execute(options: Options) -> int:
     if options.pictures is not None:
         return _execute_pictures(options, options.pictures)
     stray = next((name for name in ("half", "only", "robot") if getattr(options, name)), "")
-    check(not stray, f"--{stray.replace('_', '-')}", getattr(options, stray, ""), "--pictures beside it")
+    check(not stray, f"--{stray.replace('_', '-')}", getattr(options, stray, ""), "--pictures with it")
     return _execute_rooms(options)
 
 
@@ -65,8 +65,8 @@ def _execute_pictures(options: Options, folder: Path) -> int:
     from executor.bench.photo.picture_score import causes, picture_rows, sections
     from executor.bench.photo.pictures import measure_pictures, read_pictures
 
-    check(not options.transfer, "--transfer", "", "no --pictures beside it, of which the true rooms are not known")
-    check(options.detector is None, "--detector", options.detector, "no --pictures beside it, which have boxes")
+    check(not options.transfer, "--transfer", "", "no --pictures with it, of which the true rooms are not known")
+    check(options.detector is None, "--detector", options.detector, "no --pictures with it, which have boxes")
     check(1.0 <= options.limit_s <= 1e6, "--limit-s", options.limit_s, "seconds from 1 to 1000000")
     chosen = read_pictures(options.annotations, folder, options.half, options.only or ())
     options.out.mkdir(parents=True, exist_ok=True)
@@ -109,7 +109,7 @@ def _execute_rooms(options: Options) -> int:
     check(options.seed >= 0, "--seed", options.seed, "a whole number from 0")
     check(0 <= options.rooms <= MOST_ROOMS, "--rooms", options.rooms, f"0 to {MOST_ROOMS}")
     check(0 <= options.kitchens <= MOST_ROOMS, "--kitchens", options.kitchens, f"0 to {MOST_ROOMS}")
-    check(options.rooms + options.kitchens > 0, "--rooms", options.rooms, "at least 1, or --kitchens beside it")
+    check(options.rooms + options.kitchens > 0, "--rooms", options.rooms, "at least 1, or --kitchens with it")
     check(not options.transfer or options.track != "G", "--track", options.track, "one with a query's own things")
     same = (options.track == "F") == (options.detector is not None) and not (options.track == "F" and options.transfer)
     check(same, "--detector", options.detector, "a folder with --track F, which measures rooms; none otherwise")

@@ -15,7 +15,7 @@ from bddl.errors import Scene2DemoError
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, check
 from executor.cli.options import CommonOptions, Flag, Maybe, Read
-from executor.cli.output import print_json, say
+from executor.cli.output import print_json, say, tell
 
 if TYPE_CHECKING:
     from llm.client.profiles import Price
@@ -79,15 +79,15 @@ def execute(options: Options) -> int:
     count = max((entry.number for _, entries in found for entry in entries), default=0)
     good = options.round is None or 1 <= options.round <= count
     check(good, "--round", options.round, f"a round from 1 to {count}")
+    shown = [(head, [one for one in each if options.round in (None, one.number)]) for head, each in found]
     if options.json:
-        print_json({"ok": True, "file": str(path), "conversations": [_as_json(head, each) for head, each in found]})
+        print_json({"ok": True, "file": str(path), "conversations": [_as_json(head, each) for head, each in shown]})
         return DONE
-    for head, entries in found:
+    for (head, entries), (_, everything) in zip(shown, found, strict=True):
         say(head, style="bold")
         for entry in entries:
-            if options.round in (None, entry.number):
-                _print(entry, prompts=options.prompts)
-        say(_total(entries))
+            _print(entry, prompts=options.prompts)
+        say(_total(everything))
     return DONE
 
 
@@ -125,7 +125,7 @@ def _recorded(path: Path) -> Iterator[tuple[str, list[Entry]]]:
     by = f", recorded by version {' and '.join(versions)}" if versions else ""
     yield f"{path}: {pluralize(len(exchanges), 'exchange')}{by}", entries
     for warning in warnings:
-        say(f"note: {warning}", style="yellow")
+        tell(f"note: {warning}", style="yellow")
 
 
 def _texts(request: Mapping[str, Any]) -> tuple[str, ...]:

@@ -272,7 +272,7 @@ def _actors(options: Options) -> list[Policy]:
         check(options.out is not None, "--out", "is missing", "a folder for the episodes of several processes")
         check(not options.videos, "--videos", "with several processes", "--workers 1, which draws as it goes")
     if options.videos and options.out is None:
-        raise BadOption("--videos", "is given", "--out beside it, a folder for them")
+        raise BadOption("--videos", "is given", "--out with it, a folder for them")
     check_size(options.size)
     torch.set_num_threads(options.threads)
     steps = options.steps or (None,)

@@ -247,10 +247,10 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
         check(limit is None or limit > 0.0, name, limit, "a number above 0")
     plans = [word for word in options.what if word.endswith((".yaml", ".yml"))]
     if plans:
-        check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing beside it")
-        check(options.scene is None, "--scene", options.scene, "none beside a plan, which names its scenes itself")
-        check(options.all_tasks is None, "--all-tasks", options.all_tasks, "none beside a plan")
-        check(options.limit is None, "--limit", options.limit, "none beside a plan")
+        check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing with it")
+        check(options.scene is None, "--scene", options.scene, "none with a plan, which names its scenes itself")
+        check(options.all_tasks is None, "--all-tasks", options.all_tasks, "none with a plan")
+        check(options.limit is None, "--limit", options.limit, "none with a plan")
         usual = _request_fields(Options(what=(), out=options.out))
         return read_plan(
             Path(plans[0]),
@@ -294,7 +294,7 @@ def _source(options: Options) -> dict[str, Any]:
     from executor.scenes.generators.families import FAMILIES
 
     if options.what and set(options.what) <= set(FAMILIES):
-        check(options.scene is None, "--scene", options.scene, "none beside families, which draw their own")
+        check(options.scene is None, "--scene", options.scene, "none with families, which draw their own")
         return {"families": list(options.what)}
     words = " ".join(options.what)
     if words and options.scene is not None and not set(options.what) & set(FAMILIES):
@@ -325,7 +325,7 @@ def _attempts(options: Options) -> int:
 
 def channels_of(channels: Sequence[Channel]) -> dict[str, bool]:
     """Return which of depth and segmentation are drawn in addition to the colours."""
-    check("rgb" in channels, "--channels", " ".join(channels) or "nothing", "rgb, with depth or segmentation beside it")
+    check("rgb" in channels, "--channels", " ".join(channels) or "nothing", "rgb, with depth or segmentation with it")
     return {"depth": "depth" in channels, "segmentation": "segmentation" in channels}
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -81,7 +81,7 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
     from executor.photo.networks.masks import box_masks
     from executor.photo.pipeline import AuxiliaryInputs, read_inputs
 
-    check(inputs.depth_kind is None or inputs.depth is not None, "--depth-kind", inputs.depth_kind, "--depth beside it")
+    check(inputs.depth_kind is None or inputs.depth is not None, "--depth-kind", inputs.depth_kind, "--depth with it")
     return read_inputs(
         picture,
         AuxiliaryInputs(
@@ -104,11 +104,11 @@ def _detector(picture: Path, inputs: PhotoInputs, asked: Detector | None) -> Det
     boxes, folder, least = inputs.boxes, inputs.detector, inputs.least_score
     sources = [one for one in (boxes, folder, asked) if one is not None]
     check(len(sources) < 2, "--boxes", boxes or folder, "one of --boxes, --detector and --model, not two")
-    check(least is None or folder is not None, "--least-score", least, "--detector beside it")
+    check(least is None or folder is not None, "--least-score", least, "--detector with it")
     check(least is None or 0.0 <= least <= 1.0, "--least-score", least, "a number from 0 to 1")
     names = wanted_names(inputs)
-    check(names is None or boxes is None, "--names", inputs.names, "--detector or --model beside it, not --boxes")
-    check(names is None or len(sources) == 1, "--names", inputs.names, "--detector or --model beside it")
+    check(names is None or boxes is None, "--names", inputs.names, "--detector or --model with it, not --boxes")
+    check(names is None or len(sources) == 1, "--names", inputs.names, "--detector or --model with it")
     if folder is not None:
         return detector_in(folder, least, names)
     return asked if boxes is None else boxes_in(boxes, picture.name)
@@ -155,7 +155,7 @@ def scene_of_photograph(picture: Path, inputs: PhotoInputs, folder: Path, *, qui
     kept = reusable_scene(folder, given)
     if kept is not None:
         return kept
-    prepared(folder, force=True, keep=inputs.boxes)
+    prepared(folder, force=True)
     result = _reconstructed(folder, given, typed(picture, inputs), {}, quiet=quiet)
     if result.found.interrupted:
         raise KeyboardInterrupt(_go_on(folder, result))
@@ -178,30 +178,37 @@ def _reconstructed(
     folder: Path, given: PhotoInput, words: Mapping[str, Any], kept: Mapping[int, Fit], *, quiet: bool
 ) -> PhotoResult:
     """Return the reconstruction of an input, with all files of it in the folder; a first scene is there in seconds."""
-    from executor.photo.output import remove_empty_folder, write_boxes, write_first, write_result
+    from executor.photo.output import remove_empty_folder, write_boxes, write_first, write_fits, write_result
     from executor.photo.pipeline import reconstruct_scene
 
     tell_step = tell_progress(quiet)
 
     def show_first(result: PhotoResult) -> None:
-        write_first(folder, result)
-        name = "overlay.png" if result.made.refused else "scene.json and overlay.png"
-        took = f"after {result.took_s['first scene']:.0f} s"
-        fits = pluralize(len(result.found.things), "rough fit")
-        tell_step(f"first scene of {fits} {took}, in {folder}: {name}")
+        if files := write_first(folder, result):
+            took = f"after {result.took_s['first scene']:.0f} s"
+            fits = pluralize(len(result.found.things), "rough fit")
+            tell_step(f"first scene of {fits} {took}, in {folder}: {' and '.join(files)}")
+
+    def keep_fits(result: PhotoResult) -> None:
+        write_fits(folder, result, words)
 
     with remove_empty_folder(folder):
         write_boxes(folder, given)
-        result = reconstruct_scene(given, tell_step, on_first=show_first, kept=kept)
+        result = reconstruct_scene(given, tell_step, on_first=show_first, on_fitted=keep_fits, kept=kept)
     write_result(folder, result, words)
     return result
 
 
 def _go_on(folder: Path, result: PhotoResult) -> str:
+    from executor.photo.errors import LostCause
+
     things = result.found.things
-    fitted = sum(not thing.fit.rough for thing in things)
-    kept = f"{fitted} of {pluralize(len(things), 'thing')} fitted, the others roughly"
-    return f"interrupted; {folder} has the scene so far, {kept}. Go on by: scene2demo photo --again {folder}"
+    rough = sum(thing.fit.rough for thing in things)
+    fitted, late = len(things) - rough, sum(one.cause is LostCause.NO_TIME for one in result.found.unfitted)
+    rest = f", {rough} roughly" if late else ", the others roughly" if rough else ""
+    kept = f"{fitted} of {pluralize(len(things) + late, 'thing')} fitted{rest}"
+    has = "the fits" if result.made.scene is None else "the scene"
+    return f"interrupted; {folder} has {has} so far, {kept}. Go on by: scene2demo photo --again {folder}"
 
 
 def execute(options: Options) -> int:
@@ -223,8 +230,7 @@ def execute(options: Options) -> int:
         with ExitStack() as counted:
             given = read_photograph(picture, options.photo_inputs, _asked(options, out, spent, counted))
         # Where a model was asked, the folder has the conversation already.
-        boxes = options.photo_inputs.boxes
-        folder = out if options.model is not None else prepared(out, force=options.force, keep=boxes)
+        folder = out if options.model is not None else prepared(out, force=options.force)
         words = typed(picture, options.photo_inputs)
     result = _reconstructed(folder, given, words, kept, quiet=options.json)
     code = INTERRUPTED if result.found.interrupted else FAILED if result.made.refused else DONE
@@ -246,26 +252,26 @@ def execute(options: Options) -> int:
 
 def _corrected(options: Options, folder: Path) -> tuple[PhotoInput, Mapping[str, Any], Mapping[int, Fit], Path]:
     """Return the input of an earlier reconstruction as people corrected it, what was typed, kept fits, the folder."""
+    from pydantic import TypeAdapter, ValidationError
+
     from executor.photo.again import read_earlier
-    from executor.photo.output import prepared
+    from executor.photo.errors import PhotoRefused
+    from executor.photo.output import THINGS, prepared
 
     none_else = options.picture is None and options.model is None and options.photo_inputs == PhotoInputs()
     check(none_else, "--again", folder, "nothing else with it but --out: the folder knows what was typed")
     earlier = read_earlier(folder)
-    words = dict(earlier.inputs)
-    picture = Path(words["picture"])
-    given_types = get_type_hints(PhotoInputs)
-    typed_again: dict[str, Any] = {
-        name: Path(value) if "Path" in str(given_types[name]) else value
-        for name, value in words.items()
-        if name in given_types and name not in ("boxes", "detector", "least_score", "names")
-    }
-    given = read_photograph(picture, PhotoInputs(**typed_again), earlier.detect)
+    try:
+        inputs = TypeAdapter(PhotoInputs).validate_python(dict(earlier.inputs))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where, found = "/".join(map(str, ("inputs", *first["loc"][:1]))), first["input"]
+        raise PhotoRefused("again", folder / THINGS, f"{where} is {found!r}", first["msg"]) from error
+    inputs = replace(inputs, boxes=None, detector=None, least_score=None, names=None)
+    given = read_photograph(Path(earlier.inputs["picture"]), inputs, earlier.detect)
     out = options.out or folder
-    same = out.resolve() == folder.resolve()
-    boxes = folder / "boxes.json"
-    prepared(out, force=same or options.force, keep=boxes if same else None)
-    return replace(given, origin_sha256=earlier.given_sha256), words, earlier.kept, out
+    prepared(out, force=options.force or out.resolve() == folder.resolve())
+    return replace(given, origin_sha256=earlier.given_sha256), earlier.inputs, earlier.kept, out
 
 
 def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStack) -> Detector | None:
@@ -296,8 +302,7 @@ def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStac
         record = out / EXCHANGES
         if options.force and replayed is None:
             tell_kept(kept_aside(record))
-        kept = record if options.resume else replayed
-        folder = prepared(out, force=options.force or options.resume, keep=kept)
+        folder = prepared(out, force=options.force or options.resume)
         live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
         asked = live or model
         spending = Spending(asked, tell_progress(options.json))

@@ -57,7 +57,7 @@ def execute(options: Options) -> int:
     check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
     check_workers(options.workers)
     exact = options.through == "log"
-    check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
+    check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env with it")
     if exact and not is_store(options.store):
         raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
     only = Selection.parse(options.only)

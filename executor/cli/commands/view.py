@@ -67,7 +67,7 @@ def execute(options: Options) -> int:
         folder.is_dir() or not options.rerun, "--rerun", options.what, "a folder with episodes, which a scene has not"
     )
     served = options.out is None and not options.rerun
-    check(not (served and options.episode), "--episode", " ".join(options.episode), "--out or --rerun beside it")
+    check(not (served and options.episode), "--episode", " ".join(options.episode), "--out or --rerun with it")
     if served:
         _serve(options, folder)
         return DONE

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from executor.assets.families.generic import GENERIC
 from executor.assets.parameters import ChoiceParameter
 from executor.geometry import Array
 from executor.photo.fitting.hypothesis import MeshRaycaster, PoseHypothesis, raycaster_of
@@ -267,6 +268,7 @@ _HUES = (
     (361.0, "red"),
 )
 """Where the hue of each basic colour term ends [deg]."""
+_HUE_NAMES = {name for _, name in _HUES}
 
 _BLACK, _WHITE, _COLOURLESS, _FAINT, _PALE, _DARK = 0.22, 0.68, 0.15, 0.10, 0.35, 0.38
 _SHARE_OF_LIGHT = 0.15
@@ -295,12 +297,18 @@ def colour_name(srgb: tuple[int, int, int]) -> str:
 
 
 def with_colour(evidence: PixelEvidence, guess: PoseHypothesis) -> PoseHypothesis:
-    """Choose the colour option of a model that is nearest to the observed colours, if it has any."""
+    """Choose the colour option of a model that is nearest to the observed colours, if it has any.
+
+    A generic shape has one colour: where the median has a hue's name, it is that one, however dark the room was.
+    """
     option = next(
         (one for one in guess.entry.parameters if isinstance(one, ChoiceParameter) and one.name == _OPTION), None
     )
     if option is None:
         return guess
+    median = median_colour(evidence, guess) if guess.entry.model in GENERIC else None
+    if median is not None and (term := colour_name(median)) in _HUE_NAMES:
+        return guess.with_parameters(**{_OPTION: term})
     rated = []
     for word in option.words:
         one = guess.with_parameters(**{_OPTION: word})

@@ -62,7 +62,7 @@ class FittedRoom:
         things: In the order of their boxes.
         unfitted: Detections that were left out.
         walls: The walls.
-        interrupted: Whether some of the fits are rough, since there was no time for them.
+        interrupted: Whether Ctrl-C ended it: fits may be rough or absent, and variations are left out.
     """
 
     things: tuple[FittedThing, ...]
@@ -118,9 +118,12 @@ def reconstruct(
         kept: index of a detection -> its fit, which stays as it is.
     """
     room = _Reconstruction(observation, detections, walls, scale_share, kept, listener.on_progress)
-    if listener.on_first is not None:
-        listener.on_first(room.with_rough_fits())
     try:
+        if listener.on_first is not None:
+            first = room.with_rough_fits()
+            if first.interrupted:
+                return first
+            listener.on_first(first)
         return room.fitted()
     except KeyboardInterrupt:
         if listener.on_first is None:
@@ -174,14 +177,20 @@ class _Reconstruction:
         return _result(room)
 
     def with_rough_fits(self) -> FittedRoom:
-        """Return the room with the fits so far, and rough ones of all others."""
+        """Return the room with the fits so far, and rough ones of all others, or of those before Ctrl-C."""
         room = self._new()
         fitter = RoomFitter(room)
         for index, fit in self._found.items():
             room.add_fit(index, fit)
-        for index in (*self._standing, *self._carried):
-            if index not in self._found:
+        rough = [index for index in (*self._standing, *self._carried) if index not in self._found]
+        try:
+            for index in rough:
                 fitter.fit_roughly(index, [0.0] if index in self._standing else None)
+        except KeyboardInterrupt:
+            for index in rough:
+                if index not in room.fits:
+                    room.lost.setdefault(index, LostCause.NO_TIME)
+            return replace(_result(room), interrupted=True)
         return _result(room)
 
     def _announce(self, index: int, what: str) -> None:

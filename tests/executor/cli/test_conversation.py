@@ -53,6 +53,12 @@ def test_a_plan_by_a_model_is_recorded_resumed_and_read(
     assert "> system: You plan for a mobile robot" in text and "1. module 1" not in text
     assert app.run(["conversation", str(file), "--round", "9"]) == 2
     assert "a round from 1 to 4" in capsys.readouterr().err
+    with file.open("a") as more_text:
+        more_text.write('{"half')
+    assert app.run(["conversation", str(file), "--json", "--round", "2"]) == 0
+    printed = capsys.readouterr()
+    ((entry,),) = [one["entries"] for one in json.loads(printed.out)["conversations"]]
+    assert entry["number"] == 2 and "note: " in printed.err
 
 
 def test_a_conversation_of_a_run_has_findings_verdicts_and_versions(

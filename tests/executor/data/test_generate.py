@@ -334,7 +334,7 @@ def test_a_worker_makes_nothing_for_a_program_that_it_does_not_run(
     [
         ([], "is missing"),
         (["T9"], "a sentence and --scene"),
-        (["T1", "--scene", "kitchen_t1"], "none beside families"),
+        (["T1", "--scene", "kitchen_t1"], "none with families"),
         (["put the glass into the refrigerator"], "a sentence and --scene"),
         (["open the fridge", "--scene", "kitchen_t9"], "there is no scene 'kitchen_t9'"),
         (["T5", "--flows", "paper"], "the paper prints no flows for T5"),

@@ -122,7 +122,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*evaluate, "--execute", "5"]) == 2
     assert "--execute 5: expected 1 to 4" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--videos"]) == 2
-    assert "--out beside it" in str(last_json(capsys)["error"])
+    assert "--out with it" in str(last_json(capsys)["error"])
 
     # The same episodes as units of a campaign, in two parts and by a whole run that finds them done.
     monkeypatch.setattr("executor.learn.evaluation_units.WORKER", "tests.executor.learn.short_worker")

@@ -16,13 +16,13 @@ from PIL import Image
 from executor.cli.app import run
 from executor.photo.again import read_earlier
 from executor.photo.drawing import side_by_side
-from executor.photo.errors import PhotoRefused
+from executor.photo.errors import LostCause, PhotoRefused
 from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.geometry.observation import FloorPlane, Observation
 from executor.photo.inputs.annotations import FLOOR, Detection
 from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.output import write_result
-from executor.photo.pipeline import PhotoInput, PhotoResult
+from executor.photo.output import cousins_files, write_result
+from executor.photo.pipeline import PhotoInput, PhotoResult, reconstruct_scene
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
 from executor.photo.room.reconstruct import FittedRoom, Listener, reconstruct
@@ -112,6 +112,62 @@ def test_a_correction_that_means_nothing_is_refused(folder: Path) -> None:
         read_earlier(folder)
 
 
+@pytest.mark.parametrize(
+    ("inputs", "words"),
+    [
+        ({}, '"inputs" name no picture'),
+        ([], '"inputs" name no picture'),
+        ({"picture": 3}, '"inputs" name no picture'),
+        ({"picture": "drawn.png", "tilt": "steep"}, "inputs/tilt is 'steep'; Input should be a valid number"),
+        ({"picture": "drawn.png", "depth": 3}, "inputs/depth is 3"),
+        ({"picture": "drawn.png", "depth_kind": "drawn"}, "inputs/depth_kind is 'drawn'"),
+    ],
+)
+def test_inputs_that_cannot_be_read_are_one_message(
+    folder: Path, capsys: pytest.CaptureFixture[str], inputs: object, words: str
+) -> None:
+    data = json.loads((folder / "things.json").read_text())
+    (folder / "things.json").write_text(json.dumps({**data, "inputs": inputs}))
+    assert run(["photo", "--again", str(folder)]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_an_earlier_result_stays_until_there_is_a_new_one_and_paid_answers_stay_always(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("exchanges.jsonl", "conversation.json", "boxes.json", "scene_1.json"):
+        (folder / name).write_text("{}")
+    seen, boxes = seen_from_above(TABLE)
+    result = result_of(seen, known(seen, (boxes[0], TABLE)))
+
+    def interrupted(given: PhotoInput, *_: Any, on_first: Callable[[PhotoResult], None], **__: Any) -> PhotoResult:
+        on_first(replace(result, took_s={"first scene": 1.0}))
+        raise KeyboardInterrupt
+
+    def found(*_: Any, **__: Any) -> PhotoResult:
+        return replace(result, made=replace(result.made, scene=None, refused="too narrow"))
+
+    monkeypatch.setattr("executor.cli.commands.photo.read_photograph", lambda *_: result.given)
+    monkeypatch.setattr("executor.photo.pipeline.reconstruct_scene", interrupted)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert {"things.json", "photo.json", "scene.json"} < before.keys()
+    again, anew = ["photo", "--again", str(folder)], ["photo", __file__, "--out", str(folder), "--force"]
+    for command in (again, anew):
+        assert run(command) == 130
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    monkeypatch.setattr("executor.photo.pipeline.reconstruct_scene", found)
+    for command in (again, anew):
+        assert run(command) == 1
+        assert {path.name for path in folder.iterdir()} == before.keys() - {"scene.json", "scene_1.json"} - _cousins()
+        kept = ("exchanges.jsonl", "conversation.json", "boxes.json")
+        assert all((folder / name).read_bytes() == before[name] for name in kept)
+    assert json.loads((folder / "photo.json").read_text())["things"].keys() == {"table_0"}
+
+
+def _cousins() -> set[str]:
+    return {name for number in range(3) for name in cousins_files(number)}
+
+
 def test_a_hypothesis_is_read_back_from_its_data() -> None:
     drill = replace(shape("generic_box", (0.1, 0.2, 0.3)), entry=replace(CUP.entry, category="drill"))
     ajar = PoseHypothesis(TABLE.entry, 1.0, 2.0, 0.3, 0.0, (1.0, 0.6, 0.7)).with_parameters(top_thickness_m=0.03)
@@ -150,6 +206,59 @@ def test_a_first_scene_is_there_at_once_and_ctrl_c_keeps_what_is_fitted(monkeypa
         assert math.dist((thing.fit.guess.x_m, thing.fit.guess.y_m), (true.x_m, true.y_m)) < 0.1
     assert first[0].things[1].fit.in_box > 0.5
     assert said[-1] == "fitting: porcelain_bowl, 2 of 2" or said[-1] == f"fitting: {boxes[1].label}, 2 of 2"
+
+
+def raising(*_: Any, **__: Any) -> Any:
+    """Press Ctrl-C."""
+    raise KeyboardInterrupt
+
+
+def test_ctrl_c_during_the_rough_fits_keeps_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    rough, first = RoomFitter.fit_roughly, list[FittedRoom]()
+    fitted = known(seen, (boxes[0], TABLE)).things[0].fit
+
+    def until_bowl(fitter: RoomFitter, index: int, bottoms_m: Any) -> None:
+        if index:
+            raise KeyboardInterrupt
+        rough(fitter, index, bottoms_m)
+
+    monkeypatch.setattr(RoomFitter, "fit", raising)
+    with monkeypatch.context() as patched:
+        patched.setattr(RoomFitter, "fit_roughly", until_bowl)
+        found = reconstruct(seen, boxes, (), Listener(on_first=first.append))
+        assert not first and found.interrupted and [thing.fit.rough for thing in found.things] == [True]
+        assert [one.cause for one in found.unfitted] == [LostCause.NO_TIME]
+        # The second Ctrl-C, among the rough fits of what was not fitted before the first one.
+        found = reconstruct(seen, boxes, (), Listener(on_first=raising), kept={0: fitted})
+        assert found.interrupted and [thing.fit for thing in found.things] == [fitted]
+    found = reconstruct(seen, boxes, (), Listener(on_first=raising))
+    assert found.interrupted and len(found.things) == 2
+
+
+@pytest.mark.parametrize("step", ["scene_of", "variations_of"])
+def test_ctrl_c_after_the_fits_keeps_them(folder: Path, monkeypatch: pytest.MonkeyPatch, step: str) -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    room = known(seen, (boxes[0], TABLE), (replace(boxes[1], label="bowl"), BOWL))
+    given, kept = result_of(seen, room).given, list[PhotoResult]()
+    monkeypatch.setattr("executor.photo.pipeline.reconstruct", lambda *_: room)
+    monkeypatch.setattr(f"executor.photo.pipeline.{step}", raising)
+    with pytest.raises(KeyboardInterrupt):
+        reconstruct_scene(given)
+    result = reconstruct_scene(given, on_first=kept.append, on_fitted=kept.append)
+    assert result.found.interrupted and len(result.found.things) == 2 and result.varied == ()
+    assert [len(one.found.things) for one in kept] == [2] and (result.made.scene is None) == (step == "scene_of")
+    write_result(folder, result, {"picture": "drawn.png"})
+    assert (folder / "scene.json").exists() == (step == "variations_of")
+    assert sorted(read_earlier(folder).kept) == [0, 1]
+
+
+def test_ctrl_c_before_anything_is_fitted_leaves_nothing_to_go_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, boxes = seen_from_above(TABLE)
+    given = result_of(seen, known(seen, (boxes[0], TABLE))).given
+    monkeypatch.setattr(RoomFitter, "fit_roughly", raising)
+    with pytest.raises(KeyboardInterrupt):
+        reconstruct_scene(given, on_first=lambda result: None)
 
 
 def test_what_is_far_too_small_for_its_name_stands_where_it_is_measured() -> None:

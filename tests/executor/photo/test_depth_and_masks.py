@@ -354,7 +354,7 @@ def test_masks_of_a_detector_are_kept_with_its_boxes() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--names", "mug"), "--detector or --model beside it"),
+        (("--names", "mug"), "--detector or --model with it"),
         (("--names", "mug", "--boxes", "b.json"), "not --boxes"),
         (("--names", " , ", "--detector", "none"), "names with commas"),
         (("--mask-model", "none", "--boxes", "b.json"), "is no folder"),

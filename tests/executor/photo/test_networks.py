@@ -188,7 +188,7 @@ def test_the_command_line_takes_folders_and_refuses_others(tmp_path: Path, capsy
         ("--detector", "ssd", "--boxes", "b.json"): "one of --boxes, --detector and --model",
         ("--depth-model", "ssd", "--depth", "d.png"): "one of --depth and --depth-model",
         ("--detector", "ssd", "--least-score", "7"): "0 to 1",
-        ("--least-score", "0.5"): "--detector beside it",
+        ("--least-score", "0.5"): "--detector with it",
     }
     for more, said in ends.items():
         typed = [str(tmp_path / word) if word in ("ssd", "none") else word for word in more]

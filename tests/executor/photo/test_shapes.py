@@ -18,7 +18,7 @@ from executor.assets.families.generic import GENERIC
 from executor.assets.library import LIBRARY, asset_for
 from executor.geometry import Array
 from executor.photo.errors import LostCause
-from executor.photo.fitting.evidence import colour_name
+from executor.photo.fitting.evidence import PixelEvidence, colour_name, with_colour
 from executor.photo.fitting.hypothesis import PoseHypothesis
 from executor.photo.fitting.likelihood import Fit
 from executor.photo.fitting.starts import generic_models
@@ -204,6 +204,23 @@ def test_a_shape_is_a_support_where_it_has_a_top_and_opens_nowhere() -> None:
 )
 def test_a_colour_has_the_name_that_people_give_it(srgb: tuple[int, int, int], name: str) -> None:
     assert colour_name(srgb) == name
+
+
+@pytest.mark.parametrize(
+    ("srgb", "colour"),
+    [((131, 111, 48), "yellow"), ((111, 64, 129), "purple"), ((198, 177, 149), "beige"), ((95, 96, 95), "grey")],
+)
+def test_a_generic_shape_has_the_median_colour_of_its_pixels(srgb: tuple[int, int, int], colour: str) -> None:
+    block = shape("generic_box", (0.1, 0.1, 0.1))
+    seen, boxes = seen_from_above(block)
+    painted = np.full_like(seen.rgb, srgb)
+    painted[::5, ::3] = 255  # Gloss.
+    around = RoomEstimate(replace(seen, rgb=painted), (), boxes, 0.0).around(0)
+    most = len(painted.reshape(-1, 3))
+    evidence = PixelEvidence.around(
+        around.observation, boxes[0].box_px, around.other_m, around.other, most, around.smaller, around.own
+    )
+    assert dict(with_colour(evidence, block).parameters)["color"] == colour
 
 
 def test_things_of_one_name_are_told_apart_by_a_colour_that_one_of_them_has() -> None:

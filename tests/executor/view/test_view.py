@@ -273,7 +273,7 @@ def test_a_page_links_files_from_where_it_lies(store: Path, tmp_path: Path) -> N
 def test_an_episode_s_section_opens_what_failed_alone(finished_run: Path) -> None:
     section = episode_section(listing_of(finished_run).detail("run"), link_from(finished_run / "page.html"))
     opened = re.findall(r"<details class='step' id='(step-[0-9-]+)' open>", section)
-    assert opened == ["step-1-3"] and section.index("Why it failed") < section.index("class='beside'")
+    assert opened == ["step-1-3"] and section.index("Why it failed") < section.index("class='watching'")
     assert "&lt;where&gt;" in section and "<where>" not in section
 
 
@@ -300,7 +300,7 @@ def test_the_command_writes_pages(store: Path, tmp_path: Path, capsys: pytest.Ca
         (["kitchen_t9"], "there is no scene 'kitchen_t9'"),
         (["kitchen_t1", "--port", "70000"], "--port"),
         (["kitchen_t1", "--rerun"], "a folder with episodes"),
-        (["{empty}", "--episode", "a"], "--out or --rerun beside it"),
+        (["{empty}", "--episode", "a"], "--out or --rerun with it"),
     ],
 )
 def test_what_cannot_be_viewed_is_one_message(
