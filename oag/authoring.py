@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bddl
+from oag.compilation import compile_plan
 from oag.flows import CLOSE, OPEN, PLACE, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief, expected, shown
@@ -25,7 +26,6 @@ from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, State, assume_true, start_state, step
 from oag.primitives.table import Placement
-from oag.progression import compile_plan
 from oag.task_definition import SimpleTask, Task, default_goal, flow_of, formula_of, required_scene
 
 Verb = Literal["open", "close", "pick", "place"]

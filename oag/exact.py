@@ -19,13 +19,14 @@ from typing import NamedTuple
 
 import bddl
 from bddl.smt import FALSE, TRUE, Assumed, Script, Solver, SolverAnswer, conjunction, disjunction, negation, solve
+from oag.compilation import CompiledSubtask
 from oag.model.codec import short_repr
 from oag.model.scene import Scene
 from oag.model.symbols import ANY, EEF, HAND, NEAR, Condition, Fact, Value, condition_of, fact_text, satisfying_value
 from oag.primitives.cargo import NOTHING_CARRIED, RESTING, Carriage, closed, is_place, reached
 from oag.primitives.state import NEVER, START, Reader, State, scene_facts
 from oag.primitives.table import Clause, Needed, converse, with_consequences
-from oag.progression import Assumption, CompiledSubtask, Decision, Grade, Obligation, Step, Trace
+from oag.progression import Assumption, Decision, Grade, Obligation, Step, Trace
 from oag.task_definition import Task, label
 
 # Most assumed values in all questions about one plan: some seconds. Deciding for each unknown fact whether it is

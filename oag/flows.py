@@ -22,6 +22,7 @@ from typing import NamedTuple
 import bddl
 from bddl.ast import Quantified
 from bddl.terminal import pluralize
+from oag.compilation import CompiledSubtask, compile_plan, facts_read
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import short_repr
 from oag.model.diagnostics import Diagnostic
@@ -43,7 +44,7 @@ from oag.model.symbols import (
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import View, Window, assume_true, contradictions, facts_of, start_state, step, truth_of
 from oag.primitives.table import NAVIGATION, Needed, needed, placement_of
-from oag.progression import CompiledSubtask, Trace, compile_plan, facts_read
+from oag.progression import Trace
 from oag.task_definition import SimpleTask, Task, chosen_scene, subtask_place
 from oag.wellformed import check
 

@@ -20,6 +20,7 @@ from itertools import chain, count, islice
 from typing import Any, Literal, NamedTuple
 
 import bddl
+from oag.compilation import CompiledSubtask, compile_plan, facts_read
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
@@ -40,7 +41,6 @@ from oag.planning_estimate import Estimate
 from oag.primitives.cargo import RESTING, below
 from oag.primitives.state import State, View, Window, contradictions, start_state, step
 from oag.primitives.table import Needed, Placement, needed
-from oag.progression import CompiledSubtask, compile_plan, facts_read
 from oag.sizes import TO_THE_AIM, Gripper, Sizing
 from oag.task_definition import SimpleTask, Task, chosen_scene, formula_of, required_scene
 from oag.verify.fix_subtasks import closing, opening, picking, placing

@@ -33,10 +33,12 @@ from oag.model.symbols import (
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
 from oag.primitives.table import NAVIGATION, Placement, placement_of
-from oag.room import MOST_TURN_DEG, both_inside, drifts, heights_inside, stays_near
+from oag.room import can_be_inside, can_both_be_inside, drifts, stays_near
 from oag.sizes import Gripper, farthest_m, scale_factor, too_small
 from oag.task_definition import NO_TARGET, SimpleTask, Task, step_place, subtask_place
 
+# A parameter with one of these words in its name, such as `open_fraction`, shapes what opens.
+_JOINT_WORDS = frozenset(["door", "doors", "drawer", "drawers", "hinge", "hinges", "joint", "joints", "open"])
 # Other places of one mistake that are listed; further ones are only counted.
 _SHOWN_PLACES = 3
 # Most parts of a task's conditions with every quantifier spelled out; evaluating them takes milliseconds.
@@ -308,8 +310,8 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
 
 
 def _known_to_open(thing: SceneObject, scene: Scene) -> bool:
-    """Decide whether a category, the library's parameters or a fact of the scene says that something opens."""
-    if is_known(thing.category) or thing.parameters:
+    """Decide whether a category, a parameter of a joint or a fact of the scene says that something opens."""
+    if is_known(thing.category) or any(not _JOINT_WORDS.isdisjoint(name.split("_")) for name in thing.parameters):
         return True
     literals = (literal for fact in scene.facts for literal in bddl.literals(fact) or ())
     return any(literal.atom == bddl.Atom("open", (thing.id,)) for literal in literals)
@@ -389,7 +391,7 @@ def _check_room(found: _Findings) -> None:
     for index, (subtask, placement) in enumerate(zip(found.task.subtasks, found.placements, strict=True)):
         target = found.scene.objects[subtask.target]
         flow = () if subtask.flow is None else subtask.flow
-        near, item = stays_near(flow, near_m), target.kind is Kind.ITEM
+        near, item = stays_near(flow, near_m, found.scene.robot.model.swing_deg), target.kind is Kind.ITEM
         if near and not item:
             continue
         if not near:
@@ -426,7 +428,7 @@ def _contents(scene: Scene) -> dict[str, dict[str, None]]:
 def _check_inside(
     found: _Findings, index: int, thing: SceneObject, place: SceneObject, contents: dict[str, dict[str, None]]
 ) -> None:
-    """Report a thing that does not go into a place, or not beside what is in it; without sizes, nothing."""
+    """Report a thing that does not go into a place, or not together with what is in it; without sizes, nothing."""
     if not (thing.has_box and place.has_box):
         return
     vessel = place.kind is Kind.ITEM
@@ -434,7 +436,7 @@ def _check_inside(
     where = subtask_place(found.task, index)
     remedy = f"name something larger than {thing.id}"
     nests = has_rim(thing.category) and has_rim(place.category) and all(map(float.__le__, thing_m, place_m))
-    if not nests and not heights_inside(thing_m, place_m, open_top=vessel):
+    if not nests and not can_be_inside(thing_m, place_m, open_top=place.kind is not Kind.ARTICULATED):
         message = f"{thing.id} does not go into {place.id}: it measures {_cm(thing_m)}, and {place.id} {_cm(place_m)}"
         cause = ("room", thing.id, place.id)
         found.add("task/size", message, where, index, hint=f"{remedy}, or a smaller thing", cause=cause)
@@ -445,10 +447,10 @@ def _check_inside(
         if (
             other != thing.id
             and not has_rim(found.scene[other].category)
-            and not both_inside(thing_m, other_m, place_m)
+            and not can_both_be_inside(thing_m, other_m, place_m)
         ):
             message = (
-                f"{thing.id} does not go into {place.id} beside {other}: they measure {_cm(thing_m)} and "
+                f"{thing.id} does not go into {place.id} together with {other}: they measure {_cm(thing_m)} and "
                 f"{_cm(other_m)}, and {place.id} {_cm(place_m)}"
             )
             cause = ("room", thing.id, place.id)
@@ -465,7 +467,11 @@ def _cm(extent_m: tuple[float, ...]) -> str:
 
 
 def _check_drift(found: _Findings, index: int, subtask: SimpleTask, support: str | None) -> None:
-    """Report steps that reach for something that the base was driven or turned away from, by the flow's numbers."""
+    """Report steps that reach for something that the base was driven or turned away from, by the flow's numbers.
+
+    The base is taken to face what it arrived at, as far as the arm turns on it.
+    """
+    swing_deg = found.scene.robot.model.swing_deg
     reaching = (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)
     at = (*reaching, Primitive.UNGRASP) if support is not None else reaching
     for drift in drifts(subtask.flow or (), at):
@@ -476,9 +482,9 @@ def _check_drift(found: _Findings, index: int, subtask: SimpleTask, support: str
         wide, deep, _ = _size_m(found, found.scene.objects[name])
         most_m = farthest_m(found.scene.robot) + math.hypot(wide, deep)
         moved = f"moved {drift.distance_m:.3g} m" if drift.distance_m > most_m else ""
-        turned = f"turned by {drift.turn_deg:.3g} degrees" if drift.turn_deg > MOST_TURN_DEG else ""
+        turned = f"turned by {drift.turn_deg:.3g} degrees" if drift.turn_deg > swing_deg else ""
         if moved or turned:
-            bound = f"{most_m:.3g} m" if moved else f"{MOST_TURN_DEG:g} degrees"
+            bound = f"{most_m:.3g} m" if moved else f"{swing_deg:g} degrees, as far as the arm turns on the base,"
             message = f"{primitive.name} is out of reach of {name}: the base has {moved or turned} since it arrived"
             hint = f"at most {bound} leave {name} in reach: give smaller numbers, or navigate to it afterwards"
             found.add_step("flow/parameter", f"{message}", (index, drift.step), hint=hint, cause=("drift", str(index)))

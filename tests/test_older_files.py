@@ -12,6 +12,7 @@ import oag
 from executor.cli import app
 from executor.data.store import EpisodeStore
 from executor.envs.demonstration_replay import replay_episode
+from oag.primitives.table import library_sha
 
 WRITTEN = Path(__file__).parent / "data" / "written_by_0_1_0"
 
@@ -19,6 +20,15 @@ WRITTEN = Path(__file__).parent / "data" / "written_by_0_1_0"
 def test_a_certificate_is_confirmed() -> None:
     data = json.loads((WRITTEN / "certificate.json").read_text(encoding="utf-8"))
     assert oag.recheck(data).ok
+
+
+def test_a_certificate_that_is_wrong_for_another_reason_is_refused_by_that_reason() -> None:
+    data = json.loads((WRITTEN / "certificate.json").read_text(encoding="utf-8"))
+    data["links"] = data["links"][:-1]
+    result = oag.recheck(data)
+    assert not result.ok and "0.1.0" in result.reason and "carries" not in result.reason
+    data["library_sha"] = library_sha()
+    assert result.reason.startswith(f"by the present table of primitives, {oag.recheck(data).reason}; ")
 
 
 @pytest.mark.physics

@@ -78,10 +78,10 @@ def placed(ids: Sequence[str], word: str, scene: Scene) -> tuple[str, str] | Non
         return (heights[0 if level == "top" else -1], "from the top") if apart > MARGIN_M else None
     above = min(steps) > MARGIN_M and all(gap_m(one, two, scene) == 0.0 for one, two in pairwise(heights))
     across = sorted(ids, key=lambda key: -left_m(key, scene))
-    beside = max(steps) <= MARGIN_M and all(
+    abreast = max(steps) <= MARGIN_M and all(
         left_m(one, scene) - left_m(two, scene) > MARGIN_M for one, two in pairwise(across)
     )
-    order = heights if above else across if beside else []
+    order = heights if above else across if abreast else []
     place = len(order) // 2 if level == "middle" and len(order) % 2 else _PLACES.get(word)
     if place is None or not -len(order) <= place < len(order):
         return None

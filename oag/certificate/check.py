@@ -257,7 +257,7 @@ def recheck(certificate: Any) -> RecheckResult:
 
 def _outdated(version: str, problem: Rejected) -> str:
     return (
-        f"version {version} wrote it, which left what a thing carries where it was; by the present table {problem}: "
+        f"by the present table of primitives, {problem}; version {version} wrote it with an earlier table: "
         "verify the plan again"
     )
 

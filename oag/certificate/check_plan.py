@@ -1,7 +1,7 @@
 """The plan of a certificate, read and followed by the independent checker.
 
 The form is checked by the part of JSON Schema that `oag/certificate/certificate.schema.json` uses. Conditions are lists
-of literals, or formulas as the language prints them. Formulas are read strictly by a reader of its own: the formula,
+of literals, or formulas as the language prints them, which `formulas.py` reads strictly: the formula,
 printed again, must be the text, word by word. The plan is followed from its start: what is needed where, and what every
 step writes.
 
@@ -23,6 +23,7 @@ from typing import Any
 
 import bddl
 from bddl.grounding import count_ground_parts
+from oag.certificate.formulas import read_formula
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -239,16 +240,6 @@ def with_values(read: Reader, case: Mapping[Fact, Value]) -> Reader:
 # Parts that the formulas of a plan may have, with every quantifier spelled out over the objects.
 MOST_PARTS = 20_000
 
-_WORDS = re.compile(r"[()]|[^\s()]+")
-_CONNECTIVES: dict[str, Any] = {"not": bddl.Not, "imply": bddl.Imply}
-_QUANTIFIERS: dict[str, Any] = {
-    "forall": bddl.ForAll,
-    "exists": bddl.Exists,
-    "forn": bddl.ForN,
-    "forpairs": bddl.ForPairs,
-    "fornpairs": bddl.ForNPairs,
-}
-
 
 def needed_of(condition: Any) -> Needed:
     """Return the clauses of a list of [atom, value], or the formula of a text.
@@ -277,55 +268,6 @@ def check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
         if isinstance(condition, str) and "?" in condition:
             left -= count_ground_parts(read_formula(condition), objects, left)
             require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
-
-
-def read_formula(text: str) -> bddl.Formula:
-    """Return the formula of a text of any depth.
-
-    Raises:
-        ValueError: The text is not the printed form of any formula.
-
-    Example:
-        >>> read_formula("(exists (?x - cup) (not (inside ?x box_0)))")
-        <Exists (exists (?x - cup) (not (inside ?x box_0)))>
-    """
-    words = _WORDS.findall(text)
-    open_forms: list[list[Any]] = [[]]
-    try:
-        for word in words:
-            if word == "(":
-                open_forms.append([])
-            elif word == ")":
-                form = open_forms.pop()
-                open_forms[-1].append(_built(form))
-            else:
-                open_forms[-1].append(word)
-        ((formula,),) = open_forms
-    except (ValueError, TypeError, IndexError, AttributeError):
-        formula = None
-    if not isinstance(formula, bddl.Formula) or _WORDS.findall(str(formula)) != words:
-        raise ValueError(f"{text!r:.60} is no formula as the language prints it")
-    return formula
-
-
-def _built(form: list[Any]) -> Any:
-    """Return the formula of a form whose operands are formulas; parenthesised variables and numbers are kept."""
-    word, *rest = form
-    if word.startswith("?") or word.isdecimal():
-        return form
-    if word in ("and", "or"):
-        return (bddl.And if word == "and" else bddl.Or)(tuple(rest))
-    if word in _CONNECTIVES:
-        return _CONNECTIVES[word](*rest)
-    if word in _QUANTIFIERS:
-        count = {"count": int(rest.pop(0)[0])} if word in ("forn", "fornpairs") else {}
-        *binders, body = rest
-        names = [name.removeprefix("?") for variable, _, category in binders for name in (variable, category)]
-        return _QUANTIFIERS[word](*names, body, **count)
-    spec = bddl.PREDICATES.get(word)
-    if spec is None or spec.arity != len(rest):
-        raise ValueError(f"{word!r} is no predicate of {len(rest)} arguments")
-    return bddl.Atom(word, tuple(name.removeprefix("?") for name in rest))
 
 
 NEVER: tuple[int, Value] = (-1, None)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import bddl
 from bddl.grounding import count_ground_parts
 from oag.certificate.recheck import digest, plan_json, scene_json
+from oag.compilation import CompiledSubtask, compile_plan
 from oag.exact import given_run, unknown_since
 from oag.flows import NoFlow
 from oag.model.scene import Scene
@@ -25,7 +26,7 @@ from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, satisfy
 from oag.primitives.cargo import NOTHING_CARRIED, Starts, is_place
 from oag.primitives.state import NEVER, State, facts_of, scene_facts, step, truth_of
 from oag.primitives.table import Needed, converse, excluded, library_sha, needed, with_consequences
-from oag.progression import Assumption, CausalLink, CompiledSubtask, Obligation, Trace, compile_plan
+from oag.progression import Assumption, CausalLink, Obligation, Trace
 from oag.task_definition import Task
 
 # Most entries of a distinction times places of the plan: the time to follow the plan in every case.

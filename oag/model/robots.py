@@ -63,6 +63,7 @@ class Robot:
         elbow: How many of `arm_links` are near the mount. Those from `forearm` on are beyond the elbow. Links of one
             of these groups overlap by design.
         home: The arm's posture for driving [rad].
+        swing_deg: How far the arm turns on its mount from straight ahead, to either side.
         torques_nm: Of the arm's joints, at the description's size.
         wrist: How many of the arm's last joints are its wrist.
         chassis_m: Height of the base's top.
@@ -98,6 +99,7 @@ class Robot:
     elbow: int
     forearm: int
     home: tuple[float, ...]
+    swing_deg: float
     torques_nm: tuple[float, ...]
     wrist: int
     chassis_m: float
@@ -193,6 +195,7 @@ PAPER_ROBOT = Robot(
     elbow=5,
     forearm=3,
     home=(0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785),
+    swing_deg=166.0,
     torques_nm=(87.0,) * 4 + (12.0,) * 3,
     wrist=3,
     chassis_m=0.18,

@@ -21,7 +21,7 @@ Source: docs/semantics.md, States.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import Enum, IntEnum
 from functools import lru_cache
 from typing import Literal, NamedTuple
@@ -129,8 +129,14 @@ def _category_words(category: str) -> list[str]:
 def is_known(category: str) -> bool:
     """Decide whether a category has a word of a known kind; the kind of any other is a guess from its size."""
     known = _ARTICULATED | _SUPPORT | _ITEM
+    return any(word in known or word.removesuffix("s") in known for word in _nouns(category))
+
+
+def _nouns(category: str) -> Iterator[str]:
+    """Yield the words that may decide a category's kind: compounds that end it, then its words from the last one on."""
     words = _category_words(category)
-    return any(word in known or word.removesuffix("s") in known for word in ("".join(words), *words))
+    yield from ("".join(words[start:]) for start in range(len(words)))
+    yield from reversed(words)
 
 
 @lru_cache(maxsize=4096)
@@ -143,9 +149,7 @@ def kind_of(category: str, smaller_side_m: float) -> Kind:
 
     Source: the paper's object size adjustment (types A and B), extended by common relatives.
     """
-    words = _category_words(category)
-    compounds = ("".join(words[start:]) for start in range(len(words)))
-    for word in (*compounds, *reversed(words)):
+    for word in _nouns(category):
         for kind, known in ((Kind.ARTICULATED, _ARTICULATED), (Kind.SUPPORT, _SUPPORT), (Kind.ITEM, _ITEM)):
             if word in known or (word.endswith("s") and word[:-1] in known):
                 return kind

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property
-from itertools import islice
+from itertools import product
 from typing import NamedTuple
 
 from oag.model.symbols import ANY, GRIPPER, Fact, Value
@@ -24,7 +24,7 @@ _Writes = dict[Fact, Value]
 # Where an item rests, and relations that motion of an item makes unknown.
 RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
-# Beginnings of towers that are looked at, the lowest first: all of them where it is known what rests where.
+# Beginnings of towers that are continued, the lowest first: all of them where it is known what rests where.
 _MOST_TOWERS = 1_000
 
 
@@ -174,9 +174,14 @@ def circle(resting: Iterable[Fact]) -> tuple[Fact, ...]:
 
 
 def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, ...]]:
-    """Yield the ways in which a thing may stand on or in another: chains of facts that would all hold."""
+    """Yield the ways in which a thing may stand on or in another: chains of facts that would all hold.
+
+    Of towers that are too many to be listed, the first fact and the last one are yielded, which hold in each of them.
+    """
     pending: list[tuple[str, tuple[Fact, ...]]] = [(above, ())]
-    for name, path in islice(pending, _MOST_TOWERS):
+    riding = carriage.riding(below)
+    unfinished: dict[Fact, None] = {}
+    for name, path in pending:
         for relation, place in carriage.places_of(name):
             chain = (*path, (relation, name, place))
             # What is in a thing that is in another is in that one too, so that only the first may be inside.
@@ -184,8 +189,13 @@ def towers(carriage: Carriage, above: str, below: str) -> Iterator[tuple[Fact, .
                 continue
             if place == below:
                 yield chain
-            elif place in carriage.riding(below) and all(fact[1] != place for fact in path):
-                pending.append((place, chain))
+            elif place in riding and all(fact[1] != place for fact in path):
+                if len(pending) < _MOST_TOWERS:
+                    pending.append((place, chain))
+                else:
+                    unfinished[chain[0]] = None
+    last = [("ontop", name, below) for name in riding if unfinished and ("ontop", below) in carriage.places_of(name)]
+    yield from product(unfinished, last)
 
 
 class Starts:

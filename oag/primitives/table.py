@@ -418,7 +418,7 @@ _SAMPLE = Carriage(
     (("x", (("inside", "t"), ("ontop", "s"))), ("y", (("inside", "x"), ("ontop", "t"))), ("s", (("inside", "x"),))),
 )
 
-_UNSAID: dict[Fact, Value] = {}
+_NOTHING_KNOWN: dict[Fact, Value] = {}
 _ALL_SO: dict[Fact, Value] = {(place[0], name, place[1]): True for name, found in _SAMPLE.places for place in found}
 
 
@@ -437,7 +437,7 @@ def library_sha() -> str:
             digest.update(repr((row, table, numbered)).encode())
         loaded = context._replace(support_goal="x", carriage=_SAMPLE)
         for primitive, hand in product(Primitive, (holding("t"), holding("x"))):
-            moved = [cargo(primitive, loaded, hand, None, known.get) for known in (_ALL_SO, _UNSAID)]
+            moved = [cargo(primitive, loaded, hand, None, known.get) for known in (_ALL_SO, _NOTHING_KNOWN)]
             digest.update(repr((requirements(primitive, loaded, hand), moved)).encode())
     return digest.hexdigest()
 

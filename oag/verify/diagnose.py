@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import bddl
 from bddl.ast import Quantified
+from oag.compilation import compile_plan
 from oag.flows import NoFlow, no_flow_finding, searched_notes
 from oag.model.diagnostics import SCALES, TASK_GOAL, WRONG_ORDER, Diagnostic
 from oag.model.scene import Scene
@@ -45,7 +46,6 @@ from oag.progression import (
     RootFailure,
     Step,
     Trace,
-    compile_plan,
     producer_place,
 )
 from oag.sizes import planned_resizings

@@ -16,6 +16,7 @@ from typing import cast
 import bddl
 from bddl.terminal import pluralize
 from oag.certificate.write import Certificate, certify
+from oag.compilation import compile_plan
 from oag.exact import Counterexample, Undecided, counterexample, decide, needs_exact_decision, unroll
 from oag.flows import NoFlow, prove_no_flow
 from oag.model.codec import brief, shown
@@ -25,7 +26,7 @@ from oag.model.symbols import Condition, conjunction
 from oag.picture import drawing, html
 from oag.primitives.state import reset_reason, scene_facts, start_state
 from oag.primitives.table import needed
-from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace, compile_plan
+from oag.progression import NOTHING_DECIDED, CausalLink, Decision, Grade, Obligation, Trace
 from oag.task_definition import Task
 from oag.verify.edits import Fix
 from oag.verify.outcome import Missing, PlanState

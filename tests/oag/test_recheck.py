@@ -16,7 +16,8 @@ from tests.forgeries import REPLACEMENTS, VALIDATOR, claim_holds, rehashed, same
 from tests.framings import framings
 from tests.oag.paper import NAMES, invalid, task_json, verify
 
-SOURCES = [Path(__file__).parents[2] / "oag" / "certificate" / name for name in ("check.py", "check_plan.py")]
+ROOM = Path(__file__).parents[2] / "oag" / "certificate"
+SOURCES = [ROOM / name for name in ("check.py", "check_plan.py", "formulas.py")]
 TABLE = {"oag.model.symbols", "oag.primitives.cargo", "oag.primitives.table"}
 
 

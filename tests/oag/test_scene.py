@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import oag
-from oag.model.symbols import Kind, kind_of
+from oag.model.symbols import Kind, is_known, kind_of
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene
 
@@ -210,3 +210,10 @@ def test_a_turn_that_was_read_is_read_again_as_it_was(orientation: list[float]) 
     data = scene("T1").to_json()
     first = oag.Scene.from_json(altered(data, ("objects", "glass_0", "orientation"), orientation))
     assert oag.Scene.from_json(first.to_json()) == first
+
+
+@pytest.mark.parametrize(
+    "category", ["black_dust_bin", "dust_bin", "tall_coffee_tables", "fridge.n.01", "gadget", "red_gadget"]
+)
+def test_a_category_is_known_where_no_size_changes_its_kind(category: str) -> None:
+    assert is_known(category) is (kind_of(category, 0.01) is kind_of(category, 1.0))

@@ -94,6 +94,13 @@ def test_no_posture_of_the_arm_gets_beyond_the_longest_motions_of_its_hand(robot
     assert across_m is not None and 0.85 * across_m < np.ptp(hands_m[:, 1]) <= across_m
 
 
+@every_robot
+def test_the_arm_turns_on_its_mount_as_far_as_the_record_says(robot: Robot) -> None:
+    limit = joint(ET.fromstring(robot_xml(robot, visual=False)), robot.arm_joints[0]).find("limit")
+    ends_deg = np.degrees([numbers(limit, end)[0] for end in ("lower", "upper")])
+    assert np.abs(ends_deg) == pytest.approx([robot.swing_deg] * 2, abs=0.01)
+
+
 def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_its_front(physics: ET.Element) -> None:
     def boxes(name: str) -> list[tuple[np.ndarray, np.ndarray]]:
         link = next(link for link in physics.findall("link") if link.get("name") == name)

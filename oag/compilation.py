@@ -1,0 +1,82 @@
+"""Subtasks prepared for progression: what their conditions need, and the table of primitives for their objects.
+
+Source: docs/semantics.md, Knowledge and Primitives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from oag.model.actions import ActionFlow
+from oag.model.scene import Scene
+from oag.model.symbols import Fact, Kind
+from oag.primitives.state import Start, carriage_in, facts_of, scene_facts
+from oag.primitives.table import Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
+from oag.task_definition import SimpleTask
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledSubtask:
+    """A subtask prepared for progression: the primitives' table for its objects, its needs, and its actions."""
+
+    rows: Rows
+    init: Needed
+    goal: Needed
+    flow: ActionFlow | None
+
+    @property
+    def context(self) -> Context:
+        """The objects that the meaning of its primitives depends on."""
+        return self.rows.context
+
+
+def compile_plan(
+    subtasks: Sequence[SimpleTask], scene: Scene, stated: Start | None = None
+) -> tuple[CompiledSubtask, ...]:
+    """Return subtasks ready for progression; their targets must be in the scene.
+
+    `stated` has the statements of the scene, where they are known already.
+    """
+    items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
+    articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
+    tables: dict[Context, Rows] = {}
+    goals = [needed(subtask.goal) for subtask in subtasks]
+    placements = [
+        placement_among(goal, each.target) if isinstance(goal, tuple) else placement_of(goal, each.target)
+        for each, goal in zip(subtasks, goals, strict=True)
+    ]
+    placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
+    carriage = carriage_in(scene, scene_facts(scene) if stated is None else stated, placed)
+    compiled = []
+    for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
+        target = subtask.target
+        is_item = scene.objects[target].kind is Kind.ITEM
+        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels, carriage)
+        # Subtasks with the same objects share their table.
+        rows = tables.setdefault(context, Rows(context))
+        compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
+    return tuple(compiled)
+
+
+def articulated_ids(scene: Scene) -> tuple[str, ...]:
+    """Return the ids of the scene's articulated fixtures, in the scene's order."""
+    return tuple(key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED)
+
+
+def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mapping[str, str]) -> tuple[Fact, ...]:
+    """Return every world fact that the conditions and primitives of some subtasks, or a task goal, can read."""
+    facts: dict[Fact, None] = {}
+    for subtask in subtasks:
+        context = subtask.context
+        facts.update(dict.fromkeys((*facts_of(subtask.init, objects), *facts_of(subtask.goal, objects))))
+        for fixture in context.articulated:
+            facts.setdefault(("open", fixture))
+            if context.target_is_item:
+                facts.setdefault(("inside", context.target, fixture))
+        if not context.target_is_item:
+            facts.setdefault(("open", context.target))
+        for thing, places in context.carriage.places:
+            facts.update(dict.fromkeys((relation, thing, place) for relation, place in places))
+    facts.update(dict.fromkeys(facts_of(goal, objects)))
+    return tuple(facts)
