@@ -238,9 +238,10 @@ class _IntentBuilder:
 
     def _wished(self, command: Command, placed: bool) -> Mention:
         """Return the intents of a command; `placed` is whether the next command places its objects."""
-        sided = next((phrase for phrase in command.objects if phrase.towards), None)
+        spoken = (*command.objects, *(() if command.destination is None else (command.destination.phrase,)))
+        sided = next((phrase for phrase in spoken if phrase.towards), None)
         if sided is not None and command.kind in ("place", "nowhere", "toss"):
-            named = " ".join(sided.words)
+            named = " ".join(command.objects[0].words)
             problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
             raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
         source = self._source(command)
