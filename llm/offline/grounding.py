@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -189,6 +189,7 @@ def singulars(word: str) -> tuple[str, ...]:
     return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
 
 
+_WHERE = {"FROM": "on or in", "OUTOF": "in"}
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 
@@ -222,13 +223,20 @@ class Grounding:
         around = replace(Surroundings.of(scene, listed), sizing=sizing)
         return cls(around, Names.of(around, lexicon, entries))
 
-    def one(self, phrase: NounPhrase, source: Location | None = None, besides: Sequence[str] = ()) -> Grounded:
+    def one(
+        self,
+        phrase: NounPhrase,
+        source: Location | None = None,
+        avoided: Sequence[str] = (),
+        taken: Collection[str] = (),
+    ) -> Grounded:
         """Return the one object that a phrase names.
 
         Args:
             phrase: The phrase; of several objects that "a glass" names, the first will do.
             source: Where it is taken from.
-            besides: What "a glass" should rather not name, and where it should rather not stand already.
+            avoided: What "a glass" should rather not name, and where it should rather not stand already.
+            taken: What "a glass" cannot name, since an earlier "a glass" did.
         """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
@@ -238,25 +246,33 @@ class Grounding:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         ids, notes = self._narrowed(named, phrase, source)
         ids, more = self._on_side(ids, phrase)
+        if phrase.whichever:
+            ids = _left(ids, phrase, taken)
         if len(ids) > 1 and phrase.whichever:
-            ids, more = self._chosen(ids, 1, phrase, besides)
+            ids, more = self._chosen(ids, 1, phrase, avoided)
         if len(ids) > 1:
             problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(
-        self, phrase: NounPhrase, source: Location | None = None, besides: Sequence[str] = ()
+        self,
+        phrase: NounPhrase,
+        source: Location | None = None,
+        avoided: Sequence[str] = (),
+        taken: Collection[str] = (),
     ) -> tuple[Grounded, ...]:
         """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if not phrase.several and (not named.plural or phrase.whichever):
-            return (self.one(phrase, source, besides),)
+            return (self.one(phrase, source, avoided, taken),)
         ids, notes = self._narrowed(named, phrase, source)
         wanted = phrase.count
+        if phrase.whichever:
+            ids = _left(ids, phrase, taken)
         if wanted is not None and len(ids) > wanted and phrase.whichever:
-            ids, more = self._chosen(ids, wanted, phrase, besides)
+            ids, more = self._chosen(ids, wanted, phrase, avoided)
             notes = (*more, *notes)
         if wanted is not None and len(ids) > wanted:
             problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
@@ -266,18 +282,26 @@ class Grounding:
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
-    def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, besides: Sequence[str]) -> _Noted:
-        """Return as many objects as wanted of those that will do, with a note; those at other places come first."""
-        here = frozenset(besides)
-        ordered = sorted(ids, key=lambda key: (key in here, bool(here & {*map(_host, self.around.supports(key))})))
+    def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, avoided: Sequence[str]) -> _Noted:
+        """Return as many objects as wanted of those that will do, with a note.
+
+        Those at other places come first, and of the items those that carry nothing.
+        """
+        here, around = frozenset(avoided), self.around
+
+        def drawbacks(key: str) -> tuple[bool, bool, bool]:
+            carries = around.scene.objects[key].role == "B" and bool(around.cargo(key))
+            return key in here, bool(here & {*map(_host, around.supports(key))}), carries
+
+        ordered = sorted(ids, key=drawbacks)
         chosen = tuple(ordered[:wanted])
         others = alternatives(ordered[wanted:], ", ")
         return chosen, (f'any "{phrase}" will do: {enumeration(chosen)} is taken, and not {others}',)
 
-    def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def items(self, phrase: NounPhrase, source: Location | None, avoided: Sequence[str]) -> tuple[Grounded, ...]:
         """Return the items that "everything" means, without those that stand in or on another item."""
         scene = self.around.scene
-        own = {*besides, *(step.object_id for key in besides for step in self.around.chain(key))}
+        own = {*avoided, *(step.object_id for key in avoided for step in self.around.chain(key))}
         others = [key for key, thing in scene.objects.items() if thing.role == "B" and key not in own]
         ids = tuple(key for key in others if not any(s.object_id in others for s in self.around.supports(key)))
         notes: tuple[str, ...] = ()
@@ -286,7 +310,8 @@ class Grounding:
                 ids, more = self._held_by(ids, place)
                 notes += more
         if not ids:
-            where = next((f" {place}" for place in (phrase.location, source) if place is not None), "")
+            place = phrase.location or source
+            where = "" if place is None else f" {_WHERE.get(place.direction, place.preposition)} {place.phrase}"
             raise Refusal("already-so", f"there is nothing{where} to move")
         return tuple(Grounded(key, notes=notes) for key in ids)
 
@@ -295,16 +320,23 @@ class Grounding:
         if place.direction in REFERENCE_DIRECTIONS:
             return self._at(ids, place)
         named = self.one(place.phrase)
-        relation = _RELATION.get(place.direction)
         held = tuple(
             key
             for key in ids
-            if any(s.object_id == named.object_id and relation in (None, s.relation) for s in self.around.supports(key))
+            if any(s.object_id == named.object_id and self._is_at(s, place) for s in self.around.supports(key))
         )
         return held, named.notes
 
+    def _is_at(self, support: Support, place: Location) -> bool:
+        """Decide whether a preposition allows a relation: "from" and "in the middle of" allow both."""
+        if place.direction == "IN" and place.preposition in self.names.lexicon.loose:
+            return True
+        if place.direction == "OUTOF":
+            return support.relation == "inside" or not self.around.affordances[support.object_id].interior
+        return _RELATION.get(place.direction, support.relation) == support.relation
+
     def _grounded(self, object_id: str, named: Named, phrase: NounPhrase, more: tuple[str, ...]) -> Grounded:
-        notes = [*named.notes, *self._untold(named, (object_id,)), *more]
+        notes = [*named.notes, *self._unconfirmed(named, (object_id,)), *more]
         if named.passed_over:
             others = alternatives(named.passed_over, ", ")
             notes.append(f'"{named.name}" fits {object_id} best; {others} was passed over')
@@ -370,7 +402,7 @@ class Grounding:
                 ids = by_size(ids, word, self.around.scene)
         return ids
 
-    def _untold(self, named: Named, ids: Sequence[str]) -> tuple[str, ...]:
+    def _unconfirmed(self, named: Named, ids: Sequence[str]) -> tuple[str, ...]:
         """Return the notes on describing words that the scene does not confirm."""
         things = [self.around.scene.objects[key] for key in ids]
         decided = len(named.ids) > len(ids)
@@ -425,19 +457,16 @@ class Grounding:
         named = self._bearers(phrase, named_only=True)
         supports, notes = self._narrowed(named, phrase, None)
         supports, more = self._on_side(supports, phrase)
-        notes = (*named.notes, *self._untold(named, supports), *more, *notes)
+        notes = (*named.notes, *self._unconfirmed(named, supports), *more, *notes)
         if place.direction in REFERENCE_DIRECTIONS:
             fitting = referenced(ids, place.direction, supports, self.around.scene)
             if fitting:
                 return fitting, notes
             problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
             bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
-            raise Refusal("wrong-place", f"{problem}, seen from the robot's start", scene=bearings)
-        relation = _RELATION.get(place.direction)
+            raise Refusal("wrong-place", f"{problem}, as viewed from the robot's start", scene=bearings)
         fitting = tuple(
-            key
-            for key in ids
-            if any(s.object_id in supports and relation in (None, s.relation) for s in self.around.chain(key))
+            key for key in ids if any(s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key))
         )
         if fitting:
             return fitting, notes
@@ -445,7 +474,7 @@ class Grounding:
         stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
             "wrong-place",
-            f"{alternatives(ids)} is not {'on or in' if relation is None else place.preposition} "
+            f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
             f"{alternatives(supports)}: {stands}",
         )
 
@@ -456,6 +485,16 @@ class Grounding:
         if len(ids) == 1:
             return ids, _on_trust((phrase.side,), ids)
         return on_side(ids, phrase.side, self.around.scene), ()
+
+
+def _left(ids: tuple[str, ...], phrase: NounPhrase, taken: Collection[str]) -> tuple[str, ...]:
+    left = tuple(key for key in ids if key not in taken)
+    if not left:
+        problem = f'"{phrase}" speaks of another one than {enumeration(ids)}, and the scene has no other'
+        refusal = Refusal("several-objects", problem)
+        refusal.decides = True
+        raise refusal
+    return left
 
 
 def _host(support: Support) -> str:

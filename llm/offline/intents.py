@@ -178,6 +178,7 @@ class Refusal(Exception):
         understood: The understood part, or empty for the reading's own words.
         scene: Descriptions of relevant objects.
         instead: Intents that may have been meant; some of them may be infeasible too.
+        decides: Whether it says more than the refusals of other readings.
         in_vain: Whether the reading lacks a verb or a place, so that it could not have become a plan.
     """
 
@@ -196,12 +197,13 @@ class Refusal(Exception):
         self.understood = understood
         self.scene = tuple(scene)
         self.instead: tuple[Intent | Request, ...] = tuple(instead)
+        self.decides = False
         self.in_vain = False
 
     @property
-    def progress(self) -> tuple[bool, int]:
+    def progress(self) -> tuple[bool, bool, int]:
         """How far the reading got; larger values are more informative."""
-        return not self.in_vain, get_args(RefusalCode).index(self.code)
+        return not self.in_vain, self.decides, get_args(RefusalCode).index(self.code)
 
     @property
     def leaves_choice(self) -> bool:

@@ -7,7 +7,7 @@ state after those before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ from llm.offline.intents import (
     merge_repeated,
     order_for_one_hand,
 )
-from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Location, NounPhrase, Reading
+from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
 from llm.offline.viewpoint import start_gap_m
 
@@ -124,7 +124,6 @@ class Discourse:
         return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
 
 
-_WASTE = ("garbage_can", "basket", "box")
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
@@ -168,6 +167,11 @@ class _IntentBuilder:
     intents: list[Intent] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     reached: str | None = None
+    start: Surroundings = field(init=False)
+    taken: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.start = self.grounding.around
 
     def add(self, command: Command, following: Command | None) -> None:
         """Append the intents of the next command; the one after it may state where things go."""
@@ -191,12 +195,37 @@ class _IntentBuilder:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
             self.reached = None
-        self.intents += mention.intents
+        kept = {intent.target: intent for intent in mention.intents if command.stays and self._stays(intent)}
+        self.intents = [intent for intent in self.intents if intent.target not in kept]
+        if kept and not self.intents:
+            raise Refusal("already-so", f"{enumeration(kept)} stays where it is; there is nothing else to do")
+        self.notes += [
+            f"{key} stays {'in' if i.relation == 'inside' else 'on'} {i.destination}" for key, i in kept.items()
+        ]
+        self.intents += [intent for intent in mention.intents if intent.target not in kept]
         self.discourse.mentions.append(mention)
-        state = self.grounding.around
-        for intent in mention.intents:
+        state = self.start
+        for intent in self.intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
+
+    def _stays(self, intent: Intent) -> bool:
+        """Decide whether "but leave it there" takes a thing out of the wishes before it.
+
+        Raises:
+            Refusal: It contradicts them.
+        """
+        earlier = [
+            i for i in self.intents if i.target == intent.target and i.kind in (IntentKind.PICK, IntentKind.PLACE)
+        ]
+        if intent.kind is not IntentKind.PLACE or not earlier or earlier[-1] == intent:
+            return False
+        if self.start.fulfils(intent):
+            return True
+        if all(i.kind is IntentKind.PICK for i in earlier):
+            return False
+        problem = f"the wishes before it move {intent.target}, and it cannot stay where it is not: {intent}"
+        raise Refusal("wrong-place", problem, scene=[self.start.described(intent.target)])
 
     def _is_there(self, intent: Intent, place: str) -> bool:
         """Decide whether an intent is fulfilled at a place: about it, or about an object there."""
@@ -209,6 +238,12 @@ class _IntentBuilder:
 
     def _wished(self, command: Command, placed: bool) -> Mention:
         """Return the intents of a command; `placed` is whether the next command places its objects."""
+        spoken = (*command.objects, *(() if command.destination is None else (command.destination.phrase,)))
+        sided = next((phrase for phrase in spoken if phrase.towards), None)
+        if sided is not None and command.kind in ("place", "nowhere", "toss"):
+            named = " ".join(command.objects[0].words)
+            problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
+            raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
         source = self._source(command)
         targets, place = self._ends(command, source)
         if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
@@ -243,9 +278,8 @@ class _IntentBuilder:
     def _is_waste(self, key: str) -> bool:
         """Decide whether "throw" means putting a thing there."""
         names = self.grounding.names
-        return names.entries[self.grounding.around.scene.objects[key].category] in (
-            names.lexicon.categories.get(kind) for kind in _WASTE
-        )
+        entry = names.entries[self.grounding.around.scene.objects[key].category]
+        return entry is not None and entry.waste
 
     def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
         """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
@@ -284,13 +318,18 @@ class _IntentBuilder:
                 self._check_direction(command.destination, list(map(str, command.objects)), place)
             raise
 
-    def _targets(self, command: Command, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def _targets(self, command: Command, source: Location | None, avoided: Sequence[str]) -> tuple[Grounded, ...]:
         found: list[Grounded] = []
+        # "A knife and a knife" are two, and so are those of two wishes.
+        taken = set(self.taken) if command.kind not in ("open", "close") else set()
+        moved = tuple(intent.target for intent in self.intents if intent.kind is IntentKind.PLACE)
         for phrase in command.objects:
             try:
-                # "A knife and a knife" are two.
                 others = tuple(grounded.object_id for grounded in found) if phrase.whichever else ()
-                meant = self._target(command, phrase, source, (*besides, *others))
+                rather_not = (*avoided, *moved, *others) if phrase.whichever else avoided
+                meant = self._target(command, phrase, source, rather_not, {*taken, *others})
+                if phrase.whichever and command.kind not in ("open", "close", "pick"):
+                    self.taken.update(grounded.object_id for grounded in meant)
                 if command.kind == "open" and phrase.front is not None:
                     self._check_front(phrase, meant)
                 found += meant
@@ -301,7 +340,12 @@ class _IntentBuilder:
         return tuple({grounded.object_id: grounded for grounded in found}.values())
 
     def _target(
-        self, command: Command, phrase: NounPhrase, source: Location | None, besides: Sequence[str]
+        self,
+        command: Command,
+        phrase: NounPhrase,
+        source: Location | None,
+        avoided: Sequence[str],
+        taken: Collection[str],
     ) -> tuple[Grounded, ...]:
         is_door = command.kind in ("open", "close")
         if phrase.pronoun:
@@ -316,8 +360,8 @@ class _IntentBuilder:
                 return self.grounding.every(phrase)
             return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
-            return self.grounding.items(phrase, source, besides)
-        return self.grounding.every(phrase, source, besides)
+            return self.grounding.items(phrase, source, avoided)
+        return self.grounding.every(phrase, source, avoided, taken)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
         """Note that opening an object opens one door or drawer of it, or raise the refusal of opening all."""
@@ -363,13 +407,15 @@ class _IntentBuilder:
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = (step.object_id for key in targets for step in self.grounding.around.supports(key))
-            return self.grounding.one(place.phrase, besides=(*targets, *hosts))
+            return self.grounding.one(place.phrase, avoided=(*targets, *hosts))
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:
             can = affordances[key]
             carries = can.surface or can.top
             wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": carries, "ON": carries}
+            if place.direction == "IN" and place.preposition in self.grounding.names.lexicon.loose:
+                wanted = {}
             return key not in targets and wanted.get(place.direction, can.interior or can.surface)
 
         if not self.discourse.mentions and place.phrase.words == ("there",):
@@ -381,12 +427,14 @@ class _IntentBuilder:
         where = destination.object_id
         both = [Request(_placings(targets, relation, where)) for relation in RELATIONS]
         self._check_direction(place, targets, destination)
+        can = self.grounding.around.affordances[where]
         if place.direction in ("INTO", "IN"):
+            if place.preposition in self.grounding.names.lexicon.loose and can.surface and not can.interior:
+                return "ontop"
             if destination.by_surface:
                 problem = f'"{place.phrase}" names the top of {where}, which has no interior'
                 raise Refusal("affordance", problem, instead=both)
             return "inside"
-        can = self.grounding.around.affordances[where]
         if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
             return "ontop"
         if can.interior and can.surface:
@@ -411,17 +459,17 @@ class _IntentBuilder:
 
     def _clear(self, command: Command, *, guess: bool) -> Mention:
         phrase = command.objects[0]
-        if phrase.pronoun:
-            cleared = Grounded(self._holder_spoken_of(phrase))
-        elif phrase.everything and phrase.location is not None:
-            cleared = self.grounding.one(phrase.location.phrase)
-        else:
-            cleared = self.grounding.one(phrase)
+        direction: Direction = "FROM"
+        held_at = phrase.location if phrase.everything else None
+        if held_at is not None:
+            phrase, direction = held_at.phrase, held_at.direction
+        cleared = Grounded(self._holder_spoken_of(phrase)) if phrase.pronoun else self.grounding.one(phrase)
         can = self.grounding.around.affordances[cleared.object_id]
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
         place = None if command.destination is None else self._destination(command.destination)
-        source = Location("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
+        direction = "ON" if cleared.by_surface else direction
+        source = Location(direction, NounPhrase((cleared.object_id,)), direction.lower())
         held = self.grounding.items(NounPhrase(("everything",)), source, () if place is None else (place.object_id,))
         ids = [grounded.object_id for grounded in held]
         self.notes += cleared.notes
@@ -434,7 +482,7 @@ class _IntentBuilder:
     def _anywhere(self, ids: Sequence[str], cleared: Grounded, *, guess: bool = True) -> tuple[Intent, ...]:
         """Return the intents that put objects at the only other place for them, or at their usual places."""
         around = self.grounding.around
-        choices = places_for(ids, around, besides=(cleared.object_id,))
+        choices = places_for(ids, around, avoided=(cleared.object_id,))
         if len(choices) != 1:
             usual = {key: self._usual_place(key, cleared.object_id) if guess else None for key in ids}
             if all(usual.values()):
@@ -446,14 +494,14 @@ class _IntentBuilder:
         self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
         return intents
 
-    def _usual_place(self, key: str, besides: str = "") -> Intent | None:
+    def _usual_place(self, key: str, avoided: str = "") -> Intent | None:
         """Return the intent that puts an object where people usually keep its kind; None without such a place."""
         around, names = self.grounding.around, self.grounding.names
         entry = names.entries[around.scene.objects[key].category]
         for relation, kind in names.lexicon.usual_places(entry):
             for place, thing in around.scene.objects.items():
                 intent = Intent(IntentKind.PLACE, key, relation, place)
-                if names.entries[thing.category] is kind and place != besides and is_possible(intent, around):
+                if names.entries[thing.category] is kind and place != avoided and is_possible(intent, around):
                     return intent
         return None
 
@@ -534,16 +582,26 @@ class _IntentBuilder:
             *_placings((carrier.object_id,), relation, place.object_id),
         )
 
+    def _nested(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put things into each other, the largest one outside."""
+        ids = self._by_footprint(self._things(command))
+        if len(ids) < 2:
+            raise Refusal("several-objects", f"at least two things go into each other, and it names {enumeration(ids)}")
+        return tuple(Intent(IntentKind.PLACE, inner, "inside", outer) for outer, inner in pairwise(ids))
+
+    def _by_footprint(self, ids: Sequence[str]) -> list[str]:
+        objects = self.grounding.around.scene.objects
+        return sorted(ids, key=lambda key: -math.prod(objects[key].extent_m[:2]))
+
     def _stacked(self, command: Command) -> tuple[Intent, ...]:
         """Return the intents that put things onto each other, the largest one lowest."""
-        around = self.grounding.around
         if command.destination is None:
             place, ids = None, self._things(command)
         else:
             targets, place = self._ends(command, None)
             ids = [grounded.object_id for grounded in targets]
             self.notes += [note for one in (*targets, *((place,) if place else ())) for note in one.notes]
-        ids.sort(key=lambda key: -math.prod(around.scene.objects[key].extent_m[:2]))
+        ids = self._by_footprint(ids)
         intents: list[Intent] = []
         if place is not None and command.destination is not None:
             relation = self._relation(command.destination, ids[:1], place)
@@ -570,10 +628,13 @@ class _IntentBuilder:
         """Return the intents that put things onto what is nearest to where the robot starts: nothing can be handed."""
         around = self.grounding.around
         ids = self._things(command, self._source(command))
+        names = self.grounding.names
+        grounds = [category for category, entry in names.entries.items() if entry is not None and entry.ground]
         tops = [
-            key for key, thing in around.scene.objects.items() if thing.role == "A" and around.affordances[key].surface
+            key
+            for key, thing in around.scene.objects.items()
+            if thing.role == "A" and around.affordances[key].surface and thing.category not in grounds
         ]
-        tops = [key for key in tops if around.scene.objects[key].category.rsplit("_", 1)[-1] != "floor"]
         if not tops:
             raise Refusal("missing-place", "nothing can be handed over, and no surface is near the robot's start")
         nearest = min(tops, key=lambda key: start_gap_m(key, around.scene))
@@ -589,6 +650,7 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
     "swap": _IntentBuilder._swapped,
     "loaded": _IntentBuilder._loaded,
     "stack": _IntentBuilder._stacked,
+    "nest": _IntentBuilder._nested,
     "unstack": _IntentBuilder._unstacked,
     "bring": _IntentBuilder._brought,
     "tidy": _IntentBuilder._tidied,

@@ -16,7 +16,7 @@ from llm.offline.intents import FRONTS, PREPOSITION, Affordances, Relation, fron
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
-_DROPPED = ("courtesy", "manner")
+_DROPPED = ("courtesy", "manner", "rooms")
 _SIGNS = ("which", "people", "foreign")
 _COUNTERS = ("units", "vessels", "anything")
 _AFTER_THE_NOUN = frozenset({"with", "of", "for", "without"})
@@ -31,11 +31,16 @@ class LexiconError(LlmError):
 
 @dataclass(frozen=True, slots=True)
 class Category:
-    """One category: all its names, those of its top such as "countertop", and what can be done with it."""
+    """One category: all its names, those of its top such as "countertop", and what can be done with it.
+
+    `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
+    """
 
     names: tuple[str, ...]
     surface_names: frozenset[str]
     affordances: Affordances
+    waste: bool = False
+    ground: bool = False
     compact: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -58,6 +63,7 @@ class Lexicon:
         terminals: Phrase (lower case, single blanks) -> terminal of the grammar.
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
+        rooms: The same, where they name the room.
         loose: Prepositions that name a part of a place, which is dropped with a note.
         descriptions: Words that may stand before a name without changing its meaning.
         which: Words that select one of several, such as "second", and that no scene can resolve.
@@ -74,6 +80,7 @@ class Lexicon:
     terminals: Mapping[str, str]
     courtesy: frozenset[str]
     manner: frozenset[str]
+    rooms: frozenset[str]
     descriptions: frozenset[str]
     which: frozenset[str]
     people: frozenset[str]
@@ -224,7 +231,8 @@ def _category(key: str, entry: Any) -> Category:
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
-    return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances)
+    kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground")}
+    return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances, **kind)
 
 
 def _usual(entry: Any, categories: Mapping[str, Any]) -> Usual:

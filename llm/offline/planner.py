@@ -47,6 +47,7 @@ _VERBS = {
     "TAKE": IntentKind.PICK,
     "PUT": IntentKind.PLACE,
     "CLEAR": IntentKind.PLACE,
+    "EMPTY": IntentKind.PLACE,
     "TIDY": IntentKind.PLACE,
 }
 # Wishes about one object, and the verb that asks for them.
@@ -281,7 +282,8 @@ def _assumed(intent: Intent, state: Surroundings, opened: Collection[str]) -> li
         notes.append(f"{destination} is open and is left as it was found")
     cargo = () if intent.kind.is_about_a_door else state.cargo(intent.target)
     if cargo:
-        notes.append(f"{', '.join(cargo)} stands in or on {intent.target} and moves along with it")
+        stand, move = ("stands", "moves") if len(cargo) == 1 else ("stand", "move")
+        notes.append(f"{enumeration(cargo)} {stand} in or on {intent.target} and {move} along with it")
     return notes
 
 

@@ -19,17 +19,17 @@ from llm.offline.lexicon import Lexicon, built_in
 from oag.phrasing import rephrasings
 
 CommandKind = Literal[
-    "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "unstack", "bring", "tidy",
-    "toss", "loaded",
+    "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
+    "tidy", "toss", "loaded",
 ]  # fmt: skip
-# Terminal of the preposition: TO and FROM do not distinguish inside and on top. Those of the second line distinguish
-# objects, but no plan can achieve them.
+# Terminal of the preposition: TO and FROM do not distinguish inside and on top; OUTOF does where there is an interior.
+# Those of the second line distinguish objects, but no plan can achieve them.
 Direction = Literal[
-    "INTO", "IN", "ONTO", "ON", "TO", "FROM",
-    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "BESIDE",
+    "INTO", "IN", "ONTO", "ON", "TO", "FROM", "OUTOF",
+    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST",
 ]  # fmt: skip
 REFERENCE_DIRECTIONS: frozenset[Direction] = frozenset(
-    {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "BESIDE"}
+    {"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "ABOVE", "BEHIND", "INFRONT", "AGAINST"}
 )
 # Selects one of several similar objects, from the robot's viewpoint at its start.
 Side = Literal["left", "right", "nearest", "farthest"]
@@ -46,11 +46,14 @@ _INDEFINITE = frozenset({"TWO", "THREE", "FOUR"})
 _SIDES: dict[str, Side] = {
     "LEFT": "left",
     "ONLEFT": "left",
+    "TOLEFT": "left",
     "RIGHT": "right",
     "ONRIGHT": "right",
+    "TORIGHT": "right",
     "NEAREST": "nearest",
     "FARTHEST": "farthest",
 }
+_TOWARDS = frozenset({"TOLEFT", "TORIGHT"})
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
@@ -83,6 +86,7 @@ class NounPhrase:
         everything: Whether all items are meant, whatever they are called ("everything on the table").
         pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
+        towards: Whether the side may be where it shall go ("the glass to the left").
     """
 
     words: tuple[str, ...]
@@ -97,6 +101,7 @@ class NounPhrase:
     everything: bool = False
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
+    towards: bool = False
 
     @property
     def front(self) -> Front | None:
@@ -129,6 +134,7 @@ class Command:
         source: Where the object is to be taken from; for "loaded", whether the others go in or on the first one.
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
+        stays: Whether its objects stay as they are, as in "but leave the mug on the table".
     """
 
     kind: CommandKind
@@ -136,6 +142,7 @@ class Command:
     source: Location | None = None
     destination: Location | None = None
     verbless: bool = False
+    stays: bool = False
 
     def __str__(self) -> str:
         verbs = {
@@ -147,6 +154,7 @@ class Command:
             "tidy": "tidy up",
             "toss": "throw ",
             "loaded": "load and put ",
+            "nest": "put into each other ",
         }
         verb = verbs.get(self.kind, f"{self.kind} ")
         verb = "" if self.verbless else verb
@@ -216,8 +224,13 @@ def _parser() -> Callable[[Sequence[TaggedWord]], Any]:
 
 def _reading(tree: Any) -> Reading:
     commands: list[Command] = []
-    for child in _subtrees(tree):
-        command = _command(child)
+    stays = False
+    for child in tree.children:
+        if not _is_tree(child):
+            stays = child.type == "STAY"
+            continue
+        command = replace(_command(child), stays=stays)
+        stays = False
         if child.data == "also" and commands:
             # "... then the banana": where the thing before it went.
             command = replace(command, destination=commands[-1].destination)
@@ -248,6 +261,9 @@ def _command(tree: Any) -> Command:
             objects = (*objects, *_phrases(child))
         else:
             objects = (*objects, _phrase(child))
+    emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
+    if kind == "clear" and emptied and not objects[0].everything:
+        objects = (_contents(objects[0]),)
     if kind == "hold":
         where = objects[0].location
         if where is None or where.direction not in REFERENCE_DIRECTIONS:
@@ -287,25 +303,36 @@ def _phrase(tree: Any) -> NounPhrase:
     if rule == "everything":
         return NounPhrase(texts, location=location, several=True, everything=True)
     if rule == "contents":
-        return NounPhrase(
-            ("everything",), (), Location("FROM", _phrase(parts[-1]), "in"), several=True, everything=True
-        )
+        return _contents(_phrase(parts[-1]))
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
     count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
-    whichever = "A" in types or some_number or (rule == "one_of" and not texts[0].startswith("some"))
+    whichever = "A" in types or some_number or "ONE" in types
     if rule == "several":
         return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
     owner = next(owners, None)
-    one_of = rule == "one_of"
     return NounPhrase(
-        words, states, location, owner, door, several, count, one_of=one_of, whichever=whichever, side=side
+        words,
+        states,
+        location,
+        owner,
+        door,
+        several,
+        count,
+        one_of=rule == "one_of",
+        whichever=whichever,
+        side=side,
+        towards=bool(_TOWARDS & set(types)),
     )
+
+
+def _contents(place: NounPhrase) -> NounPhrase:
+    return NounPhrase(("everything",), (), Location("OUTOF", place, "in"), several=True, everything=True)
 
 
 def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:
@@ -380,11 +407,10 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                     terminal = "WORD"
                 if phrase in lexicon.loose:
                     manner.append(phrase)
-                if terminal == "THEN" and phrase in lexicon.which and tokens and tokens[-1].terminal == "DETERMINER":
-                    # "The first glass".
-                    terminal = "WORD"
+                if terminal == "FIRST":
+                    terminal = _as_first(phrase, tokens, following, lexicon)
                 tokens.append(TaggedWord(terminal, phrase))
-            elif phrase in lexicon.manner:
+            elif phrase in lexicon.manner or phrase in lexicon.rooms:
                 manner.append(phrase)
             elif length == 1 and phrase not in lexicon.courtesy:
                 tokens.append(TaggedWord(_PUNCTUATION.get(phrase, "POSSESSIVE" if phrase == "'s" else "WORD"), phrase))
@@ -407,6 +433,17 @@ _IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
 _BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
 
 
+def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon: Lexicon) -> str:
+    """Return the terminal of "first": a part of a name, nothing more than "then", or a limit that no rule reads."""
+    if phrase in lexicon.which and before and before[-1].terminal == "DETERMINER":
+        # "The first glass".
+        return "WORD"
+    opens = all(token.terminal in _ENDS for token in before)
+    ends = not following or _PUNCTUATION.get(following, lexicon.terminals.get(following)) in _ENDS
+    only = not any(token.terminal in _ENDS for token in before)
+    return "THEN" if opens or (ends and only) else "LIMIT"
+
+
 def _is_named(piece: str, lexicon: Lexicon) -> bool:
     """Decide whether a word can belong to the name of a thing: unknown words, "drawer", and what stands before it."""
     others = piece in lexicon.courtesy or lexicon.terminals.get(piece, "WORD") not in _IN_NAMES
@@ -415,7 +452,7 @@ def _is_named(piece: str, lexicon: Lexicon) -> bool:
 
 def _begins_a_name(phrase: str, following: str, lexicon: Lexicon) -> bool:
     """Decide whether a phrase about the room is none: in "the kitchen table" and "in the kitchen drawer"."""
-    is_room = lexicon.terminals.get(phrase) == "ROOM" or (phrase in lexicon.manner and phrase.startswith("in the "))
+    is_room = lexicon.terminals.get(phrase) == "ROOM" or phrase in lexicon.rooms
     return is_room and _is_named(following, lexicon)
 
 

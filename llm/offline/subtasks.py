@@ -190,13 +190,13 @@ def with_a_free_hand(request: Request, around: Surroundings) -> list[Request]:
     return [wish for wish in found if is_possible(wish, around)]
 
 
-def places_for(targets: Sequence[str], around: Surroundings, besides: Sequence[str] = ()) -> list[Request]:
+def places_for(targets: Sequence[str], around: Surroundings, avoided: Sequence[str] = ()) -> list[Request]:
     """Return requests that put all objects at one fixture of the scene, each a different fixture."""
     requests = [
         Request(tuple(Intent(IntentKind.PLACE, target, relation, place) for target in targets))
         for place, thing in around.scene.objects.items()
         for relation in RELATIONS
-        if thing.role == "A" and place not in besides
+        if thing.role == "A" and place not in avoided
     ]
     return [request for request in requests if is_possible(request, around)]
 

@@ -60,7 +60,7 @@ def test_an_unknown_category_has_no_entry() -> None:
     ("query", "tokens"),
     [
         ("Pick up the cup!", "PICK DETERMINER WORD STOP"),
-        ("take the glass OUT OF the fridge", "TAKE DETERMINER WORD FROM DETERMINER WORD"),
+        ("take the glass OUT OF the fridge", "TAKE DETERMINER WORD OUTOF DETERMINER WORD"),
         ("the refrigerator\u2019s door", "DETERMINER WORD POSSESSIVE DOOR"),
         ("put glass_0 on top of table_0", "PUT WORD ON WORD"),
         ("a drinking-glass", "A WORD WORD"),

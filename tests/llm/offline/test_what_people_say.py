@@ -130,3 +130,44 @@ def test_a_size_decides_where_the_difference_is_clear(sizes_m: list[float]) -> N
     largest, second = sorted(((size_m * size_m * 0.1) ** (1 / 3) for size_m in sizes_m), reverse=True)[:2]
     clear = largest >= 1.15 * second
     assert by_size(ids, "big", scene) == ((f"drawer_{sizes_m.index(max(sizes_m))}",) if clear else ids)
+
+
+def _cabinet() -> Scene:
+    """A cabinet with one apple inside and one on its top, and a table."""
+    things = {
+        "cabinet_0": ("cabinet", [2.0, 0.0, 0.4], [0.8, 0.6, 0.8]),
+        "table_0": ("table", [0.0, 2.0, 0.35], [0.8, 1.4, 0.7]),
+        "apple_0": ("apple", [2.0, 0.0, 0.2], [0.05, 0.05, 0.05]),
+        "apple_1": ("apple", [2.0, 0.0, 0.83], [0.05, 0.05, 0.05]),
+    }
+    objects = {
+        key: {"category": category, "position": place, "bbox_extent": size}
+        for key, (category, place, size) in things.items()
+    }
+    facts = ["(inside apple_0 cabinet_0)", "(ontop apple_1 cabinet_0)", "(open cabinet_0)"]
+    return Scene.from_json(
+        {"name": "one cabinet", "objects": objects, "facts": facts, "closed": ["ontop", "inside", "open"]}
+    )
+
+
+@pytest.mark.parametrize(
+    ("query", "moved"),
+    [
+        ("empty the cabinet onto the table", {"apple_0"}),
+        ("unload the cabinet", {"apple_0"}),
+        ("put the contents of the cabinet on the table", {"apple_0"}),
+        ("take everything out of the cabinet and put it on the table", {"apple_0"}),
+        ("take the apple out of the cabinet and put it on the table", {"apple_0"}),
+        ("take everything off the cabinet and put it on the table", {"apple_0", "apple_1"}),
+        ("put everything from the cabinet on the table", {"apple_0", "apple_1"}),
+        ("clear the cabinet onto the table", {"apple_0", "apple_1"}),
+    ],
+)
+def test_out_of_a_thing_means_what_is_inside_it(query: str, moved: set[str]) -> None:
+    goal = conjuncts(llm.propose(query, _cabinet()).task.goal)
+    assert {key for key in ("apple_0", "apple_1") if any(f" {key} table_0" in text for text in goal)} == moved
+
+
+def test_several_things_that_move_along_are_named_in_the_plural() -> None:
+    notes = llm.propose("put the salt and the apple in the bowl and put the bowl on the counter", FLAT).notes
+    assert "salt_shaker_0 and apple_0 stand in or on bowl_0 and move along with it" in notes
