@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -146,11 +147,11 @@ def test_train_goes_on_and_evaluate_counts(
 def test_an_evaluation_is_of_the_weights_that_act(tmp_path: Path) -> None:
     def keys() -> list[str]:
         training = SimpleNamespace(training=SimpleNamespace(steps=5))
-        actors = [
+        actors: list[Any] = [
             SimpleNamespace(folder=str(tmp_path), step=step, record=SimpleNamespace(settings=training))
             for step in (3, 5)
         ]
-        return [_weights_key(actor) for actor in actors]  # type: ignore[arg-type]
+        return [_weights_key(actor) for actor in actors]
 
     (tmp_path / "steps").mkdir()
     for name in ("policy.json", "weights.safetensors", "steps/000003.safetensors"):
