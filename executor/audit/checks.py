@@ -18,7 +18,8 @@ from executor.assets.library import asset_hash
 from executor.audit.decision import TILT_DEG, decide
 from executor.audit.geometry import ROBOT, Snapshot
 from executor.data.units import DemoUnit
-from executor.geometry import transform_from_quaternion
+from executor.geometry import pose_vector, transform_from_quaternion
+from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
 from llm import QueryError
 from llm.offline.lexicon import built_in
@@ -102,9 +103,17 @@ class Recorded:
         return bytes(self.states[row].tobytes())
 
 
-def end(recorded: Recorded, world: World) -> Iterator[Finding]:
-    """Decide success again: at the last state, whether it is at rest, and three seconds later."""
-    first, last = Snapshot(world, recorded.state(0)), Snapshot(world, recorded.state(-1))
+def end(recorded: Recorded, world: World, scene_start: bytes) -> Iterator[Finding]:
+    """Decide success again: at the last state, whether it is at rest, and three seconds later.
+
+    Args:
+        recorded: The episode.
+        world: A world of its scene; its state is replaced.
+        scene_start: Packed state that the scene is built in.
+    """
+    # A takeover may begin with the thing in the hand: how high it was is of the scene's start.
+    began = scene_start if recorded.begins_midway else recorded.state(0)
+    first, last = Snapshot(world, began), Snapshot(world, recorded.state(-1))
     goal, scene, succeeded = recorded.task.goal, recorded.scene, recorded.meta["ended"] == "succeeded"
     found = decide(goal, scene, first, last)
     words = ", ".join(found.missing)
@@ -127,7 +136,7 @@ def end(recorded: Recorded, world: World) -> Iterator[Finding]:
     if after.value is not True:
         yield Finding("unstable", f"{AFTER_S:g} s after its end no longer holds: {', '.join(after.missing)}")
     for name, moved_m in _moved(last, later).items():
-        if moved_m > STAYS_M:
+        if not moved_m <= STAYS_M:
             yield Finding("unstable", f"{name} moves by {100 * moved_m:.1f} cm in the {AFTER_S:g} s after its end")
 
 
@@ -135,10 +144,10 @@ def _moving(goal: bddl.Formula, last: Snapshot) -> Iterator[Finding]:
     named = {name for atom in bddl.atoms(goal) for name in atom.args}
     for name in sorted(named & set(last.speeds)):
         linear, angular = last.speeds[name]
-        if linear > STILL_M_S or angular > STILL_RAD_S:
+        if not (linear <= STILL_M_S and angular <= STILL_RAD_S):  # So that what is no number is found, here and below.
             yield Finding("moving", f"{name} moves by {linear:.2f} m/s and {angular:.2f} rad/s in the last state")
     for name in sorted(named & set(last.joint_speeds)):
-        if last.joint_speeds[name] > STILL_RAD_S:
+        if not last.joint_speeds[name] <= STILL_RAD_S:
             yield Finding("moving", f"a joint of {name} moves by {last.joint_speeds[name]:.2f} in the last state")
 
 
@@ -153,7 +162,7 @@ def start(recorded: Recorded, world: World) -> Iterator[Finding]:
     if decide(recorded.task.goal, scene, first, first).value:
         yield Finding("start-goal", "its goal holds in its first state already")
     for pair, touch in first.touches.items():
-        if touch.separation_m < -OVERLAP_M:
+        if not touch.separation_m >= -OVERLAP_M:
             names = " and ".join(sorted(pair))
             yield Finding("start-overlap", f"{names} overlap by {-1e3 * touch.separation_m:.0f} mm in its first state")
     if not recorded.begins_midway:
@@ -163,7 +172,7 @@ def start(recorded: Recorded, world: World) -> Iterator[Finding]:
         world.step()
     for name, moved_m in _moved(first, Snapshot(world, world.pack())).items():
         # What the robot holds or nudges in that time moves by it.
-        if moved_m > START_MOVES_M and not first.is_touched(ROBOT, name):
+        if not moved_m <= START_MOVES_M and not first.is_touched(ROBOT, name):
             words = f"{name} falls, slides or is pushed out by {100 * moved_m:.1f} cm after its first state"
             yield Finding("start-moves", words)
 
@@ -173,33 +182,63 @@ def _as_in_the_scene(scene: Scene, first: Snapshot) -> Iterator[Finding]:
         thing = scene.objects[name]
         T = transform_from_quaternion(thing.position, thing.orientation)
         off_m = float(np.linalg.norm(first.poses[name][:3, 3] - T[:3, 3]))
-        if off_m > ELSEWHERE_M:
+        if not off_m <= ELSEWHERE_M:
             yield Finding("start-elsewhere", f"{name} is {100 * off_m:.0f} cm off its place in the scene at the start")
         leans_deg = float(np.degrees(np.arccos(np.clip(first.poses[name][:3, 2] @ T[:3, 2], -1.0, 1.0))))
-        if leans_deg > TILT_DEG and not first.is_ball(name):
+        if not leans_deg <= TILT_DEG and not first.is_ball(name):
             yield Finding("start-fallen", f"{name} leans by {leans_deg:.0f} degrees from the scene at the start")
 
 
 def states(recorded: Recorded, world: World) -> Iterator[Finding]:
     """Check that the columns are those of the states, and that nothing jumps from one sample to the next."""
-    arrays, names = recorded.arrays, list(recorded.meta["object_ids"])
+    arrays, names, joints = recorded.arrays, list(recorded.meta["object_ids"]), list(recorded.meta["joint_ids"])
     count = len(recorded.states)
     if count != int(recorded.meta["samples"]) or count < 2:
         yield Finding("states", f"it has {count} states, and says {recorded.meta['samples']} samples")
         return
-    poses, speeds = np.empty((count, len(names), 3)), np.empty((count, len(names)))
     bodies = {body.entity.name: body for body in world.sapien_scene.physx_system.rigid_dynamic_components}
+    named = {"objects": (set(names), set(bodies)), "joints": (set(joints), set(world.articulated_ids))}
+    for what, (said, there) in named.items():
+        if said != there:
+            yield Finding("states", f"its {what} and those of its scene differ: {', '.join(sorted(said ^ there))}")
+            return
+    poses, speeds = np.empty((count, len(names), 3)), np.empty((count, len(names)))
+    hand = Kinematics(world.robot, world.model)
     for row in range(count):
         world.unpack(recorded.state(row))
         for place, name in enumerate(names):
             poses[row, place] = bodies[name].entity.pose.p
             speeds[row, place] = np.linalg.norm(bodies[name].linear_velocity)
-        off = float(np.abs(np.asarray(world.robot.qpos) - arrays["robot_qpos"][row]).max())
-        off = max(off, float(np.abs(poses[row] - arrays["object_poses"][row, :, :3]).max(initial=0.0)))
-        if off > AGREES_M:
-            yield Finding("states", f"the columns of sample {row} are {1e3 * off:.1f} mm or mrad off its state")
-            return
+        for column, off in _off_columns(arrays, row, world, names, joints, hand):
+            if not off <= AGREES_M:
+                words = f"{column} of sample {row} is {1e3 * off:.1f} thousandths off its state"
+                yield Finding("states", words)
+                return
     yield from _jumps(names, arrays["time_s"], poses, speeds)
+
+
+def _off_columns(
+    arrays: Mapping[str, NDArray[Any]],
+    row: int,
+    world: World,
+    names: Sequence[str],
+    joints: Sequence[str],
+    hand: Kinematics,
+) -> Iterator[tuple[str, float]]:
+    """Yield each column of a row and by how much it differs most from a world's state; NaN where it is no number."""
+    qpos = np.asarray(world.robot.qpos, dtype=float)
+    bends = [world.joint_position(name, joint.name) for name in joints for joint in world.assets[name].joints]
+    exact = {"robot_qpos": qpos, "robot_qvel": np.asarray(world.robot.qvel), "joint_positions": np.asarray(bends)}
+    for column, values in exact.items():
+        yield column, float(np.abs(values - arrays[column][row]).max(initial=0.0))
+    there = world.root_poses(names) if names else np.zeros((0, 7))
+    placed = {"object_poses": there, "eef_pose": pose_vector(hand.forward(qpos))[None]}
+    for column, values in placed.items():
+        known = arrays[column][row].reshape(values.shape)
+        # Of a rotation there are two quaternions.
+        signs = np.where((known[:, 3:] * values[:, 3:]).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        off = np.concatenate([known[:, :3] - values[:, :3], signs * known[:, 3:] - values[:, 3:]], axis=1)
+        yield column, float(np.abs(off).max(initial=0.0))
 
 
 def _jumps(
@@ -208,12 +247,12 @@ def _jumps(
     """Yield what moves farther between two samples than its speeds and a fall explain."""
     for row, (before_s, after_s) in enumerate(pairwise(time_s.tolist())):
         span_s = after_s - before_s
-        if span_s <= 0.0:
-            yield Finding("states", f"time goes back after sample {row}")
+        if not span_s > 0.0:
+            yield Finding("states", f"time does not go on after sample {row}")
             return
         gone = np.linalg.norm(poses[row + 1] - poses[row], axis=1)
         most = speeds[row : row + 2].max(axis=0) * span_s + 0.5 * GRAVITY_M_S2 * span_s**2 + SLACK_M
-        for place in np.flatnonzero(gone > most).tolist():
+        for place in np.flatnonzero(~(gone <= most)).tolist():
             words = f"{names[place]} jumps by {100 * gone[place]:.1f} cm after sample {row}"
             yield Finding("states", f"{words}; {100 * most[place]:.1f} cm are explained by its speed and a fall")
             return

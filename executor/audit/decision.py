@@ -92,7 +92,7 @@ def _is_there(atom: Atom, scene: Scene, before: Snapshot, after: Snapshot) -> bo
         "inside": after.is_in,
         "ontop": after.is_on,
         "under": after.is_under,
-        "nextto": after.is_beside,
+        "nextto": after.is_next_to,
     }
     if name not in decided or (other == GROUND and name != "ontop"):
         return None

@@ -139,7 +139,7 @@ class Snapshot:
         """Decide whether an item's middle is below a part of something, and its top below that one's top."""
         return self.corners(item)[1][2] < self.corners(above)[1][2] and self._is_roofed_by(item, (above,))
 
-    def is_beside(self, first: str, second: str) -> bool:
+    def is_next_to(self, first: str, second: str) -> bool:
         """Decide whether two things stand side by side, a sixth of their mean extents apart at most."""
         (low_a, high_a), (low_b, high_b) = self.corners(first), self.corners(second)
         apart = np.maximum(np.maximum(low_a - high_b, low_b - high_a), 0.0)

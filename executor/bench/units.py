@@ -8,12 +8,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StrictBool, StrictInt
 
+from executor.campaign.versions import UNORDERED_VERSION
 from executor.scenes.generators.families import LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.generators.household import COUNT
 from executor.scenes.vary import MOST_EPISODES
 from executor.system.files import content_key
 from oag.model.forms import adapter
-from oag.model.robots import FULL_SIZE, PAPER_ROBOT, chosen_robot, known_robot
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, chosen_robot, known_robot, robot_named
 
 SCHEMA = "scene2demo-bench-unit/1"
 BenchFamily = Family | Literal["T7"]
@@ -104,6 +105,8 @@ class Unit:
         Scene and task follow from family, seed and index by code and data, which the version stands for.
         """
         parts = [SCHEMA, version, self.family, str(self.seed), str(self.index), self.setting.name]
+        if self.family == "T7" or not robot_named(self.setting.robot_name).keeps_order:
+            parts.append(f"unordered {UNORDERED_VERSION}")
         return content_key(*parts)
 
     def to_json(self) -> dict[str, Any]:

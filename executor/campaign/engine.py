@@ -1,9 +1,8 @@
 """Run units of work in processes, resumable: pending units of a shard, each result stored before the next is awaited.
 
     store = BenchFolder(path)  # or EpisodeStore(path)
-    jobs = list(pending(store, jobs, shard))
-    with claimed(store, jobs):
-        Campaign(store, "executor.bench.worker", workers=2).run(jobs, on_progress)
+    with claimed(store, jobs, shard) as left:
+        Campaign(store, "executor.bench.worker", workers=2).run(left, on_progress)
 
 A benchmark and a data set differ in what a unit is and how its result is stored, and in nothing else here. Requests are
 run by an engine: the pool of this machine, or `executor.campaign.ray_engine`. Parts of a Slurm array are shards.
@@ -12,7 +11,7 @@ run by an engine: the pool of this machine, or `executor.campaign.ray_engine`. P
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
@@ -98,15 +97,35 @@ def pending(
                 yield unit, version
 
 
+def is_done(store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]], shard: Shard) -> bool:
+    """Decide whether a part did its work: it has no units, or one of them came to an end, whichever it was."""
+    own = [store.ending(*job) for place, job in enumerate(jobs) if shard.has(place)]
+    return not own or any(ending is not None and ending not in UNFINISHED for ending in own)
+
+
+@contextmanager
 def claimed(
-    store: ResultStore[AnyUnit], jobs: Iterable[Job[AnyUnit]], wait_s: float = 0.0
-) -> AbstractContextManager[None]:
-    """Claim units in their store for as long as the block lasts, after waiting for other runs of them.
+    store: ResultStore[AnyUnit],
+    jobs: Iterable[Job[AnyUnit]],
+    shard: Shard = WHOLE,
+    wait_s: float = 0.0,
+    *,
+    again: bool = False,
+) -> Iterator[list[Job[AnyUnit]]]:
+    """Claim the units that are still to be run for as long as the block lasts, and provide them.
+
+    Another run may finish some of them until the claim succeeds; these are left out.
+
+    Args:
+        store, jobs, shard, again: As for `pending`.
+        wait_s: How long to wait for another run of the same units [s].
 
     Raises:
         BenchBusy, OSError: As for `claim_units`.
     """
-    return claim_units(store.path, [unit.id(version) for unit, version in jobs], wait_s)
+    wanted = list(pending(store, jobs, shard, again=again))
+    with claim_units(store.path, [unit.id(version) for unit, version in wanted], wait_s):
+        yield list(pending(store, wanted, again=again))
 
 
 class Engine(Protocol):

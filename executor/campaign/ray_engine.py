@@ -157,8 +157,9 @@ class RayEngine:
             if not flying and not checks:
                 time.sleep(_LOOK_S)
             for ref in done:
-                began = time.monotonic()
-                yield from self._ended(ref, again, tries)
+                for outcome in self._ended(ref, again, tries):
+                    began = time.monotonic()
+                    yield outcome
 
     def _ended(self, ref: Any, again: deque[Mapping[str, Any]], tries: Counter[int]) -> Iterator[WorkerOutcome]:
         """Yield the outcome behind a reference that is ready; a lost machine's requests are for others."""
@@ -170,6 +171,9 @@ class RayEngine:
             answer = self._ray.get(ref)
         except self._ray.exceptions.RayError as problem:
             self.lost += 1
+            if ref == node.check:  # It would fail again at every start.
+                self._refuse(name, node, f"it cannot start: {problem}", again, None)
+                return
             for request, handed_over_s in self._nodes.pop(name).flying.values():
                 tries[id(request)] += 1
                 if tries[id(request)] < MOST_TRIES:

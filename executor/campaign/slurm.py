@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
+SCRIPT_BEGINS = "#!/bin/bash\n#SBATCH --job-name=scene2demo\n"
+"""How an array job of this program begins."""
+
 UNITS_A_PART = 20
 """Of 10 s each, the 3 to 5 s in which a part starts are 2 %."""
 
@@ -35,9 +38,9 @@ class ArrayJob:
 
     Attributes:
         command: The command line of the whole request, without `--shard` and `--workers`.
-        file: The script's file.
+        file: The script's file; no control character is in its path.
         folder: Folder that the command runs in.
-        logs: Folder of the parts' outputs.
+        logs: Folder of the parts' outputs; no control character, backslash or double quote is in its path.
         parts: Number of parts.
         workers: Processes of a part.
         hours: Most wall time of a part [h].
@@ -55,29 +58,32 @@ class ArrayJob:
         """Return the script for `sbatch`."""
         minutes = max(ceil(60 * self.hours), ceil(2 * LAST_S / 60))
         file = shlex.quote(str(self.file.absolute()))
-        return f"""#!/bin/bash
-#SBATCH --job-name=scene2demo
-#SBATCH --array=1-{self.parts}
+        return f"""{SCRIPT_BEGINS}#SBATCH --array=1-{self.parts}
 #SBATCH --cpus-per-task={self.workers}
 #SBATCH --time={minutes}
 #SBATCH --requeue
 #SBATCH --open-mode=append
 #SBATCH --signal=B:TERM@{LAST_S}
-#SBATCH --output={self.logs.absolute()}/%A_%a.log
+#SBATCH --output="{str(self.logs.absolute()).replace("%", "%%")}/%A_%a.log"
 
 # Submit it with `sbatch {self.file}`. Partition, account and memory may be added above, or given to sbatch.
 cd {shlex.quote(str(self.folder.absolute()))} || exit 2
 whole=({shlex.join(self.command)} --workers "${{SLURM_CPUS_PER_TASK:-{self.workers}}}")
 
-if [ "$SLURM_ARRAY_TASK_ID" = 0 ]; then
-    exec "${{whole[@]}}"
-fi
+follows=0
 if [ "$SLURM_ARRAY_TASK_ID" = 1 ] && [ "${{SLURM_RESTART_COUNT:-0}}" = 0 ]; then
-    # Whatever becomes of the parts, task 0 follows them.
-    sbatch --array=0 --dependency="afterany:$SLURM_ARRAY_JOB_ID" {file}
+    # Whatever becomes of the parts, task 0 follows them, where they are.
+    sbatch --array=0 --dependency="afterany:$SLURM_ARRAY_JOB_ID" \
+        ${{SLURM_JOB_PARTITION:+--partition="$SLURM_JOB_PARTITION"}} \
+        ${{SLURM_JOB_ACCOUNT:+--account="$SLURM_JOB_ACCOUNT"}} \
+        ${{SLURM_MEM_PER_NODE:+--mem="$SLURM_MEM_PER_NODE"}} \
+        {file} || follows=$?
+    [ "$follows" = 0 ] || echo "scene2demo: sbatch refuses the last step: submit it by hand with --array=0" >&2
 fi
 
-"${{whole[@]}}" --shard "$SLURM_ARRAY_TASK_ID/{self.parts}" &
+share=()
+[ "$SLURM_ARRAY_TASK_ID" = 0 ] || share=(--shard "$SLURM_ARRAY_TASK_ID/{self.parts}")
+"${{whole[@]}}" "${{share[@]}}" &
 part=$!
 trap 'kill -TERM "$part" 2>/dev/null' TERM
 wait "$part"
@@ -89,11 +95,11 @@ while kill -0 "$part" 2>/dev/null; do
 done
 
 case "$code" in
-    # Done, whatever became of its units.
-    0 | 1) exit 0 ;;
+    # Done, whatever became of its units: a part that did nothing ends otherwise.
+    0) exit "$follows" ;;
     # Out of time: Slurm starts the part again, and it goes on.
     130 | 143) scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID" ;;
-    # Bad input, a full disk: no repetition helps.
+    # A fault of the machine or the program, bad input, a full disk; of task 0 also that nothing succeeded.
     *) exit "$code" ;;
 esac
 """

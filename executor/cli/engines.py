@@ -33,17 +33,38 @@ class EngineOptions(CommonOptions):
     """Address of a Ray cluster, such as auto: every machine of it runs --workers processes on a shared folder."""
 
 
+MOST_HOURS = 8760.0
 NOT_OF_A_PART = ("slurm", "parts", "hours", "ray", "workers", "shard", "json", "debug")
 """Options that a part of an array job gets otherwise or not at all."""
 
 
-def check_engine(options: EngineOptions, shard: str) -> None:
-    """Refuse options that do not go together."""
+def check_engine(options: EngineOptions, shard: str, out: Path | None) -> None:
+    """Refuse options that do not go together, and paths that cannot be those of an array job."""
     check(options.parts is None or options.slurm is not None, "--parts", options.parts, "--slurm as well")
     check(options.parts is None or options.parts >= 1, "--parts", options.parts, "at least 1")
-    check(options.hours > 0.0, "--hours", options.hours, "a number above 0")
+    most = f"a number above 0, at most {MOST_HOURS:g}, a year"
+    check(0.0 < options.hours <= MOST_HOURS, "--hours", options.hours, most)
     others = [name for name, given in (("--ray", options.ray), ("--shard", shard != "1/1")) if given]
     check(options.slurm is None or not others, " and ".join(others), "with --slurm", "one of them")
+    if options.slurm is not None:
+        _check_script(options.slurm)
+        place = str((out or Path()).absolute())
+        legible = place.isprintable() and not set(place) & set('\\"')
+        check(legible, "--out", ascii(str(out)), "with --slurm no control character, backslash or double quote")
+
+
+def _check_script(file: Path) -> None:
+    """Refuse a file that cannot be an array job, or that is something else already."""
+    from executor.campaign.slurm import SCRIPT_BEGINS
+
+    check(str(file.absolute()).isprintable(), "--slurm", ascii(str(file)), "a path without control characters")
+    check(not file.is_dir(), "--slurm", file, "a file, not a folder")
+    try:
+        with file.open("rb") as there:
+            ours = there.read(len(SCRIPT_BEGINS)) == SCRIPT_BEGINS.encode()
+    except FileNotFoundError:
+        return
+    check(ours, "--slurm", file, "a file that does not exist yet, or an array job of this program, which is replaced")
 
 
 def engine_of(options: EngineOptions, version: Callable[[], str], *, renders: bool) -> EngineMaker:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # `status` reads the folder without torch.
 
 SCHEMA = "scene2demo-evaluation-unit/1"
 INDEX = "evaluation-units.json"
+RESULTS = ("evaluation.json", INDEX)
+"""Files of an evaluation, which may be in a policy's folder."""
 WORKER = "executor.learn.evaluation_worker"
 """Module of the worker process."""
 
@@ -35,7 +37,7 @@ class EvaluationUnit:
     Attributes:
         name: The policy's name in results.
         policy: Its folder.
-        weights: Key of the folder's files.
+        weights: Key of the files that the policy acts by.
         step: Step of training.
         execute: Executed actions of a chunk.
         data: What a stock policy was trained on; empty for trained policies of this program.
@@ -71,12 +73,12 @@ def units_of(
     from executor.learn.acting import LeRobotPolicy
 
     about = json_text(kind.to_json())
-    keys = {folder: _weights_key(Path(folder)) for folder in {actor.folder for actor in actors}}
+    keys = {(actor.folder, actor.step): _weights_key(actor) for actor in actors}
     return [
         EvaluationUnit(
             actor.name,
             actor.folder,
-            keys[actor.folder],
+            keys[actor.folder, actor.step],
             actor.step,
             actor.execute,
             str(data) if isinstance(actor, LeRobotPolicy) else "",
@@ -89,10 +91,22 @@ def units_of(
     ]
 
 
-def _weights_key(folder: Path) -> str:
-    """Return the key of a policy's files, whatever the folder is called; logs do not count."""
-    files = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors"))
-    return content_key(*(part for path in files for part in (path.name, path.read_bytes())))
+def _weights_key(actor: Policy) -> str:
+    """Return the key of the files that a policy acts by, wherever their folder is; logs and results do not count.
+
+    Of a stock policy also what it learned from, by which it is observed.
+    """
+    from executor.learn.acting import LeRobotPolicy
+    from executor.learn.policy_record import ABOUT, WEIGHTS, step_path
+
+    folder = Path(actor.folder)
+    if isinstance(actor, LeRobotPolicy):
+        found = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors"))
+        files, learned = [path for path in found if path.name not in RESULTS], actor.record.data_key
+    else:
+        last = actor.step == actor.record.settings.training.steps
+        files, learned = [folder / ABOUT, folder / WEIGHTS if last else step_path(folder, actor.step)], ""
+    return content_key(learned, *(part for path in files for part in (path.name, path.read_bytes())))
 
 
 @dataclass(frozen=True, slots=True)

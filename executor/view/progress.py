@@ -101,10 +101,7 @@ def progress_of(path: Path) -> Progress:
         NotADataset, NotABench: It is neither.
     """
     if (path / EVALUATION).exists():
-        from executor.learn.evaluation_units import EvaluationFolder  # Loads torch.
-
-        asked = [Asked(key, file) for key, file in EvaluationFolder(path).asked().items()]
-        return _progress(path, "evaluation", asked, _endings_in_files(path))
+        return _progress(path, "evaluation", list(_asked_of_evaluation(path)), _endings_in_files(path))
     if (path / bench_folder.INDEX).exists() and not (path / INDEX).exists():
         return _progress(path, "benchmark", list(_asked_of_bench(path)), _endings_in_files(path))
     endings = _endings_of_store(path)
@@ -149,7 +146,10 @@ def _an_hour(folder: Path, files: list[str], began_s: float) -> float | None:
 def _asked_of_store(path: Path, endings: Mapping[str, tuple[str, str]]) -> Iterator[Asked]:
     version = outcome_version()
     for request in EpisodeStore.open(path).requests():
-        series = DemoSeries.from_json(request)
+        try:
+            series = DemoSeries.from_json(request)
+        except ValueError:
+            raise NotADataset(f"{path}: its {INDEX} does not list requests as one does") from None
         units = [Asked(unit_id := unit.id(version), unit.folder_of(unit_id)) for unit in series.units()]
         made = [unit for unit in units if unit.file in endings]
         succeeded = sum(endings[unit.file][0] == "succeeded" for unit in made)
@@ -165,6 +165,13 @@ def _endings_of_store(path: Path) -> dict[str, tuple[str, str]]:
             if tries == _TRIES - 1:
                 raise
     return {}
+
+
+def _asked_of_evaluation(path: Path) -> Iterator[Asked]:
+    """Yield what `executor.learn.evaluation_units` has listed; that module needs the extra `learn`, and this none."""
+    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        for unit_id, file in read_json(path / EVALUATION)["units"].items():
+            yield Asked(str(unit_id), str(file))
 
 
 def _asked_of_bench(path: Path) -> Iterator[Asked]:

@@ -1,13 +1,13 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table.
 
 Exit code 0 when every requested unit is done and at least one succeeded, 1 when none did, 130 after Ctrl-C.
-Failures are what a benchmark measures.
+Failures are what a benchmark measures. A part (`--shard`) ends with 1 only when none of its units came to an end.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -77,7 +77,7 @@ def execute(options: Options) -> int:
     from executor.bench.folder import BenchFolder
     from executor.bench.tables import bench_json, write_results
     from executor.bench.units import BenchSetting, Series
-    from executor.campaign.engine import Campaign, claimed, pending
+    from executor.campaign.engine import Campaign, claimed, is_done, pending
     from executor.campaign.versions import outcome_version
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.scenes.generators.families import FAMILIES
@@ -94,21 +94,22 @@ def execute(options: Options) -> int:
         if family in options.families
     ]
     folder.add_series(asked)
-    jobs = list(pending(folder, [(unit, version) for one in asked for unit in one.units()], shard, again=options.again))
+    units = [(unit, version) for one in asked for unit in one.units()]
     if options.slurm is not None:
-        return write_array(options, typed_words("bench", options, "families"), len(jobs), folder.path, options.workers)
-    engine = engine_of(options, outcome_version, renders=options.views)
-    narrow, interrupted = _Narrow(folder, asked, options.until), False
-    with claimed(folder, jobs, claim_wait_s()):
+        count = sum(1 for _ in pending(folder, units, again=options.again))
+        return write_array(options, typed_words("bench", options, "families"), count, folder.path, options.workers)
+    engine, interrupted = engine_of(options, outcome_version, renders=options.views), False
+    with claimed(folder, units, shard, claim_wait_s(), again=options.again) as jobs:
+        left, narrow = {unit.id(version) for unit, _ in jobs}, _Narrow(folder, asked, options.until)
         try:
-            with _progress(folder, asked, len(jobs), quiet=options.json) as on_progress:
+            with _progress(folder, asked, left, quiet=options.json) as on_progress:
 
-                def count(unit: Unit, result: Mapping[str, Any]) -> None:
+                def note(unit: Unit, result: Mapping[str, Any]) -> None:
                     narrow.note(unit, result)
                     on_progress(unit, result)
 
                 campaign = Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine)
-                campaign.run(jobs, count, wanted=narrow.wants)
+                campaign.run(jobs, note, wanted=narrow.wants)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -117,6 +118,8 @@ def execute(options: Options) -> int:
     from executor.cli.execution import command_line
 
     hopeless = endings.total() > 0 and not endings["succeeded"]
+    if shard.of > 1:
+        hopeless = not is_done(folder, units, shard)
     code = INTERRUPTED if interrupted else FAILED if hopeless else DONE
     if options.json:
         print_json({"ok": code == DONE, "interrupted": interrupted, **bench_json(cells)})
@@ -153,7 +156,8 @@ class _Narrow:
         """Count a unit."""
         if self._until is not None:
             cell = self._cells[unit.family]
-            self._cells[unit.family] = replace(cell, results=(*cell.results, result))
+            others = (other for other in cell.results if other["id"] != result["id"])  # `--again` repeats units.
+            self._cells[unit.family] = replace(cell, results=(*others, result))
 
     def wants(self, unit: Unit) -> bool:
         """Decide whether a unit is still to be run."""
@@ -219,7 +223,7 @@ def _checked(options: Options) -> Shard:
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     shard = read_shard(options.shard)
-    check_engine(options, options.shard)
+    check_engine(options, options.shard, options.out)
     check(
         options.until is None or 0.0 < options.until < 100.0, "--until", options.until, "a width from 0 to 100 points"
     )
@@ -241,21 +245,22 @@ def _checked(options: Options) -> Shard:
 
 @contextmanager
 def _progress(
-    folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool
+    folder: BenchFolder, asked: Sequence[Series], left: Collection[str], *, quiet: bool
 ) -> Iterator[Callable[[Unit, Mapping[str, Any]], None]]:
     """Provide a callback for every unit's ending that shows it: on a terminal a bar with the success count, else lines.
 
     Args:
         folder: Where results are kept; what is done already counts.
         asked: The series that are run.
-        remaining: How many units are still to be run here.
+        left: Ids of the units that are run here.
         quiet: Shows nothing.
     """
     if quiet:
         yield lambda unit, result: None
         return
-    endings = Counter(result["ended"] for series in asked for result in folder.results(series))
-    total, before = sum(series.episodes for series in asked), endings.total()
+    results = (result for series in asked for result in folder.results(series))
+    endings = Counter(result["ended"] for result in results if result["id"] not in left)
+    total, before, remaining = sum(series.episodes for series in asked), endings.total(), len(left)
     if before:
         tell(f"  {before} of {pluralize(total, 'unit')} done already, {remaining} to run now")
     shows_bar = ERR.is_terminal and remaining > 0

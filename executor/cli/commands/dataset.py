@@ -108,7 +108,7 @@ class CheckStoreOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class AuditOptions(CommonOptions):
-    """Decide again whether each episode succeeded, by code that shares nothing with the goal check.
+    """Decide again whether each episode succeeded, by a second geometry that uses no detector of the goal check.
 
     Start, end, the three seconds after it, sentence, plan, assets and commands are checked too. Verdicts are kept in
     the store, and exported as `audited`; the exit code is 1 when an episode is not what it says.
@@ -377,11 +377,13 @@ def _render(options: RenderOptions) -> int:
     if options.out.resolve() == options.store.resolve():
         raise BadOption("--out", options.out, "another folder than the store that is drawn")
     check_drawable()
-    left = plan_rerender(source, out, wanted)
+    planned = plan_rerender(source, out, wanted)
     broken: list[str] = []
     drawn, interrupted = 0, False
-    jobs = [(unit, str(episode.meta["version"])) for episode, unit in left]
-    with claimed(out, jobs), counting("drawing episodes", quiet=options.json) as progress:
+    jobs = [(unit, str(episode.meta["version"])) for episode, unit in planned]
+    with claimed(out, jobs) as todo, counting("drawing episodes", quiet=options.json) as progress:
+        missing = frozenset(todo)
+        left = [pair for pair, job in zip(planned, jobs, strict=True) if job in missing]
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             nonlocal drawn

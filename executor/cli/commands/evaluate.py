@@ -182,7 +182,7 @@ def _is_campaign(options: Options) -> bool:
 
 def _campaign(options: Options, actors: list[Policy], kind: EpisodeKind, seeds: Sequence[int], version: str) -> int:
     """Run the episodes that the folder lacks in processes, print what there is, and return the exit code."""
-    from executor.campaign.engine import Campaign, claimed, pending
+    from executor.campaign.engine import Campaign, claimed, is_done, pending
     from executor.cli.engines import claim_wait_s, engine_of, typed_words, write_array
     from executor.cli.execution import read_shard
     from executor.learn.evaluation_units import WORKER, EvaluationFolder, EvaluationUnit, units_of
@@ -192,11 +192,10 @@ def _campaign(options: Options, actors: list[Policy], kind: EpisodeKind, seeds: 
     folder, units = EvaluationFolder(options.out), units_of(actors, kind, seeds, options.data, options.threads)
     folder.add_units(units, version)
     jobs = [(unit, version) for unit in units]
-    todo = list(pending(folder, jobs, read_shard(options.shard), again=options.again))
     if options.slurm is not None:
-        words = typed_words("evaluate", options, "policies")
-        return write_array(options, words, len(todo), options.out, options.workers)
-    ran, interrupted, pace = 0, False, Pace(len(todo), quiet=options.json)
+        left = sum(1 for _ in pending(folder, jobs, again=options.again))
+        return write_array(options, typed_words("evaluate", options, "policies"), left, options.out, options.workers)
+    shard, ran, interrupted = read_shard(options.shard), 0, False
 
     def so_far() -> dict[str, list[EpisodeOutcome]]:
         """Return the outcomes of the seeds in which all policies have acted."""
@@ -216,7 +215,8 @@ def _campaign(options: Options, actors: list[Policy], kind: EpisodeKind, seeds: 
             tell(f"  {ran:{len(str(len(todo)))}} of {len(todo)}  {unit.name} seed {unit.seed}: {words}")
 
     engine = engine_of(options, evaluation_version, renders=False)
-    with claimed(folder, todo, claim_wait_s()):
+    with claimed(folder, jobs, shard, claim_wait_s(), again=options.again) as todo:
+        pace = Pace(len(todo), quiet=options.json)
         try:
             Campaign(folder, WORKER, options.workers, options.limit_s, engine=engine).run(
                 todo, show, wanted=lambda unit: options.until is None or not _is_enough(options.until, so_far())
@@ -225,12 +225,18 @@ def _campaign(options: Options, actors: list[Policy], kind: EpisodeKind, seeds: 
             interrupted = True
     found = so_far()
     if not next(iter(found.values())):
-        say(f"no episode of this part has ended for all policies; {len(todo) - ran} of {len(todo)} did not run")
-        return INTERRUPTED if interrupted else FAILED if todo else DONE
+        # A part may have episodes of one policy alone, or none.
+        code = INTERRUPTED if interrupted else DONE if shard.of > 1 and is_done(folder, jobs, shard) else FAILED
+        problem = f"no episode has ended for all policies; {len(todo) - ran} of {len(todo)} did not run"
+        if options.json:
+            print_json({"ok": code == DONE, "exit_code": code, "problem": problem})
+        else:
+            say(problem)
+        return code
     whole = len(next(iter(found.values()))) == options.episodes or _is_enough(options.until, found)
-    part = options.shard != "1/1"
+    good = is_done(folder, jobs, shard) if shard.of > 1 else whole
     return _finished(
-        options, kind, actors, found, version, {}, INTERRUPTED if interrupted else DONE if whole or part else FAILED
+        options, kind, actors, found, version, {}, INTERRUPTED if interrupted else DONE if good else FAILED
     )
 
 
@@ -261,7 +267,7 @@ def _actors(options: Options) -> list[Policy]:
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
-    check_engine(options, options.shard)
+    check_engine(options, options.shard, options.out)
     read_shard(options.shard)
     check(
         options.until is None or 0.0 < options.until < 100.0, "--until", options.until, "a width from 0 to 100 points"

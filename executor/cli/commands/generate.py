@@ -1,7 +1,7 @@
 """`scene2demo generate`: demonstrations into a store of episodes, in worker processes, resumable.
 
 Exit code 0 when something succeeded, now or before, 1 when nothing did or a sentence cannot be planned whatever the
-seed, and 130 after Ctrl-C.
+seed, and 130 after Ctrl-C. A part (`--shard`) ends with 1 only when none of its episodes came to an end.
 """
 
 from __future__ import annotations
@@ -128,6 +128,13 @@ def execute(options: Options) -> int:
     from executor.view.stores import StoreListing
 
     series, shard = _requested_series(options), read_shard(options.shard)
+    counted = next((one for one in series if one.successes is not None), None)
+    check(
+        counted is None or (shard.of == 1 and options.slurm is None),
+        "successes" if options.successes is None else "--successes",
+        "" if counted is None else counted.successes,
+        "no --shard and no --slurm: parts do not know of each other's successes",
+    )
     if not series:
         problem = "nothing in the scene is feasible"
         if options.json:
@@ -189,7 +196,7 @@ def make_missing(
         wait_s: How long to wait for another run of the same units [s].
         as_json: Whether the outcome is printed as JSON.
     """
-    from executor.campaign.engine import WHOLE, claimed, pending
+    from executor.campaign.engine import WHOLE, claimed, is_done
     from executor.campaign.versions import outcome_version
     from executor.data.generation import NO_LIMITS, Goals, Tally, generate
     from executor.data.store import EpisodeStore
@@ -197,20 +204,21 @@ def make_missing(
     store, version = EpisodeStore(campaign.store.path), outcome_version()
     store.add_requests([one.to_json() for one in series])
     jobs = [(unit, version) for one in series for unit in one.units()]
-    todo = list(pending(store, jobs, shard or WHOLE, again=again))
-    tally, goals, interrupted = Tally(), Goals(series), False
-    with claimed(store, todo, wait_s):
+    goals, interrupted = Goals(series), False
+    with claimed(store, jobs, shard or WHOLE, wait_s, again=again) as todo:
+        tally = Tally()  # Its clock begins after the wait.
         made_now = frozenset(todo)
         for job in jobs:
-            if job not in made_now and (done := store.read(*job)) is not None:
-                tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
-                goals.note(job[0], done.meta["ended"])
+            if job not in made_now and (there := store.read(*job)) is not None:
+                tally.note(there.meta["ended"], (there.meta.get("failure") or {}).get("kind"))
+                goals.note(job[0], there.meta["ended"])
         with _show_progress(tally, goals, len(jobs), len(todo), quiet=as_json) as on_progress:
             try:
                 generate(campaign, todo, on_progress, tally, limits or NO_LIMITS, goals)
             except KeyboardInterrupt:
                 interrupted = True
-    return finished(store, tally, more, interrupted=interrupted, as_json=as_json)
+    done = None if shard is None or shard.of == 1 else is_done(store, jobs, shard)
+    return finished(store, tally, more, interrupted=interrupted, done=done, as_json=as_json)
 
 
 def _warn_alike(series: Sequence[DemoSeries]) -> None:
@@ -237,14 +245,12 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
 
     check(options.successes is None or options.successes >= 1, "--successes", options.successes, "at least 1")
     check_seed(options.seed, _attempts(options))
-    check_engine(options, options.shard)
-    alone = options.successes is None or options.shard == "1/1"
-    check(alone, "--successes", options.successes, "no --shard: parts do not know of each other's successes")
-    check(options.successes is None or options.slurm is None, "--successes", options.successes, "no --slurm")
+    check_engine(options, options.shard, options.out)
     check_workers(options.workers)
     check_unit_limit(options.limit_s)
     for name, limit in (("--limit-h", options.limit_h), ("--limit-gb", options.limit_gb)):
         check(limit is None or limit > 0.0, name, limit, "a number above 0")
+        check(limit is None or options.slurm is None, name, limit, "no --slurm: each part would have the limit")
     plans = [word for word in options.what if word.endswith((".yaml", ".yml"))]
     if plans:
         check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing with it")
@@ -383,6 +389,7 @@ def finished(
     more: Mapping[str, Any] = MappingProxyType({}),
     *,
     interrupted: bool,
+    done: bool | None = None,
     as_json: bool,
 ) -> int:
     """Print the outcome and return the exit code: 1 where something was to be made, and nothing succeeded.
@@ -392,11 +399,12 @@ def finished(
         tally: Outcomes of the units.
         more: Further fields for `--json`.
         interrupted: Whether it ended early.
+        done: Of a part: whether it did its work, which decides the code instead; None of a whole request.
         as_json: Whether it is printed as JSON.
     """
     from executor.cli.execution import command_line
 
-    failed = tally.endings.total() > 0 and not tally.endings["succeeded"]
+    failed = tally.endings.total() > 0 and not tally.endings["succeeded"] if done is None else not done
     code = INTERRUPTED if interrupted else FAILED if failed else DONE
     each = max(tally.kept, 1)
     numbers = {

@@ -144,6 +144,41 @@ def state_columns(record: Record) -> None:
     record.arrays["object_poses"][len(record.arrays["time_s"]) // 3 :, 0, :3] += 0.01
 
 
+def column_no_number(record: Record) -> None:
+    """A place is no number."""
+    record.arrays["object_poses"][len(record.arrays["time_s"]) // 3, 0, 1] = np.nan
+
+
+def column_turned(record: Record) -> None:
+    """A thing's heading is another than that of its state."""
+    half = np.radians(5.0) / 2.0
+    w, x, y, z = record.arrays["object_poses"][:, 0, 3:].T
+    c, s = np.cos(half), np.sin(half)
+    turned = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
+    record.arrays["object_poses"][:, 0, 3:] = turned
+
+
+def column_joint(record: Record) -> None:
+    """A door is wider open than in its state."""
+    record.arrays["joint_positions"][-1, 0] += 0.02
+
+
+def column_hand(record: Record) -> None:
+    """The hand is a centimeter higher than the robot has it."""
+    record.arrays["eef_pose"][:, 2] += 0.01
+
+
+def column_speed(record: Record) -> None:
+    """The robot is faster than in its state."""
+    record.arrays["robot_qvel"][1:, 0] += 0.05
+
+
+def column_left_out(record: Record) -> None:
+    """A thing of the scene has no column."""
+    del record.meta["object_ids"][-1]
+    record.arrays["object_poses"] = record.arrays["object_poses"][:, :-1]
+
+
 def _set_goal(record: Record, goal: str) -> None:
     assert goal != record.meta["task"]["goal"]
     record.meta["task"]["goal"] = goal
@@ -288,7 +323,10 @@ def start_done(record: Record) -> None:
 
 
 SPOILERS: dict[str, tuple[Spoiler, ...]] = {
-    "state": (state_aside, state_hovers, state_joint, state_cut, state_jump, state_columns),
+    "state": (
+        *(state_aside, state_hovers, state_joint, state_cut, state_jump, state_columns),
+        *(column_no_number, column_turned, column_joint, column_hand, column_speed, column_left_out),
+    ),
     "goal": (goal_negated, goal_more, goal_elsewhere, goal_weaker),
     "sentence": (sentence_verb, sentence_thing, sentence_more, sentence_empty, sentence_noise),
     "asset": (asset_size, asset_hash, asset_lost, asset_furniture),
@@ -297,11 +335,17 @@ SPOILERS: dict[str, tuple[Spoiler, ...]] = {
 """What is spoiled -> the spoilers of it."""
 
 
-def spoil(episode: StoredEpisode, spoiler: Spoiler, seed: int, store: Path) -> StoredEpisode:
-    """Write a spoiled copy of an episode into a store of its own, and return it."""
+def spoiled(episode: StoredEpisode, spoiler: Spoiler, seed: int) -> Record:
+    """Return what a spoiler makes of an episode."""
     arrays = {name: values.copy() for name, values in episode.arrays.items()}
     record = Record(deepcopy(dict(episode.meta)), arrays, episode, np.random.default_rng(seed))
     spoiler(record)
+    return record
+
+
+def spoil(episode: StoredEpisode, spoiler: Spoiler, seed: int, store: Path) -> StoredEpisode:
+    """Write a spoiled copy of an episode into a store of its own, and return it."""
+    record = spoiled(episode, spoiler, seed)
     folder = store / UNITS / episode.name
     shutil.copytree(episode.path, folder)
     (folder / META).write_text(json.dumps(record.meta), encoding="utf-8")

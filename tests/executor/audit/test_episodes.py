@@ -5,17 +5,32 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from executor.audit import checks
+from executor.audit.checks import Finding
 from executor.audit.episodes import Verdict, audit_episode, audit_store, kept_verdict
 from executor.cli.app import run
 from executor.data.formats.selection import Selection
 from executor.data.formats.store_reader import stream_of
-from executor.data.store import META, EpisodeStore
+from executor.data.store import META, EpisodeStore, StoredEpisode
+from executor.data.units import DemoUnit
+from executor.sim.world import World
 from executor.view.stores import StoreListing
-from tests.executor.audit.spoilers import SPOILERS, goal_negated, sentence_verb, spoil, start_floats, state_aside
+from tests.executor.audit.spoilers import (
+    SPOILERS,
+    Spoiler,
+    goal_negated,
+    sentence_verb,
+    spoil,
+    spoiled,
+    start_floats,
+    state_aside,
+)
 
 pytestmark = pytest.mark.physics
 EACH = 12
@@ -47,6 +62,41 @@ def test_a_spoiled_episode_is_found_without_repeating_it(
     for number, episode in enumerate(clean.demonstrations()):
         found = audit_episode(spoil(episode, spoiler, 0, tmp_path / str(number)), with_replay=False)  # type: ignore[arg-type]
         assert found.verdict == "flawed" and set(found.kinds) & SHOWN_BY[kind], found
+
+
+def recorded_of(episode: StoredEpisode, spoiler: Spoiler = lambda record: None) -> checks.Recorded:
+    record, unit = spoiled(episode, spoiler, 0), DemoUnit.from_json(episode.meta["unit"])
+    return checks.Recorded(unit, episode.scene, episode.task, record.meta, record.arrays, begins_midway=False)
+
+
+def test_every_column_is_compared_with_the_states(clean: EpisodeStore) -> None:
+    episode = next(each for each in clean.demonstrations() if each.meta["joint_ids"])
+    columns = [spoiler for spoiler in SPOILERS["state"] if spoiler.__name__.startswith("column")]
+    assert len(columns) == 6
+    with World(episode.scene) as world:
+        assert not list(checks.states(recorded_of(episode), world))
+        for spoiler in columns:
+            found = list(checks.states(recorded_of(episode, spoiler), world))
+            assert [finding.kind for finding in found] == ["states"], spoiler.__name__
+
+
+def test_a_takeover_that_begins_with_the_thing_in_the_hand_lifts_it_from_the_scene(clean: EpisodeStore) -> None:
+    episode = next(each for each in clean.demonstrations() if "gripper" in each.meta["task"]["goal"])
+    whole = recorded_of(episode)
+    late = replace(whole, arrays={name: values[-2:] for name, values in whole.arrays.items()})
+    with World(episode.scene) as world:
+        scene_start = world.pack()
+        assert "false-success" in {finding.kind for finding in checks.end(late, world, scene_start)}
+        assert not list(checks.end(replace(late, begins_midway=True), world, scene_start))
+
+
+def test_an_error_of_the_engine_costs_one_episode(clean: EpisodeStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> Iterator[Finding]:
+        raise RuntimeError("the engine ends")
+
+    monkeypatch.setattr("executor.audit.checks.record", broken)
+    found = [audit_episode(episode, with_replay=False) for episode in clean.demonstrations()]
+    assert [verdict.kinds for verdict in found] == [("unreadable",)] * 2
 
 
 @pytest.mark.slow

@@ -119,3 +119,13 @@ def test_the_papers_table_is_as_printed() -> None:
     assert table["M2"] == {"T1": (40, 84), "T2": (30, 79), "T3": (70, 93), "T4": (70, 85)}
     assert table["M3"]["T6"] == (38.8, 82.1) and table["M4"]["T2"] == (0, 46.5)
     assert all(set(cells) <= set(FAMILIES) for cells in table.values())
+
+
+def test_what_keeps_no_order_has_a_version_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ids() -> list[str]:
+        settings = (("T3", ""), ("T3", "panda"), ("T7", ""), ("T3", "panda-lift"))
+        return [Unit(family, 0, None, BenchSetting(robot=robot)).id("v") for family, robot in settings]  # type: ignore[arg-type]
+
+    before = ids()
+    monkeypatch.setattr("executor.bench.units.UNORDERED_VERSION", 3)
+    assert [one == two for one, two in zip(before, ids(), strict=True)] == [True, True, False, False]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executor.campaign.engine import Campaign, Engine, Shard, claimed, pending, result_of
+from executor.campaign.engine import Campaign, Engine, Shard, claimed, result_of
 from executor.system.workers import WorkerOutcome
 
 
@@ -82,9 +82,8 @@ def main() -> int:
     number, of = map(int, options.shard.split("/"))
     store = StubFolder(options.folder)
     engine: Engine = InPlace(options.seconds)
-    todo = list(pending(store, units(options.folder, options.units), Shard(number, of)))
     try:
-        with claimed(store, todo, 5.0):
+        with claimed(store, units(options.folder, options.units), Shard(number, of), 20.0) as todo:
             Campaign(store, "", 1, engine=lambda *_: engine).run(todo, lambda unit, result: None)
     except KeyboardInterrupt:
         return 130

@@ -122,6 +122,75 @@ def test_a_part_whose_time_is_up_asks_to_be_started_again_and_goes_on(tmp_path: 
     assert slurm.task(0) == 0 and len(done(out)) == 6
 
 
+def test_two_starts_of_one_request_run_no_unit_twice(tmp_path: Path) -> None:
+    # The file of a unit is made once only, so that one that ran twice ends its run with an error.
+    command = [sys.executable, str(STUB), str(tmp_path), "3", "0.3"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    runs = [subprocess.Popen(command, env=environment) for _ in range(2)]
+    assert [run.wait(TASK_S) for run in runs] == [0, 0]
+    assert done(tmp_path) == [f"v-{number:04d}" for number in range(3)]
+
+
+def test_the_last_step_goes_where_the_parts_are_and_a_refusal_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, _, file = job(tmp_path, 0, 1, 0.0)
+    slurm = StandIn(file, tmp_path / "tools")
+    for name, value in (("JOB_PARTITION", "short"), ("JOB_ACCOUNT", "a b"), ("MEM_PER_NODE", "4000")):
+        monkeypatch.setenv(f"SLURM_{name}", value)
+    assert slurm.task(1) == 0
+    assert slurm.calls == [
+        f"sbatch --array=0 --dependency=afterany:77 --partition=short --account=a b --mem=4000 {file}"
+    ]
+    with (tmp_path / "tools" / "sbatch").open("a", encoding="utf-8") as tool:
+        tool.write("exit 9\n")
+    slurm.starts.clear()
+    assert slurm.task(1) == 9
+
+
+@pytest.mark.parametrize(("code", "ends"), [(0, 0), (1, 1), (2, 2), (3, 3), (130, 0), (143, 0)])
+@pytest.mark.parametrize("number", [0, 2])
+def test_a_part_ends_as_its_command_unless_it_is_started_again(
+    code: int, ends: int, number: int, tmp_path: Path
+) -> None:
+    file = tmp_path / "job.sh"
+    made = ArrayJob(["bash", "-c", f"exit {code}"], file, tmp_path, tmp_path / "logs", 2, 1)
+    file.write_text(made.script(), encoding="utf-8")
+    slurm = StandIn(file, tmp_path / "tools")
+    assert slurm.task(number) == ends
+    assert slurm.calls == ([f"scontrol requeue 77_{number}"] if code > 100 else [])
+
+
+def test_the_outputs_may_lie_in_any_folder(tmp_path: Path) -> None:
+    made = ArrayJob(["true"], tmp_path / "f", tmp_path, Path("/a b/100%A #1"), 1, 1)
+    assert '#SBATCH --output="/a b/100%%A #1/%A_%a.log"' in made.script().splitlines()
+
+
+def test_a_request_for_parts_is_refused_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes").write_text("mine", encoding="utf-8")
+    (tmp_path / "plan.yaml").write_text("successes: 2\nsources: [{families: [T3]}]", encoding="utf-8")
+    asked = ["generate", "T3", "--episodes", "2", "--out"]
+    for words in (
+        [*asked, "d", "--slurm", "notes"],
+        [*asked, "d", "--slurm", "."],
+        [*asked, "d", "--slurm", "job\nrm x"],
+        [*asked, 'd"', "--slurm", "job"],
+        [*asked, "d", "--slurm", "job", "--hours", "inf"],
+        [*asked, "d", "--slurm", "job", "--limit-h", "1"],
+        [*asked, "d", "--slurm", "job", "--limit-gb", "1"],
+        ["generate", "plan.yaml", "--out", "d", "--slurm", "job"],
+        ["generate", "plan.yaml", "--out", "d", "--shard", "1/2"],
+    ):
+        assert run(words) == 2, words
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["notes", "plan.yaml"]
+    assert (tmp_path / "notes").read_text(encoding="utf-8") == "mine"
+    # An array job of ours is replaced.
+    assert run([*asked, "d", "--slurm", "job"]) == run([*asked, "d", "--slurm", "job"]) == 0
+
+
 def test_the_script_is_one_that_bash_reads_and_sbatch_understands(tmp_path: Path) -> None:
     made, _, file = job(tmp_path, 6, 2, 0.0)
     assert subprocess.run(["bash", "-n", str(file)], check=False).returncode == 0

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from executor.bench.units import BenchSetting, Series, Unit
 from executor.cli import app
+from executor.cli.commands.bench import _Narrow
 from executor.cli.output import Pace, span_text
 from executor.data.store import EpisodeStore
 
@@ -68,6 +70,35 @@ def test_bench_ends_when_the_interval_is_narrow_enough(
     # What is done already counts.
     assert run("bench", "T3", "--seed", 0, "--episodes", 9, "--until", until)[0] == 0
     assert len(list((tmp_path / "bench" / "units").iterdir())) == units
+
+
+def test_a_repeated_unit_counts_once_for_a_width() -> None:
+    unit = Unit("T3", 0, None, BenchSetting())
+    series = [Series("T3", 0, 9, BenchSetting(), "v")]
+
+    class Folder:
+        def results(self, _: Series) -> list[dict[str, str]]:
+            return [{"id": "a", "ended": "crashed"}, {"id": "b", "ended": "succeeded"}]
+
+    narrow = _Narrow(Folder(), series, 70.0)  # type: ignore[arg-type]
+    narrow.note(unit, {"id": "a", "ended": "succeeded"})
+    cell = narrow._cells["T3"]
+    assert sorted(result["id"] for result in cell.results) == ["a", "b"] and not cell.failed
+
+
+def test_a_part_ends_with_an_error_only_where_none_of_its_units_came_to_an_end(run: Run) -> None:
+    # Seed 3 crashes, 5 fails.
+    assert run("bench", "T3", "--seed", 3, "--episodes", 1, "--shard", "1/2")[0] == 1
+    assert run("bench", "T3", "--seed", 3, "--episodes", 1, "--shard", "2/2")[0] == 0
+    assert run("bench", "T3", "--seed", 5, "--episodes", 1, "--shard", "1/2")[0] == 0
+
+
+def test_status_of_a_store_with_a_request_that_is_none(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    EpisodeStore(tmp_path / "s").add_requests([{}])
+    assert app.run(["status", str(tmp_path / "s"), "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["error"]["kind"] == "NotADataset"
 
 
 def test_limits_of_outcomes_are_no_matter_of_parts(run: Run) -> None:

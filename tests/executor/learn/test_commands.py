@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -19,6 +20,7 @@ from executor.data.units import Origin, Variation
 from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import EpisodeKind
 from executor.learn.evaluation import FAILURES, EpisodeOutcome
+from executor.learn.evaluation_units import _weights_key
 from executor.learn.settings import PolicySettings, SettingsError, read_settings
 
 pytestmark = pytest.mark.physics
@@ -135,6 +137,35 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*shared, "--workers", "2"]) == 0
     assert last_json(capsys)["policies"] == found["policies"]
     assert run([*evaluate, "--workers", "2"]) == 2
+    capsys.readouterr()
+    # Where no episode comes to an end, nothing is measured.
+    monkeypatch.setattr("executor.learn.evaluation_units.WORKER", "tests.executor.campaign.stub_worker")
+    assert run([*evaluate, "--out", str(tmp_path / "none"), "--workers", "2"]) == 1
+    told = last_json(capsys)
+    assert told["ok"] is False and "0 of 2 did not run" in str(told["problem"])
+
+
+def test_an_evaluation_is_of_the_weights_that_act(tmp_path: Path) -> None:
+    def keys() -> list[str]:
+        training = SimpleNamespace(training=SimpleNamespace(steps=5))
+        actors: list[Any] = [
+            SimpleNamespace(folder=str(tmp_path), step=step, record=SimpleNamespace(settings=training))
+            for step in (3, 5)
+        ]
+        return [_weights_key(actor) for actor in actors]
+
+    (tmp_path / "steps").mkdir()
+    for name in ("policy.json", "weights.safetensors", "steps/000003.safetensors"):
+        (tmp_path / name).write_text("a")
+    before = keys()
+    for name in ("evaluation.json", "evaluation-units.json", "resume.safetensors"):
+        (tmp_path / name).write_text("a")
+    assert keys() == before
+    (tmp_path / "steps" / "000003.safetensors").write_text("b")
+    early, last = keys()
+    assert early != before[0] and last == before[1]
+    (tmp_path / "weights.safetensors").write_text("b")
+    assert keys()[0] == early and keys()[1] != last
 
 
 def test_results_are_seen_even_if_they_cannot_be_written(
