@@ -198,9 +198,9 @@ def states(recorded: Recorded, world: World) -> Iterator[Finding]:
         return
     bodies = {body.entity.name: body for body in world.sapien_scene.physx_system.rigid_dynamic_components}
     named = {"objects": (set(names), set(bodies)), "joints": (set(joints), set(world.articulated_ids))}
-    for what, (said, there) in named.items():
-        if said != there:
-            yield Finding("states", f"its {what} and those of its scene differ: {', '.join(sorted(said ^ there))}")
+    for what, (listed, there) in named.items():
+        if listed != there:
+            yield Finding("states", f"its {what} and those of its scene differ: {', '.join(sorted(listed ^ there))}")
             return
     poses, speeds = np.empty((count, len(names), 3)), np.empty((count, len(names)))
     hand = Kinematics(world.robot, world.model)
