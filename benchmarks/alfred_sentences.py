@@ -4,7 +4,7 @@
 
 FOLDER holds the command files of github.com/zebehn/revisiting_alfred (`refined_*_commands.json`, MIT): instructions
 that people wrote for tasks of ALFRED, each with the action sequence of its expert. Every task becomes a scene: the
-furniture and the things of its sequence, in the categories of AI2-THOR, beside a fridge, a stove and other landmarks.
+furniture and the things of its sequence, in the categories of AI2-THOR, with a fridge, a stove and other landmarks.
 All that stands in it is made here; nothing of the files is kept.
 
 Instructions are unique up to case, blanks and a last full stop, and sorted. Every second one from the first is for

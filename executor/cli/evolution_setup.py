@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from executor.cli.errors import BadOption
-from executor.cli.options import JudgeOptions
+from executor.cli.options import JudgeOptions, ModelOptions
 from executor.cli.output import tell, tell_progress
 from executor.reports.run_folder import EXCHANGES, USAGE, kept_aside, unused_path
 from executor.rollouts.evolution_record import AttemptFrames, Evolution
@@ -234,25 +234,6 @@ class ModelInterrupted(KeyboardInterrupt):
     def __init__(self, usage: Mapping[str, object]) -> None:
         super().__init__("interrupted; what was answered is recorded, and not asked again with --resume")
         self.usage = usage
-
-
-class ModelOptions(Protocol):
-    """A typed model and its budget."""
-
-    @property
-    def model(self) -> str | None: ...
-    @property
-    def models(self) -> tuple[str, ...]: ...
-    @property
-    def temperature(self) -> float | None: ...
-    @property
-    def model_seed(self) -> int | None: ...
-    @property
-    def max_tokens(self) -> int | None: ...
-    @property
-    def max_cost_usd(self) -> float | None: ...
-    @property
-    def max_time_s(self) -> float | None: ...
 
 
 def connect_model(

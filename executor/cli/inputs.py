@@ -39,7 +39,7 @@ def robot_asked_for(name: str | None, *, full_size: bool) -> str:
     Raises:
         BadOption: They choose two.
     """
-    check(not full_size or name in (None, FULL_SIZE.name), "--full-size", "is given", f"none beside --robot {name}")
+    check(not full_size or name in (None, FULL_SIZE.name), "--full-size", "is given", f"none with --robot {name}")
     return chosen_robot(name or "", full_size=full_size)
 
 
@@ -53,4 +53,4 @@ def _default_scene(task_path: Path) -> Path:
     for candidate in (task_path.with_name(f"{task_path.stem}_scene.json"), task_path.with_name("scene.json")):
         if candidate.is_file():
             return candidate
-    raise BadOption("--scene", "is missing", f"a scene's name or file, since none lies beside {task_path}")
+    raise BadOption("--scene", "is missing", f"a scene's name or file, since none lies in the folder of {task_path}")

@@ -89,7 +89,7 @@ SceneName = Annotated[
 OptionalScene = Annotated[
     Maybe[str],
     option_help(
-        "Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."
+        "Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` in its folder."
     ),
     READ_SCENE,
 ]
@@ -196,10 +196,10 @@ class CommonOptions:
 
 @dataclass(frozen=True)
 class PhotoInputs:
-    """What is given beside a photograph."""
+    """What is given with a photograph."""
 
     boxes: Maybe[Path] = None
-    """Beside a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    """With a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with its classes.txt."""
     detector: Maybe[Path] = None
     """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/photo.md says which)."""
     least_score: Maybe[float] = None
@@ -232,20 +232,29 @@ class PhotoInputs:
     """Who made the --depth: a sensor (the default), or a network that guessed it from the picture."""
 
 
-@dataclass(frozen=True)
-class JudgeOptions:
-    """Who judges the steps of a failed attempt and revises its flow."""
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """A language model, how it samples, and its budget."""
 
     model: Maybe[str] = None
-    """Language model that judges and revises, such as openai:gpt-5.2 or replay:FILE; by default measurements do."""
+    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does.
+    replay:FILE,openai:gpt-5.2 goes on with the model where the recording ends."""
     models: Models = ()
     temperature: Temperature = None
     model_seed: ModelSeed = None
     max_tokens: MaxTokens = None
     max_cost_usd: MaxCost = None
     max_time_s: MaxTime = None
+
+
+@dataclass(frozen=True)
+class JudgeOptions(ModelOptions):
+    """Who judges the steps of a failed attempt and revises its flow."""
+
+    model: Maybe[str] = None
+    """Language model that judges and revises, such as openai:gpt-5.2 or replay:FILE; by default measurements do."""
     views: str = "global,head,wrist"
-    """Cameras whose pictures the model sees, with commas between them; none: it is told measurements only."""
+    """Cameras whose pictures the model sees, with commas between them; none: it gets measurements only."""
     look_back: int = 1
     """How many steps before the judged one the model sees as well."""
     measurements: Annotated[Flag, negated_flag("Show the model pictures only, and not what was measured.")] = True

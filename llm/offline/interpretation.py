@@ -11,10 +11,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
+from llm.offline.discourse import Discourse, Mention
 from llm.offline.grounding import Grounded, Grounding
 from llm.offline.intents import (
     RELATIONS,
-    Front,
     Intent,
     IntentKind,
     Refusal,
@@ -22,7 +22,6 @@ from llm.offline.intents import (
     Request,
     Support,
     Surroundings,
-    alternatives,
     carries_past_doors,
     enumeration,
     merge_repeated,
@@ -31,98 +30,6 @@ from llm.offline.intents import (
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
 from llm.offline.viewpoint import start_gap_m
-
-
-@dataclass(frozen=True, slots=True)
-class Mention:
-    """Objects mentioned by one command; `as_one` when one word named several of them, so that "it" can mean them."""
-
-    intents: tuple[Intent, ...]
-    source: str | None = None
-    as_one: bool = False
-
-    @property
-    def themes(self) -> tuple[str, ...]:
-        """Objects that are acted on."""
-        return tuple(dict.fromkeys(intent.target for intent in self.intents))
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Destinations, and the source."""
-        named = (*(intent.destination for intent in self.intents), self.source)
-        return tuple(dict.fromkeys(key for key in named if key is not None))
-
-
-@dataclass(slots=True)
-class Discourse:
-    """Mentions of a query so far, the latest last."""
-
-    around: Surroundings
-    mentions: list[Mention] = field(default_factory=list)
-
-    def item(self, phrase: NounPhrase) -> tuple[str, ...]:
-        """Resolve a pronoun that names a moved item: what the latest command about items moved."""
-        for index in range(len(self.mentions) - 1, -1, -1):
-            mention = self.mentions[index]
-            themes = tuple(filter(self._is_item, mention.themes))
-            if not themes:
-                continue
-            if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
-                themes = self._picked_in_a_row(index)
-            elif phrase.pronoun == "it" and not mention.as_one:
-                # In "put the apple into the bowl and put it ..." either of them can be meant.
-                moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
-                themes += tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
-            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
-        raise self._unclear(phrase)
-
-    def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:
-        """Resolve a pronoun that names something to open or close."""
-
-        def fits(key: str) -> bool:
-            can = self.around.affordances[key]
-            return can.door if front is None else can.opens_by(front)
-
-        return self.latest(phrase, fits)
-
-    def latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
-        """Resolve a pronoun to the fitting objects of the last command, or else to those of all before it.
-
-        "Them" refers to the latest command about several objects.
-        """
-        if phrase.pronoun == "them":
-            sets = (tuple(filter(fits, mention.themes)) for mention in reversed(self.mentions))
-            return self._agreed(phrase, next((ids for ids in sets if len(ids) > 1), ()))
-        spoken = [dict.fromkeys((*mention.themes, *mention.places)) for mention in self.mentions]
-        before = {key: None for named in spoken[:-1] for key in named}
-        for named in (*spoken[-1:], before):
-            fitting = tuple(key for key in named if fits(key))
-            if fitting:
-                return self._agreed(phrase, fitting)
-        raise self._unclear(phrase)
-
-    def _picked_in_a_row(self, last: int) -> tuple[str, ...]:
-        """Return the objects of consecutive pick commands up to one of them."""
-        first = last
-        while first > 0 and all(intent.kind is IntentKind.PICK for intent in self.mentions[first - 1].intents):
-            first -= 1
-        return tuple(dict.fromkeys(key for mention in self.mentions[first : last + 1] for key in mention.themes))
-
-    def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
-        if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
-            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
-            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
-        if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):
-            problem = f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of '
-            raise Refusal("several-objects", problem + (" and ".join(ids) or "none"))
-        return ids
-
-    def _is_item(self, object_id: str) -> bool:
-        return self.around.scene.objects[object_id].role == "B"
-
-    def _unclear(self, phrase: NounPhrase) -> Refusal:
-        return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
-
 
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 

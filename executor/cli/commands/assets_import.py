@@ -27,7 +27,7 @@ class Options(CommonOptions):
     height_m: Maybe[float] = None
     """Its height in metres; by default the files' lengths are metres."""
     side: Maybe[Path] = None
-    """JSON file with what overrules inference; by default affordances.json beside the source."""
+    """JSON file with what overrules inference; by default affordances.json in the source's folder."""
 
 
 def execute(options: Options) -> int:

@@ -1,4 +1,4 @@
-"""`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table.
+"""`scene2demo bench`: success rates over many episodes, resumable, with the paper's main table.
 
 Exit code 0 when every requested unit is done and at least one succeeded, 1 when none did, 130 after Ctrl-C.
 Failures are what a benchmark measures. A part (`--shard`) ends with 1 only when none of its units came to an end.
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options(EngineOptions):
-    """Measure success rates over many episodes, and print them beside the paper's main table.
+    """Measure success rates over many episodes, and print them with the paper's main table.
 
     Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT` shows one
     unit as a video.

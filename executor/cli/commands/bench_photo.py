@@ -38,7 +38,7 @@ class Options(CommonOptions):
     rooms: int = 20
     """How many rooms of households: 102 of a seed, then of the next one."""
     kitchens: int = 0
-    """How many kitchens of T1 to T4 beside them."""
+    """How many kitchens of T1 to T4 as well."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
     track: Literal["A", "B", "D", "E", "F", "G", "S"] = "B"
@@ -124,7 +124,7 @@ def _execute_rooms(options: Options) -> int:
     else:
         done = list(measure(options.out, rooms, detector, _silent if options.json else _tell, options.track, detect))
         rows, title = card_rows(done), TITLES[options.track]
-        footnote = f"beside it: {PRINTED}"
+        footnote = f"for comparison: {PRINTED}"
         homes = [room for room in done if room["family"] == HOUSEHOLD]
         parts = {"households": homes, "kitchens": [room for room in done if room not in homes]}
         summary |= {name: dict(card_rows(some)) for name, some in parts.items() if some}

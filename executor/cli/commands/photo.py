@@ -18,16 +18,11 @@ from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.options import (
     CommonOptions,
     GoOn,
-    MaxCost,
-    MaxTime,
-    MaxTokens,
     Maybe,
-    Models,
-    ModelSeed,
+    ModelOptions,
     PhotoInputs,
     Read,
     ReplaceResults,
-    Temperature,
     option_help,
 )
 from executor.cli.output import print_json, say, tell, tell_progress
@@ -40,6 +35,14 @@ if TYPE_CHECKING:
     from executor.photo.inputs.picture import Photograph
     from executor.photo.pipeline import PhotoInput, PhotoResult
     from llm.structured.conversation import Spending
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinderOptions(ModelOptions):
+    """A model that finds things in place of boxes."""
+
+    model: Maybe[str] = None
+    """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +60,7 @@ class Options(CommonOptions):
     """In place of a picture: folder of an earlier reconstruction. What was corrected in its things.json (a name, what a
     thing is on, a size) and what was not fitted before Ctrl-C is fitted; all else stays."""
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
-    model: Maybe[str] = None
-    """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
-    models: Models = ()
-    temperature: Temperature = None
-    model_seed: ModelSeed = None
-    max_tokens: MaxTokens = None
-    max_cost_usd: MaxCost = None
-    max_time_s: MaxTime = None
+    asked: FinderOptions = field(default_factory=FinderOptions)
     resume: GoOn = False
     force: ReplaceResults = False
 
@@ -216,7 +212,9 @@ def execute(options: Options) -> int:
     from executor.photo.output import prepared, result_json
 
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
-    check(not options.resume or options.model is not None, "--resume", "", "--model with it, whose answers are kept")
+    check(
+        not options.resume or options.asked.model is not None, "--resume", "", "--model with it, whose answers are kept"
+    )
     spent: list[Spending] = []
     kept: Mapping[int, Fit] = {}
     if options.again is not None:
@@ -230,7 +228,7 @@ def execute(options: Options) -> int:
         with ExitStack() as counted:
             given = read_photograph(picture, options.photo_inputs, _asked(options, out, spent, counted))
         # Where a model was asked, the folder has the conversation already.
-        folder = out if options.model is not None else prepared(out, force=options.force)
+        folder = out if options.asked.model is not None else prepared(out, force=options.force)
         words = typed(picture, options.photo_inputs)
     result = _reconstructed(folder, given, words, kept, quiet=options.json)
     code = INTERRUPTED if result.found.interrupted else FAILED if result.made.refused else DONE
@@ -258,7 +256,7 @@ def _corrected(options: Options, folder: Path) -> tuple[PhotoInput, Mapping[str,
     from executor.photo.errors import PhotoRefused
     from executor.photo.output import THINGS, prepared
 
-    none_else = options.picture is None and options.model is None and options.photo_inputs == PhotoInputs()
+    none_else = options.picture is None and options.asked.model is None and options.photo_inputs == PhotoInputs()
     check(none_else, "--again", folder, "nothing else with it but --out: the folder knows what was typed")
     earlier = read_earlier(folder)
     try:
@@ -291,10 +289,10 @@ def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStac
     from llm.client.recording import is_replay, recording_of
     from llm.structured.conversation import Spending
 
-    model = connect_model(options, None)
-    if options.model is None or model is None:
+    model = connect_model(options.asked, None)
+    if options.asked.model is None or model is None:
         return None
-    name, names = options.model, wanted_names(options.photo_inputs)
+    name, names = options.asked.model, wanted_names(options.photo_inputs)
     replayed = recording_of(name)[0] if is_replay(name) else None
 
     def detect(picture: Photograph) -> Detections:
@@ -303,7 +301,7 @@ def _asked(options: Options, out: Path, spent: list[Spending], counted: ExitStac
         if options.force and replayed is None:
             tell_kept(kept_aside(record))
         folder = prepared(out, force=options.force or options.resume)
-        live = connect_model(options, folder / EXCHANGES, resume=options.resume) if replayed is None else None
+        live = connect_model(options.asked, folder / EXCHANGES, resume=options.resume) if replayed is None else None
         asked = live or model
         spending = Spending(asked, tell_progress(options.json))
         spent.append(spending)

@@ -5,7 +5,7 @@ Exit code 0 when the plan is proved and feasible, else 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,16 +15,11 @@ from executor.cli.options import (
     CommonOptions,
     FullSize,
     KeepSizes,
-    MaxCost,
-    MaxTime,
-    MaxTokens,
     Maybe,
-    Models,
-    ModelSeed,
+    ModelOptions,
     OptionalSentence,
     RobotName,
     SceneName,
-    Temperature,
 )
 from executor.cli.output import counting, print_json, say, tell, tell_notes, tell_warnings
 
@@ -57,15 +52,7 @@ class Options(CommonOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
-    model: Maybe[str] = None
-    """Language model that plans a sentence, such as openai:gpt-5.2 or replay:FILE; by default none does.
-    replay:FILE,openai:gpt-5.2 goes on with the model where the recording ends."""
-    models: Models = ()
-    temperature: Temperature = None
-    model_seed: ModelSeed = None
-    max_tokens: MaxTokens = None
-    max_cost_usd: MaxCost = None
-    max_time_s: MaxTime = None
+    asked: ModelOptions = field(default_factory=ModelOptions)
     record: Maybe[Path] = None
     """With --model: new file for what the model answers; --model replay:FILE repeats it."""
 
@@ -80,9 +67,9 @@ def execute(options: Options) -> int:
     expected = 'one of them, such as "put the glass into the refrigerator" or --goal "(open refrigerator_0)"'
     check(bool(options.query or options.goal), "plan:", missing, expected)
     check(not (options.query and options.goal), "plan:", both, expected)
-    for name, value in (("--record", options.record), ("--models", " ".join(options.models))):
-        check(not value or options.model is not None, name, value, "--model with it")
-    check(options.model is None or options.goal is None, "--model", options.model, "a sentence, not --goal")
+    for name, value in (("--record", options.record), ("--models", " ".join(options.asked.models))):
+        check(not value or options.asked.model is not None, name, value, "--model with it")
+    check(options.asked.model is None or options.goal is None, "--model", options.asked.model, "a sentence, not --goal")
     quiet = options.json
     with counting("loading the planner and the simulator", quiet=quiet):
         from executor.cli.execution import check_seed
@@ -143,21 +130,21 @@ def execute(options: Options) -> int:
 
 def _spending(options: Options) -> Spending | None:
     """Return the typed model with its usage, None without one; nothing is sent yet."""
-    if options.model is None:
+    if options.asked.model is None:
         return None
     from executor.cli.evolution_setup import connect_model, spending_of
     from executor.cli.inputs import refuse_existing
 
     if options.record is not None:
         refuse_existing(options.record, force=False, option="--record")
-    return spending_of(connect_model(options, options.record), quiet=options.json)
+    return spending_of(connect_model(options.asked, options.record), quiet=options.json)
 
 
 def _proposed_by_model(options: Options, scene: Scene, sizing: Sizing, spending: Spending) -> Proposal:
     from executor.cli.evolution_setup import report_spending_on_error
     from llm import ModelProposer
 
-    proposer = ModelProposer(spending.model, name=options.model or "", sizing=sizing, listen=spending.add_round)
+    proposer = ModelProposer(spending.model, name=options.asked.model or "", sizing=sizing, listen=spending.add_round)
     with report_spending_on_error(spending, quiet=options.json):
         return proposer.propose(options.query, scene)
 

@@ -25,12 +25,8 @@ from executor.cli.options import (
     JudgeOptions,
     KeepSizes,
     Limit,
-    MaxCost,
-    MaxTime,
-    MaxTokens,
     Maybe,
-    Models,
-    ModelSeed,
+    ModelOptions,
     PhotoInputs,
     Read,
     ReplaceResults,
@@ -38,7 +34,6 @@ from executor.cli.options import (
     RobotName,
     Sentence,
     Size,
-    Temperature,
     Video,
 )
 from executor.cli.output import print_json, say, tell, tell_notes, tell_warnings
@@ -63,15 +58,7 @@ class Options(CommonOptions):
     photo: Annotated[Maybe[Path], Read()] = None
     """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
     photo_inputs: PhotoInputs = field(default_factory=PhotoInputs)
-    model: Maybe[str] = None
-    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does.
-    replay:FILE,openai:gpt-5.2 goes on with the model where the recording ends."""
-    models: Models = ()
-    temperature: Temperature = None
-    model_seed: ModelSeed = None
-    max_tokens: MaxTokens = None
-    max_cost_usd: MaxCost = None
-    max_time_s: MaxTime = None
+    asked: ModelOptions = field(default_factory=ModelOptions)
     image: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """With --model: picture of the scene that the model sees with the query; may be given several times."""
     seed: int = 0
@@ -105,7 +92,7 @@ def execute(options: Options) -> int:
 
     if options.photo is None:
         return _run(options)
-    check(options.scene is None, "--scene", options.scene, "none beside --photo, which makes one")
+    check(options.scene is None, "--scene", options.scene, "none with --photo, which makes one")
     # Fitting takes a while: refuse an unusable folder before it.
     folder = RunFolder.prepare(options.out, force=options.force)
     scene = scene_of_photograph(options.photo, options.photo_inputs, folder.path / "photo", quiet=options.json)
@@ -131,9 +118,14 @@ def _run(options: Options) -> int:
     check_size(options.size)
     check_limit(options.limit)
     remembers = options.memory is not None and not options.evolve
-    check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
-    images = _pictures(options.image, options.model)
-    check(not options.models or options.model is not None, "--models", " ".join(options.models), "--model with it")
+    check(not remembers, "--memory", options.memory, "--evolve with it, since only revisions are remembered")
+    images = _pictures(options.image, options.asked.model)
+    check(
+        not options.asked.models or options.asked.model is not None,
+        "--models",
+        " ".join(options.asked.models),
+        "--model with it",
+    )
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
     scene = scene_for(
@@ -145,17 +137,17 @@ def _run(options: Options) -> int:
     # Validate the scene before paying for a model call.
     tell_warnings(require_valid(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
-    if options.model is None:
+    if options.asked.model is None:
         propose(options.query, scene, sizing=sizing)  # Raises before a folder is made.
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
     # A recording that is replayed is read before its folder is prepared for other results.
-    replayed = connect_model(options, None) if is_replay(options.model or "") else None
+    replayed = connect_model(options.asked, None) if is_replay(options.asked.model or "") else None
     folder = RunFolder.prepare(options.out, force=options.force, resume=options.resume)
     tell_kept(folder.kept_aside)
     same = not options.resume or folder.query in (None, options.query)
     check(same, "--resume", options.out, f"the folder of a run of the same sentence, not of {folder.query!r}")
     with folder.filling():
-        model = replayed or connect_model(options, folder.exchanges, resume=options.resume)
+        model = replayed or connect_model(options.asked, folder.exchanges, resume=options.resume)
         spending = spending_of(model, quiet=options.json)
         with report_spending_on_error(spending, quiet=options.json):
             try:
@@ -206,9 +198,9 @@ def _prove_and_execute(
             **({} if options.photo is None else asdict(options.photo_inputs)),
             seed=options.seed,
             out=options.out,
-            model=options.model,
-            **sampling_arguments(options),
-            image=[] if options.model is None else list(options.image),
+            model=options.asked.model,
+            **sampling_arguments(options.asked),
+            image=[] if options.asked.model is None else list(options.image),
             keep_sizes=options.keep_sizes,
             full_size=options.full_size,
             robot=options.robot,
@@ -323,7 +315,7 @@ def _judge_options(options: Options) -> JudgeOptions:
     from executor.system import vulkan
     from llm.client.recording import recording_of
 
-    model = options.model
+    model = options.asked.model
     if model is None:
         return JudgeOptions(memory=options.memory)
     recording, _ = recording_of(model)
@@ -362,7 +354,7 @@ def _propose_with_model(
     from oag.sizes import Sizing
 
     sizing = Sizing(options.seed, options.keep_sizes)
-    name = options.model or ""
+    name = options.asked.model or ""
     proposer = ModelProposer(spending.model, name=name, images=images, sizing=sizing, listen=spending.add_round)
     try:
         return proposer.propose(options.query, scene)
@@ -388,7 +380,7 @@ def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
         model: The model that looks at them.
     """
     if paths and model is None:
-        raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")
+        raise BadOption("--image", paths[0], "--model with it, since only a model looks at pictures")
     return tuple(map(_picture, paths))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,17 +14,12 @@ from executor.cli.options import (
     CommonOptions,
     Flag,
     FullSize,
-    MaxCost,
-    MaxTime,
-    MaxTokens,
     Maybe,
-    Models,
-    ModelSeed,
+    ModelOptions,
     ReplaceFile,
     RobotName,
     SceneName,
     Sentence,
-    Temperature,
 )
 from executor.cli.output import counting, print_json, say, tell
 
@@ -43,14 +38,7 @@ class Options(CommonOptions):
 
     query: Sentence
     scene: SceneName
-    model: Maybe[str] = None
-    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
-    models: Models = ()
-    temperature: Temperature = None
-    model_seed: ModelSeed = None
-    max_tokens: MaxTokens = None
-    max_cost_usd: MaxCost = None
-    max_time_s: MaxTime = None
+    asked: ModelOptions = field(default_factory=ModelOptions)
     record: Maybe[Path] = None
     """With --model: file for what the model answers; --model replay:FILE repeats it."""
     runs: Annotated[int, tyro.conf.arg(aliases=("-n",))] = 20
@@ -71,7 +59,7 @@ class Options(CommonOptions):
 def execute(options: Options) -> int:
     """Print the forms with counts, verdicts and examples, and write the picture where requested."""
     check(options.runs >= 1, "--runs", options.runs, "at least 1")
-    check(options.record is None or options.model is not None, "--record", options.record, "--model with it")
+    check(options.record is None or options.asked.model is not None, "--record", options.record, "--model with it")
     quiet = options.json
     with counting("loading the planner", quiet=quiet):
         from executor.cli.evolution_setup import connect_model, report_spending_on_error, spending_of
@@ -91,11 +79,11 @@ def execute(options: Options) -> int:
         listen=lambda notes: None,
     )
     words = [word.strip() for word in options.perturb.split(",") if word.strip()]
-    model = connect_model(options, options.record)
+    model = connect_model(options.asked, options.record)
     spending = spending_of(model, quiet=True)
     with report_spending_on_error(spending, quiet=quiet), counting("decomposing", quiet=quiet) as on_progress:
         found = stability(
-            _decomposer(model, options.model or ""),
+            _decomposer(model, options.asked.model or ""),
             options.query,
             scene,
             options.runs,
