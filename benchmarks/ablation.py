@@ -190,8 +190,7 @@ def _cells(row: AblationRow) -> tuple[str, ...]:
 class AblationOptions(CommonOptions):
     """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
 
-    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
-    are shown to the model, and none are written, so that no setting profits from another.
+    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times.
     """
 
     what: tyro.conf.Positional[Literal["views", "look-back"]]
@@ -271,7 +270,7 @@ def _row(
     try:
         for seed in range(options.seed, options.seed + options.episodes):
             evolution = judging.evolve(
-                graph, views=setting.views, look_back=setting.look_back, learn=False, seed=seed, limit=options.limit
+                graph, views=setting.views, look_back=setting.look_back, seed=seed, limit=options.limit
             )
             team = judging.teams[-1]
             episodes.append((evolution, team.conversation))

@@ -1,13 +1,11 @@
 """The paper's initial flows with faults, before and after self-evolution: a resumable run over tasks, faults and seeds.
 
     python -m benchmarks.evolution --out build/evolution --seeds 16000-16004 [--tasks T1 T3] [--faults none pose]
-    python -m benchmarks.evolution --out build/evolution --seeds 16000-16004 --memory --workers 2
     python -m benchmarks.evolution --out build/evolution --table
 
 One line of `results.jsonl` is one episode. An episode up to its first revision is what would have happened without
 evolution, so that one run gives both columns. Numbers are the paper's as printed; the scene is varied by the seed.
-With --memory corrections that helped are remembered over the seeds of a cell, which then depend on each other, so that
-they run in their order. Ctrl-C keeps what is finished, and the next run goes on from there.
+Ctrl-C keeps what is finished, and the next run goes on from there.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,25 +25,21 @@ WORKER = "benchmarks.evolution_episode"
 Request = dict[str, Any]
 
 
-def requests(chosen: argparse.Namespace, done: Iterable[dict[str, Any]]) -> Iterator[list[Request]]:
-    """Yield rounds of episodes that are not done yet; those of one round do not depend on each other.
+def requests(chosen: argparse.Namespace, done: Iterable[dict[str, Any]]) -> list[Request]:
+    """Return the episodes that are not done yet.
 
     Args:
         chosen: What the command line asks for.
         done: The results so far.
     """
-    known = {(r["task"], r["fault"], r["seed"]) for r in done if r["memory"] == chosen.memory}
+    known = {(r["task"], r["fault"], r["seed"]) for r in done}
     cells = [(task, kind) for task in chosen.tasks for kind in chosen.faults if has_episodes(task, kind)]
-    rounds = [
-        [_request(chosen, task, kind, seed) for task, kind in cells if (task, kind, seed) not in known]
+    return [
+        {"task": task, "fault": kind, "seed": seed, "limit": chosen.limit}
         for seed in chosen.seeds
+        for task, kind in cells
+        if (task, kind, seed) not in known
     ]
-    yield from rounds if chosen.memory else [[request for each in rounds for request in each]]
-
-
-def _request(chosen: argparse.Namespace, task: str, kind: str, seed: int) -> Request:
-    folder = str(chosen.out / "memory" / task / kind) if chosen.memory else None
-    return {"task": task, "fault": kind, "seed": seed, "limit": chosen.limit, "memory": folder}
 
 
 def read(path: Path) -> list[dict[str, Any]]:
@@ -68,18 +62,17 @@ def run(chosen: argparse.Namespace, path: Path) -> int:
     """
     broken = 0
     pool = WorkerPool(WORKER, chosen.workers)
-    for together in requests(chosen, read(path)):
-        for outcome in pool.run(together):
-            asked, found = outcome.request, outcome.answer
-            told = f"{asked['task']} {asked['fault']} {asked['seed']}"
-            if outcome.ending != "finished":
-                broken += 1
-                print(f"{told}: {outcome.message}", file=sys.stderr, flush=True)
-                continue
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(found, sort_keys=True) + "\n")
-            word = "at once" if found["before"] else "evolved" if found["after"] else "failed"
-            print(f"{told}: {word}, {found['revisions']} revisions, {found['wall_s']} s", flush=True)
+    for outcome in pool.run(requests(chosen, read(path))):
+        asked, found = outcome.request, outcome.answer
+        unit = f"{asked['task']} {asked['fault']} {asked['seed']}"
+        if outcome.ending != "finished":
+            broken += 1
+            print(f"{unit}: {outcome.message}", file=sys.stderr, flush=True)
+            continue
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(found, sort_keys=True) + "\n")
+        word = "at once" if found["before"] else "evolved" if found["after"] else "failed"
+        print(f"{unit}: {word}, {found['revisions']} revisions, {found['wall_s']} s", flush=True)
     return broken
 
 
@@ -97,7 +90,6 @@ def main() -> int:
     parser.add_argument("--faults", nargs="+", choices=FAULTS, default=list(FAULTS))
     parser.add_argument("--limit", type=int, default=5, help="revisions of a subtask at most")
     parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--memory", action="store_true")
     parser.add_argument("--table", action="store_true", help="run nothing")
     chosen = parser.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)

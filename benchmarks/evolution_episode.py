@@ -16,8 +16,6 @@ from executor.rollouts.rollout import RunConditions
 from executor.scenes import library
 from executor.sim.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from executor.system.workers import serve
-from llm.evolve import SearchSupervisor, Supervisor
-from llm.memory import RememberingSupervisor, SkillMemory
 from oag import Scene, Task, compose
 
 DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
@@ -52,7 +50,7 @@ def faults_of(kind: str, task: Task, seed: int) -> tuple[Fault, ...] | None:
     return made[kind]
 
 
-def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | None) -> dict[str, Any]:
+def episode(name: str, kind: str, seed: int, limit: int) -> dict[str, Any]:
     """Return what came of one episode.
 
     Args:
@@ -60,7 +58,6 @@ def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | N
         kind: One of `FAULTS`.
         seed: Seeds the scene's variation, all planning, and the fault's direction.
         limit: How many revisions a subtask may have.
-        memory: Notes to try and to add to; None to remember nothing.
 
     Raises:
         ValueError: The task has nothing that the fault could be about.
@@ -69,30 +66,19 @@ def episode(name: str, kind: str, seed: int, limit: int, memory: SkillMemory | N
     faults = faults_of(kind, task, seed)
     if faults is None:
         raise ValueError(f"{name} has nothing that the fault {kind} could be about")
-    supervisor: Supervisor = SearchSupervisor()
-    foreseen = None
-    if memory is not None:
-        supervisor = RememberingSupervisor(memory, supervisor)
-        foreseen = memory.foresee(task, scene)
-        task = foreseen.task
     began = time.perf_counter()
     told = evolve(
         compose(task, scene=scene),
         scene,
         seed,
-        supervisor=supervisor,
         limit=limit,
         conditions=RunConditions(faults=faults),
     )
-    if memory is not None:
-        memory.learn(told.original, told.rollout.scene, [story.history for story in told.stories], foreseen)
     last = told.stories[-1]
     return {
         "task": name,
         "fault": kind,
         "seed": seed,
-        "memory": memory is not None,
-        "foreseen": [] if foreseen is None else sorted(foreseen.notes.values()),
         "before": told.succeeded_at_once,
         "after": told.succeeded,
         "revisions": told.revisions,
@@ -118,9 +104,7 @@ def main() -> None:
     torch.set_num_threads(1)
 
     def handle(request: dict[str, Any]) -> dict[str, Any]:
-        folder = request["memory"]
-        memory = SkillMemory(Path(folder)) if folder is not None else None
-        return episode(request["task"], request["fault"], request["seed"], request["limit"], memory)
+        return episode(request["task"], request["fault"], request["seed"], request["limit"])
 
     serve(handle)
 

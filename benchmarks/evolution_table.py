@@ -18,8 +18,7 @@ Results = Sequence[dict[str, Any]]
 def tables(results: Results) -> Iterator[str]:
     """Yield the lines of all tables.
 
-    An episode up to its first revision is what it is without evolution, so that episodes without memory give both
-    columns; those with memory were run apart.
+    An episode up to its first revision is what it is without evolution, so that one run gives both columns.
     """
     if not results:
         yield "no episodes yet"
@@ -46,21 +45,15 @@ _HEAD = (
     "primitive-only",
     "with evolution",
     "revisions",
-    "with memory",
-    "revisions",
 )
 
 
 def _cells(results: Results) -> list[str]:
-    alone = [result for result in results if not result["memory"]]
-    remembering = [result for result in results if result["memory"]]
     return [
-        str(len(alone)) if len(remembering) in (0, len(alone)) else f"{len(alone)}, {len(remembering)}",
-        _share([result["before"] for result in alone]),
-        _share([result["after"] for result in alone]),
-        _revisions(alone),
-        _share([result["after"] for result in remembering]),
-        _revisions(remembering),
+        str(len(results)),
+        _share([result["before"] for result in results]),
+        _share([result["after"] for result in results]),
+        _revisions(results),
     ]
 
 
@@ -92,7 +85,6 @@ def _failures(results: Results) -> Iterator[str]:
         (
             result["task"],
             result["fault"],
-            result["memory"],
             (result["gave_up"] or {}).get("cause", "") or "no cause found",
             (result["gave_up"] or {}).get("needed", ""),
         )
@@ -101,9 +93,9 @@ def _failures(results: Results) -> Iterator[str]:
     )
     if reasons:
         yield ""
-    for (task, kind, memory, cause, needed), count in sorted(reasons.items()):
+    for (task, kind, cause, needed), count in sorted(reasons.items()):
         beyond = f"; no flow corrects it, it would take {needed}" if needed else ""
-        yield f"not solved: {task} {kind}{' with memory' if memory else ''}: {count} x {cause}{beyond}"
+        yield f"not solved: {task} {kind}: {count} x {cause}{beyond}"
 
 
 def _tasks(results: Results) -> list[str]:

@@ -1,4 +1,4 @@
-"""Set up a self-evolution from options: model or measurements as judges, memory, pictures, budget."""
+"""Set up a self-evolution from options: model or measurements as judges, pictures, budget."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from llm.client.recording import is_replay, recording_of
 from llm.errors import LlmError, ModelError, PicturesMissing
 from llm.evolve import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.evolve.judges import Judges, judges
-from llm.memory import RememberingSupervisor, SkillMemory
 from llm.structured.conversation import MODULES, Spending
 from oag import ObjectActionGraph, Scene
 
@@ -35,7 +34,6 @@ class EvolutionSetup:
 
     Attributes:
         frames: Renderer of failed attempts; None where no pictures are needed, or nothing can draw them.
-        memory: Notes of earlier corrections; None without.
         spending: The judges' model and its usage; None without a model.
         teams: The judges of the episodes so far, where there is a model.
     """
@@ -69,9 +67,6 @@ class EvolutionSetup:
             raise BadOption("--look-back", options.look_back, "0 or more")
         if not self.views and not options.measurements:
             raise BadOption("--views", NO_VIEWS, "at least one view where --no-measurements is given")
-        self.memory = None if options.memory is None else SkillMemory(options.memory)
-        for problem in () if self.memory is None else self.memory.problems:
-            tell(f"left out of the memory: {problem}", style="yellow")
         self.frames = self._frames_for_model() if options.model is not None and self.views else None
         self.spending = spending or spending_of(self._connected(force=force, resume=resume), quiet=quiet)
         if self.frames is None and pictures:
@@ -104,8 +99,7 @@ class EvolutionSetup:
             look_back: Steps to look back that replace the typed number.
         """
         if self.spending is None:
-            search: Supervisor = SearchSupervisor()
-            return MeasuredInspector(), search if self.memory is None else RememberingSupervisor(self.memory, search)
+            return MeasuredInspector(), SearchSupervisor()
         team = judges(
             self.spending.model,
             name=self._options.model or "",
@@ -115,7 +109,6 @@ class EvolutionSetup:
             look_back=self._options.look_back if look_back is None else look_back,
             measurements=self._options.measurements,
             most_pictures=self._options.most_pictures,
-            memory=self.memory,
             listen=self.spending.add_round,
         )
         self.teams.append(team)
@@ -127,7 +120,6 @@ class EvolutionSetup:
         *,
         views: tuple[str, ...] | None = None,
         look_back: int | None = None,
-        learn: bool = True,
         **how: Any,
     ) -> Evolution:
         """Return an episode whose failing flows these judges revised.
@@ -135,15 +127,10 @@ class EvolutionSetup:
         Args:
             graph: The proved plan.
             views, look_back: As for `judges`.
-            learn: Whether its corrections are written into the memory, where there is one.
             how: Further arguments of `executor.evolve`: seed, limit, conditions.
         """
         inspector, supervisor = self.judges(graph.task.name, graph.scene, views=views, look_back=look_back)
-        evolution = evolve(graph, inspector=inspector, supervisor=supervisor, frames=self.frames, **how)
-        if learn and self.memory is not None:
-            histories = [story.history for story in evolution.stories]
-            self.memory.learn(evolution.original, evolution.rollout.scene, histories)
-        return evolution
+        return evolve(graph, inspector=inspector, supervisor=supervisor, frames=self.frames, **how)
 
     @property
     def stopped(self) -> str:
@@ -292,7 +279,7 @@ def sampling_arguments(options: ModelOptions) -> dict[str, object]:
 def judge_arguments(options: JudgeOptions) -> dict[str, object]:
     """Return the options, by name, that choose these judges on a command line; budgets are left out."""
     if options.model is None:
-        return {"memory": options.memory}
+        return {}
     return {
         "model": options.model,
         **sampling_arguments(options),
@@ -300,7 +287,6 @@ def judge_arguments(options: JudgeOptions) -> dict[str, object]:
         "look_back": options.look_back,
         "no_measurements": not options.measurements,
         "most_pictures": options.most_pictures,
-        "memory": options.memory,
     }
 
 

@@ -260,5 +260,3 @@ class JudgeOptions(ModelOptions):
     measurements: Annotated[Flag, negated_flag("Show the model pictures only, and not what was measured.")] = True
     most_pictures: Maybe[int] = None
     """Most pictures in a question; by default 36 for a step, 24 for a revision."""
-    memory: Maybe[Path] = None
-    """Folder of notes: corrections that helped before are tried first, and new ones are written down."""

@@ -1,9 +1,9 @@
 """Policies at work: the protocol, trained policies of this program, and stock policies of LeRobot.
 
 A trained policy predicts a chunk of actions per query. Stock policies are trained by LeRobot's own trainer on an export
-(`dataset export --format lerobot`), and LeRobot's code executes them. They observe the environment's state alone, under
-the names of a data set, so that one table compares them with trained policies. LeRobot is an extra installation:
-`make setup` does not install it.
+(`dataset export --format lerobot`), and LeRobot's code executes them. They observe the environment's state, or the
+robot's joints and pictures, under the names of a data set, so that one table compares them with trained policies.
+LeRobot is an extra installation: `make setup` does not install it.
 
 Source: lerobot 0.6, `rollout` of its `scripts/lerobot_eval.py`.
 """
@@ -38,6 +38,7 @@ from executor.learn.observations import (
 from executor.learn.phases import PlanFollower
 from executor.learn.policy_record import ABOUT, NotAPolicy, PolicyRecord, load_network, normalise, read_record
 from executor.learn.settings import Acts, PolicySettings, Sees
+from executor.sim.render.cameras import VIEWS
 from executor.sim.robot.actions import hand_numbers
 from executor.system.files import content_key, json_text, read_json
 
@@ -50,6 +51,8 @@ class Policy(Protocol):
     record: PolicyRecord
     execute: int
     step: int
+    picture_size: tuple[int, int] | None
+    """Width and height of the pictures that it observes; None where it observes none."""
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begin an episode with the step numbers of its plan and its seed."""
@@ -92,6 +95,7 @@ class TrainedPolicy:
     ) -> None:
         self.name, self.record = name, record
         self.folder = folder or name
+        self.picture_size: tuple[int, int] | None = None
         self.step = record.settings.training.steps if step is None else step
         self._network, self._settings = network.eval(), record.settings
         self.execute = execute or record.settings.acts.execute
@@ -246,6 +250,8 @@ def require_finite(actions: NDArray, policy: str) -> NDArray:
 CONFIG, TRAINING = "config.json", "train_config.json"
 STEP = "training_state/training_step.json"
 """State of training, next to the policy's folder."""
+PICTURE = "observation.images."
+"""Beginning of the names of pictures in exported data sets."""
 
 _NO_EFFECT = ("seed", "output_dir", "job_name", "resume", "checkpoint_path", "wandb")
 """Keys of a training without effect on the weights, and its seed."""
@@ -269,9 +275,10 @@ class LeRobotPolicy:
         record: A record in the form of trained policies: its observations, actions and training data.
         execute: Executed actions between observations.
         step: Step of training, as its trainer recorded it; 0 without a record.
+        picture_size: Width and height of the pictures that it observes; None where it observes none.
 
     Raises:
-        NotAPolicy: LeRobot is not installed, or cannot read it; or its actions are not the environment's.
+        NotAPolicy: LeRobot is not installed, or cannot read it; or its actions or pictures are not the environment's.
     """
 
     def __init__(self, folder: Path, data: LearnedFrom) -> None:
@@ -279,8 +286,7 @@ class LeRobotPolicy:
         self.step = _step(folder) or 0
         self._policy, self._before, self._after = _load_lerobot_policy(folder)
         config = self._policy.config
-        if pictures := sorted(getattr(config, "image_features", None) or ()):
-            raise NotAPolicy(f"{folder} sees {', '.join(pictures)}; here it is shown the state, and no pictures")
+        self._views, self.picture_size = _observed_views(folder, getattr(config, "image_features", None) or {})
         numbers = int(config.action_feature.shape[0])
         robot = robot_of_kinds(data.kinds)
         action_kinds: dict[int, Literal["joint_target", "paper"]]
@@ -336,14 +342,30 @@ class LeRobotPolicy:
 
     def act(self, observation: Mapping[str, Any]) -> NDArray:
         """Return the next action: (J,) joint targets or (H,) a hand action."""
-        batch = {
-            "observation.state": _batch_of_one(observation["agent_pos"]),
-            "observation.environment_state": _batch_of_one(observation["environment_state"]),
-            "task": [self._sentence],
-        }
+        batch = {"observation.state": _batch_of_one(observation["agent_pos"]), "task": [self._sentence]}
+        if "environment_state" in observation:
+            batch["observation.environment_state"] = _batch_of_one(observation["environment_state"])
+        for view in self._views:
+            # LeRobot has pictures as (C, H, W) from 0 to 1.
+            shares = np.moveaxis(np.asarray(observation["pixels"][view], np.float32), -1, 0) / 255.0
+            batch[PICTURE + view] = _batch_of_one(shares)
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(batch)))
         return require_finite(np.asarray(action.to("cpu").numpy()[0]), self.folder)
+
+
+def _observed_views(folder: Path, features: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[int, int] | None]:
+    """Return the views that a policy observes and the size of their pictures; None without views.
+
+    Raises:
+        NotAPolicy: It has other pictures than the environment, or pictures of several sizes.
+    """
+    views = tuple(name.removeprefix(PICTURE) for name in sorted(features))
+    sizes = {(int(feature.shape[2]), int(feature.shape[1])) for feature in features.values()}
+    if not set(views) <= set(VIEWS) or len(sizes) > 1:
+        legal = ", ".join(PICTURE + view for view in VIEWS)
+        raise NotAPolicy(f"{folder} observes {', '.join(sorted(features))}; the environment has {legal}, of one size")
+    return views, next(iter(sizes), None)
 
 
 def _batch_of_one(values: Any) -> torch.Tensor:

@@ -302,15 +302,17 @@ def evaluate(
 
 def environment_for(policy: Policy, kind: EpisodeKind) -> SceneEnvironment:
     """Return an environment for a policy."""
-    settings = policy.record.settings
+    settings, pictures = policy.record.settings, policy.picture_size
     where: dict[str, Any] = (
         {"family": kind.origin.family}
         if kind.origin.family is not None
         else {"query": kind.origin.query, "scene": kind.origin.scene}
     )
+    if pictures is not None:
+        where["size"] = pictures
     return SceneEnvironment(
         **where,
-        observation_mode="state" if settings.sees.kind == "state" else "point_cloud",
+        observation_mode="pixels" if pictures else "state" if settings.sees.kind == "state" else "point_cloud",
         action_mode=settings.acts.kind,
         rate_hz=policy.record.rate_hz,
         variation=kind.variation,

@@ -11,18 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 from llm.client.recording import connect
 from llm.client.transport import Transport
 from llm.evolve.judge_session import ALL_VIEWS, ROUNDS, JudgeSession
 from llm.evolve.model_inspector import LOOK_BACK, MOST_INSPECTED, ModelInspector
 from llm.evolve.model_supervisor import MOST_SUPERVISED, ModelSupervisor
-from llm.memory import SkillMemory, notes_for
-from llm.structured.conversation import (
-    Conversation,
-    Round,
-)
+from llm.structured.conversation import Conversation, Round
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +50,6 @@ def judges(
     measurements: bool = True,
     rounds: int = ROUNDS,
     most_pictures: int | None = None,
-    memory: SkillMemory | None = None,
     listen: Callable[[Round], None] | None = None,
 ) -> Judges:
     """Set up an Inspector and a Supervisor that ask one model.
@@ -68,7 +62,6 @@ def judges(
         scene: Name of the scene, for the record.
         views, look_back, measurements, rounds: See `ModelInspector`, `ModelSupervisor` and `JudgeSession`.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
-        memory: Notes for the Supervisor's prompt.
         listen: Called with every round.
 
     Raises:
@@ -83,6 +76,5 @@ def judges(
         (MOST_INSPECTED, MOST_SUPERVISED) if most_pictures is None else (most_pictures, most_pictures)
     )
     inspector = ModelInspector(session, tuple(views), look_back, measurements, inspected)
-    notes = None if memory is None else partial(notes_for, memory)
-    supervisor = ModelSupervisor(session, tuple(views), measurements, supervised, notes)
+    supervisor = ModelSupervisor(session, tuple(views), measurements, supervised)
     return Judges(inspector, supervisor, session)

@@ -6,7 +6,7 @@ Source: the paper's Robotic Task Supervisor.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -96,7 +96,6 @@ class ModelSupervisor:
         views: Cameras whose pictures of the failed attempt are sent; may be none.
         measurements: Whether measured failures are sent, or the critiques alone.
         most_pictures: Most pictures in a question; there are at most six for each step and view.
-        notes: Returns notes about similar failures, a line each; None for no memory.
 
     Raises:
         RequestError: `most_pictures` is below 1.
@@ -106,7 +105,6 @@ class ModelSupervisor:
     views: tuple[str, ...] = ALL_VIEWS
     measurements: bool = True
     most_pictures: int = MOST_SUPERVISED
-    notes: Callable[[Situation], Sequence[str]] | None = None
 
     def __post_init__(self) -> None:
         if self.most_pictures < 1:
@@ -162,7 +160,6 @@ class ModelSupervisor:
             for history in situation.earlier
             if history.iterations
         ]
-        notes = () if self.notes is None else self.notes(situation)
         objections = [one_line(line) for objection in situation.objections for line in objection.splitlines()]
         tried = history_text(situation.history, show_failures=self.measurements)
         with_failures = self.measurements
@@ -181,11 +178,6 @@ class ModelSupervisor:
             earlier=_section("The flows of the simple tasks before, which reached their goals", "\n".join(earlier)),
             failure=_section("How it ended", _failure(attempt) if with_failures else "", label="failure"),
             history=_section("What was tried before, in order", tried),
-            notes=_section(
-                "What helped in similar cases of earlier runs; it may not fit this one",
-                "\n".join(one_line(line, 1_000) for line in notes),
-                label="notes",
-            ),
             objections=_section("Answers of yours to this question that could not run, and why", "\n".join(objections)),
             pictures=picture_index_text(pictures),
             primitives=primitives_text(),

@@ -1,4 +1,4 @@
-"""The benchmark of self-evolution: which episodes are left to run, in what rounds, and what its tables say."""
+"""The benchmark of self-evolution: which episodes are left to run, and what its tables say."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import json
 from argparse import Namespace
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from benchmarks.evolution import read, requests
 from benchmarks.evolution_episode import faults_of, has_episodes, task_of
@@ -23,7 +21,6 @@ def asked(tmp_path: Path, **changes: Any) -> Namespace:
         "faults": ["pose", "door"],
         "seeds": range(10, 12),
         "limit": 5,
-        "memory": False,
     }
     return Namespace(**(given | changes))
 
@@ -34,7 +31,6 @@ def done(task: str = "T1", fault: str = "pose", seed: int = 10, **changes: Any) 
         "task": task,
         "fault": fault,
         "seed": seed,
-        "memory": False,
         "before": False,
         "after": True,
         "revisions": 2,
@@ -43,30 +39,19 @@ def done(task: str = "T1", fault: str = "pose", seed: int = 10, **changes: Any) 
     return fields | changes
 
 
-def cells(rounds: list[list[dict[str, Any]]]) -> list[list[tuple[str, str, int]]]:
-    return [[(r["task"], r["fault"], r["seed"]) for r in together] for together in rounds]
+def cells(found: list[dict[str, Any]]) -> list[tuple[str, str, int]]:
+    return [(r["task"], r["fault"], r["seed"]) for r in found]
 
 
-def test_without_memory_all_episodes_are_one_round_and_cells_without_a_door_have_no_door(tmp_path: Path) -> None:
-    (together,) = cells(list(requests(asked(tmp_path), [])))
+def test_cells_without_a_door_have_no_fault_of_a_door(tmp_path: Path) -> None:
+    together = cells(requests(asked(tmp_path), []))
     of_a_seed = [("T1", "pose"), ("T1", "door"), ("T3", "pose")]
     assert together == [(task, fault, seed) for seed in (10, 11) for task, fault in of_a_seed]
 
 
-def test_with_memory_the_seeds_of_a_cell_run_one_after_the_other(tmp_path: Path) -> None:
-    rounds = list(requests(asked(tmp_path, memory=True), []))
-    assert [{seed for _, _, seed in together} for together in cells(rounds)] == [{10}, {11}]
-    folders = {(r["task"], r["fault"]): r["memory"] for together in rounds for r in together}
-    assert folders["T1", "pose"] == str(tmp_path / "memory" / "T1" / "pose")
-    assert len(set(folders.values())) == len(folders) == 3
-
-
-def test_what_is_done_is_not_run_again_and_memory_counts_apart(tmp_path: Path) -> None:
-    results = [done(seed=10), done(seed=11, memory=True)]
-    (together,) = cells(list(requests(asked(tmp_path, tasks=["T1"], faults=["pose"]), results)))
-    assert together == [("T1", "pose", 11)]
-    rounds = cells(list(requests(asked(tmp_path, tasks=["T1"], faults=["pose"], memory=True), results)))
-    assert rounds == [[("T1", "pose", 10)], []]
+def test_what_is_done_is_not_run_again(tmp_path: Path) -> None:
+    left = requests(asked(tmp_path, tasks=["T1"], faults=["pose"]), [done(seed=10)])
+    assert cells(left) == [("T1", "pose", 11)]
 
 
 def test_a_line_that_was_cut_off_is_an_episode_to_run_again(tmp_path: Path) -> None:
@@ -87,22 +72,20 @@ def test_every_fault_is_about_the_item_or_the_door_of_its_task() -> None:
     assert has_episodes("T2", "door") and not has_episodes("T3", "door")
 
 
-def test_the_tables_have_the_papers_rows_exact_intervals_and_what_memory_changes() -> None:
+def test_the_tables_have_the_papers_rows_exact_intervals() -> None:
     results = [
         done(seed=1),
         done(seed=2, revisions=1),
         done(seed=3, before=True, revisions=0),
         done(seed=4, after=False, revisions=5, gave_up={"cause": "the grip was lost", "needed": "stronger fingers"}),
-        *(done(seed=seed, memory=True, revisions=int(seed > 1)) for seed in range(1, 5)),
         done("T3", "none", after=False, gave_up={"cause": "", "needed": ""}),
     ]
     told = list(tables(results))
-    assert told[0] == "| task | paper | n | primitive-only | with evolution | revisions | with memory | revisions |"
+    assert told[0] == "| task | paper | n | primitive-only | with evolution | revisions |"
     assert told[2] == (
-        "| T1 | 0 % to 40 % | 4 | 25 %, 1 of 4 [1, 81] | 75 %, 3 of 4 [19, 99] "
-        "| 1.00; 1.50 where any (2) | 100 %, 4 of 4 [40, 100] | 0.75; 1.00 where any (3) |"
+        "| T1 | 0 % to 40 % | 4 | 25 %, 1 of 4 [1, 81] | 75 %, 3 of 4 [19, 99] | 1.00; 1.50 where any (2) |"
     )
-    assert told[3] == "| T3 | 40 % to 70 % | 1 | 0 %, 0 of 1 [0, 98] | 0 %, 0 of 1 [0, 98] | - | - | - |"
+    assert told[3] == "| T3 | 40 % to 70 % | 1 | 0 %, 0 of 1 [0, 98] | 0 %, 0 of 1 [0, 98] | - |"
     assert told[5].startswith("| fault | n | primitive-only |")
     assert [line.split(" | ")[0] for line in told[7:9]] == ["| none", "| pose"]
     assert told[-2:] == [
@@ -111,8 +94,7 @@ def test_the_tables_have_the_papers_rows_exact_intervals_and_what_memory_changes
     ]
 
 
-@pytest.mark.parametrize("memory", [False, True])
-def test_no_episodes_are_no_error(memory: bool) -> None:
+def test_no_episodes_are_no_error() -> None:
     assert list(tables([])) == ["no episodes yet"]
-    told = list(tables([done(memory=memory)]))
+    told = list(tables([done()]))
     assert sum(line.startswith("| T1") for line in told) == 2

@@ -17,9 +17,6 @@ from executor.rollouts.evolution_record import FOLDER
 from executor.system.files import write_json, write_text
 from llm.client.recording import Recorder, append_line
 from llm.errors import CassetteError
-from llm.memory import Lesson, SkillMemory
-from llm.memory_notes import read_note
-from tests.llm.memory.notes import note
 
 PRECIOUS = "not yours"
 
@@ -128,12 +125,3 @@ def test_a_recording_is_no_way_out(out: Path, outside: Path) -> None:
     os.mkfifo(out / "pipe")
     with pytest.raises(CassetteError, match="no plain file"):
         Recorder(lambda request: None, out / "pipe")  # type: ignore[arg-type]
-
-
-def test_a_memory_is_no_way_out(out: Path, outside: Path) -> None:
-    memory = SkillMemory(out)
-    known = note()
-    for name in (f"{known.name}.md", f"{known.name}.{os.getpid()}.part"):
-        (out / name).symlink_to(outside)
-    assert memory._take(Lesson(known.name, known, known.evidence[0])) == [known.name]
-    assert read_note((out / f"{known.name}.md").read_text()).name == known.name

@@ -71,8 +71,6 @@ class Options(CommonOptions):
     evolve: Flag = False
     """Revise the flows that fail, by measurements, or by the model where there is one."""
     limit: Limit = 5
-    memory: Maybe[Path] = None
-    """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
     resume: GoOn = False
     force: ReplaceResults = False
     video: Video = True
@@ -117,8 +115,6 @@ def _run(options: Options) -> int:
     check(1.0 <= options.record_hz <= 125.0, "--record-hz", options.record_hz, "a rate from 1 to 125 samples a second")
     check_size(options.size)
     check_limit(options.limit)
-    remembers = options.memory is not None and not options.evolve
-    check(not remembers, "--memory", options.memory, "--evolve with it, since only revisions are remembered")
     images = _pictures(options.image, options.asked.model)
     check(
         not options.asked.models or options.asked.model is not None,
@@ -207,7 +203,6 @@ def _prove_and_execute(
             anyway=options.anyway,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,
-            memory=options.memory,
             no_video=not options.video,
             size=None if options.size == Options.size else options.size,
             record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
@@ -317,13 +312,13 @@ def _judge_options(options: Options) -> JudgeOptions:
 
     model = options.asked.model
     if model is None:
-        return JudgeOptions(memory=options.memory)
+        return JudgeOptions()
     recording, _ = recording_of(model)
     kept = recording is not None and (recording.parent / PICTURES).is_dir()
     if kept or (options.video and vulkan.find_renderer()):
-        return JudgeOptions(model=model, memory=options.memory)
+        return JudgeOptions(model=model)
     tell("the model judges by measurements alone: there are no pictures to show it", style="yellow")
-    return JudgeOptions(model=model, memory=options.memory, views=NO_VIEWS)
+    return JudgeOptions(model=model, views=NO_VIEWS)
 
 
 def _finish(record: RunRecord, folder: RunFolder, options: Options) -> int:

@@ -111,7 +111,7 @@ def test_a_sentence_can_be_evolved(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (out / "pairs.jsonl").read_text() == ""
 
 
-@pytest.mark.parametrize("words", [["--memory", "notes"], ["--evolve", "--limit", "-1"]])
+@pytest.mark.parametrize("words", [["--evolve", "--limit", "-1"]])
 def test_options_of_evolution_that_make_no_sense(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

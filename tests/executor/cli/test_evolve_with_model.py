@@ -224,16 +224,8 @@ def test_options_that_make_no_sense_are_misuse(
 
 def test_the_command_that_repeats_a_run_names_its_judges() -> None:
     assert command_line("evolve", **judge_arguments(JudgeOptions())) == "scene2demo evolve"
-    told = judge_arguments(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False, memory=Path("m")))
+    told = judge_arguments(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False))
     assert command_line("evolve", fault=["pose:a b", "grip:force_n=2"], **told) == (
         "scene2demo evolve --fault 'pose:a b' --fault grip:force_n=2 "
-        "--model openai:gpt-5.2 --views head --look-back 1 --no-measurements --memory m"
+        "--model openai:gpt-5.2 --views head --look-back 1 --no-measurements"
     )
-
-
-def test_a_memory_that_cannot_be_used_is_one_sentence(
-    door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("")
-    assert evolve(door, tmp_path / "out", "--memory", str(tmp_path / "file")) == 2
-    assert "the memory" in capsys.readouterr().err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import closing
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from executor.envs import MOST_STEPS
 from executor.envs.episodes import family_source
 from executor.learn.acting import LeRobotPolicy, is_stock
 from executor.learn.demonstrations import learned_from
+from executor.learn.evaluation import environment_for
 from executor.learn.policy_record import NotAPolicy
 from tests.executor.learn.test_commands import last_json
 
@@ -105,11 +107,32 @@ def test_what_it_does_is_what_the_environment_takes(
     installed(monkeypatch, Still(7))
     with pytest.raises(NotAPolicy, match="7 numbers at a time; the environment takes 10 or 12"):
         LeRobotPolicy(folder, found)
-    seeing = Still(10)
-    seeing.config.image_features = {"observation.images.head": None}
-    installed(monkeypatch, seeing)
-    with pytest.raises(NotAPolicy, match=r"sees observation\.images\.head"):
+    foreign = Still(10)
+    foreign.config.image_features = {"observation.images.top": SimpleNamespace(shape=(3, 32, 48))}
+    installed(monkeypatch, foreign)
+    with pytest.raises(NotAPolicy, match=r"observes observation\.images\.top; the environment has "):
         LeRobotPolicy(folder, found)
+
+
+@pytest.mark.render
+def test_a_policy_by_pictures_sees_those_of_the_environment_at_its_size(
+    picked: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = Still(10)
+    views = ("observation.images.global", "observation.images.head")
+    policy.config.image_features = dict.fromkeys(views, SimpleNamespace(shape=(3, 32, 48)))
+    installed(monkeypatch, policy)
+    found = learned_from(picked.path)
+    actor = LeRobotPolicy(folder, found)
+    with closing(environment_for(actor, found.kinds[0])) as env:
+        observation, _ = env.reset(seed=62985)
+        actor.begin([17], 62985)
+        actor.act(observation)
+        drawn = observation["pixels"]["head"]
+    (look,) = policy.looks
+    assert set(look) == {"observation.state", "task", *views}
+    assert look[views[1]].shape == (1, 3, 32, 48) and drawn.shape == (32, 48, 3)
+    assert np.array_equal(look[views[1]][0].numpy().transpose(1, 2, 0) * 255.0, drawn.astype(np.float32))
 
 
 def checkpoint(run: Path, step: int | None, **training: object) -> Path:
