@@ -151,7 +151,7 @@ class Counted:
         graph = compose(task, scene=scene)
         found.verdict = graph.verify().verdict.value
         found.form = json.dumps([(part.target, str(part.goal)) for part in canonical(task).subtasks])
-        found.as_asked = bddl.equivalent(task.goal, goal, scene.categories)
+        found.as_asked = bool(bddl.equivalent(task.goal, goal, scene.categories))
         if execute and (way == FREE or found.verdict == Verdict.PROVED.value):
             asked = replace(task, goal=goal)
             world = scene.with_scales(task.scales)
@@ -213,7 +213,7 @@ def table(folders: list[Path], *, execute: bool) -> Iterator[str]:
         for way, column in columns.items():
             if column.outcomes:
                 yield column.row(f"{folder.name}, {way}", execute=execute)
-        answers = sum(sum(1 for _ in file.open()) for file in folder.glob("*.jsonl"))
+        answers = sum(len(file.read_text().splitlines()) for file in folder.glob("*.jsonl"))
         yield f"\n{folder.name}: {answers} recorded answers\n"
 
 

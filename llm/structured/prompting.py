@@ -90,7 +90,7 @@ class Refused:
         if len(self.findings) > len(shown):
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
-        closing = "Mend every point. Where a fix is listed, it was checked and works; you may also find another way."
+        closing = "Mend every point, and keep the rest as it is. Where a fix is listed, it was checked and works."
         if all(found.severity != "error" for found in self.findings):
             closing = "If your answer is what the query means, give the same answer again; otherwise mend it."
         findings = fenced("findings", "\n\n".join(listed))
