@@ -364,19 +364,21 @@ class Decomposition(Answer):
     sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
     def subtasks(self) -> tuple[SimpleTask, ...]:
-        """Return the simple tasks, without formulas and flows yet."""
-        return tuple(
-            SimpleTask(
-                name=entry.task_activity_name,
-                detail=entry.detail,
-                target=entry.target,
-                support_init=entry.support_init or None,
-                support_goal=entry.support_goal or None,
-                init=UNREADABLE,
-                goal=UNREADABLE,
-            )
-            for entry in self.sub_tasks
-        )
+        """Return the simple tasks, without formulas and flows yet; one that picks up and puts down is two."""
+        tasks: list[SimpleTask] = []
+        held = ""
+        for entry in self.sub_tasks:
+            target, start, end = entry.target, entry.support_init or None, entry.support_goal or None
+            if start and end and start != end and held != target:
+                tasks.append(_unplanned(f"pick_up_{target}", f"pick up {target} from {start}", target, start, None))
+                start = None
+            tasks.append(_unplanned(entry.task_activity_name, entry.detail, target, start, end))
+            held = target if start and not end else ""
+        return tuple(tasks)
+
+
+def _unplanned(name: str, detail: str, target: str, start: str | None, end: str | None) -> SimpleTask:
+    return SimpleTask(name, detail, target, start, end, init=UNREADABLE, goal=UNREADABLE)
 
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
@@ -403,13 +405,6 @@ def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Dia
             hint = "name the item as the target; supports are for what is carried"
             place = f"T{index + 1} {entry.task_activity_name}, target"
             yield finding("answer/target", message, place, subtask=index, hint=hint)
-        elif entry.support_init and entry.support_goal:
-            message = "it picks up and puts down at once, and the simple tasks are one of each"
-            hint = (
-                f"pick {entry.target} up from {entry.support_init}, and in the next one put it at {entry.support_goal}"
-            )
-            place = f"T{index + 1} {entry.task_activity_name}"
-            yield finding("answer/target", message, place, subtask=index, hint=hint, severity="warning")
         stated = entry.bddl_category
         if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
             message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"

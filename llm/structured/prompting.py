@@ -188,7 +188,7 @@ def scene_table(scene: Scene, only: Collection[str] | None = None, *, measures: 
     lines.extend(_object_row(thing, measures=measures) for thing in shown)
     if len(shown) < len(scene.objects):
         lines.append(_others([thing for thing in scene.objects.values() if thing not in shown]))
-    facts = [bddl.format(fact) for fact in scene.facts if only is None or _names(fact) & {*only}]
+    facts = [bddl.format(fact) for fact in scene.facts if _is_told(fact, scene, only, rooms=measures)]
     lines.append(f"at the start: {' '.join(facts) or 'nothing is stated'}")
     closed = ", ".join(sorted(scene.closed))
     known = f"of {closed} everything true is listed; what is not listed is false" if closed else "the rest is unknown"
@@ -206,8 +206,11 @@ def _others(things: Sequence[SceneObject]) -> str:
     return f"and elsewhere: {', '.join(listed)}{f', and {more} more categories' if more > 0 else ''}"
 
 
-def _names(formula: bddl.Formula) -> set[str]:
-    return {name for atom in bddl.atoms(formula) for name in atom.args}
+def _is_told(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, *, rooms: bool) -> bool:
+    """Decide whether a fact is about shown objects alone, and, without rooms, about what primitives change."""
+    atoms = bddl.atoms(fact)
+    named = {name for atom in atoms for name in atom.args if name in scene.objects}
+    return (only is None or named <= {*only}) and (rooms or all(atom.predicate in CHANGEABLE for atom in atoms))
 
 
 def concerned(scene: Scene, named: Iterable[str]) -> frozenset[str]:

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from llm.client.transport import BOUNDS
-from llm.proposing.modules import Flows, Understanding
+from llm.proposing.modules import Decomposition, Flows, Understanding
 from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
 from llm.structured.values import as_ordinal
 from oag import Primitive
@@ -198,3 +198,20 @@ def test_a_number_of_a_subtask_is_read(value: object, number: int) -> None:
 @pytest.mark.parametrize("value", ["-2", " -2", "#-2", "_-2", "step -2", "sub_task_-2", "step--2", "-sub_task_2", "2-"])
 def test_a_number_below_zero_is_no_number_of_a_subtask(value: str) -> None:
     assert as_ordinal(value) == value
+
+
+def test_picking_up_and_putting_down_in_one_are_two_simple_tasks() -> None:
+    """A model that names where a held item came from means one thing, and one that carries in a single step another."""
+    whole = [entry for entry in RIGHT[2]["sub_tasks"]]
+    opened, picked, put, closed = whole
+    both = {**put, "support_init": picked["support_init"]}
+    carried = Decomposition.model_validate(
+        {"sub_tasks": [{**opened}, {**both, "sub_task": 2}, {**closed, "sub_task": 3}]}
+    )
+    named = Decomposition.model_validate({"sub_tasks": [opened, picked, both, closed]})
+    right = [
+        (part.target, part.support_init, part.support_goal)
+        for part in Decomposition.model_validate(RIGHT[2]).subtasks()
+    ]
+    assert [(part.target, part.support_init, part.support_goal) for part in carried.subtasks()] == right
+    assert [part.name for part in named.subtasks()] == [entry["task_activity_name"] for entry in whole]
