@@ -349,6 +349,12 @@ class SubtaskRoles(SubtaskAnswer):
     bddl_category: MaybeLine = Field(default="", json_schema_extra=UNASKED)
 
     @property
+    def supports(self) -> tuple[str | None, str | None]:
+        """What the target is taken from and put at; a thing that is named as its own support has none."""
+        start, end = (None if key in ("", self.target) else key for key in (self.support_init, self.support_goal))
+        return start, end
+
+    @property
     def detail(self) -> str:
         """What the robot does, in the model's words or in those of the roles."""
         start, end = (
@@ -368,7 +374,7 @@ class Decomposition(Answer):
         tasks: list[SimpleTask] = []
         held = ""
         for entry in self.sub_tasks:
-            target, start, end = entry.target, entry.support_init or None, entry.support_goal or None
+            target, (start, end) = entry.target, entry.supports
             if start and end and start != end and held != target:
                 tasks.append(_unplanned(f"pick_up_{target}", f"pick up {target} from {start}", target, start, None))
                 start = None
@@ -398,7 +404,7 @@ def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Dia
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
     for index, entry in enumerate(answer.sub_tasks):
         thing = scene.objects.get(entry.target)
-        if thing is not None and thing.role == "A" and (entry.support_init or entry.support_goal):
+        if thing is not None and thing.role == "A" and any(entry.supports):
             message = (
                 f"{thing.id} is of type A and is not carried: the target is the item that is picked up or put down"
             )

@@ -214,4 +214,6 @@ def test_picking_up_and_putting_down_in_one_are_two_simple_tasks() -> None:
         for part in Decomposition.model_validate(RIGHT[2]).subtasks()
     ]
     assert [(part.target, part.support_init, part.support_goal) for part in carried.subtasks()] == right
+    itself = Decomposition.model_validate({"sub_tasks": [{**opened, "support_goal": opened["target"]}]})
+    assert (itself.subtasks()[0].support_init, itself.subtasks()[0].support_goal) == (None, None)
     assert [part.name for part in named.subtasks()] == [entry["task_activity_name"] for entry in whole]
