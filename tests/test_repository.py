@@ -62,8 +62,8 @@ def test_the_table_of_extras_agrees_with_pyproject() -> None:
         if extra not in ("dev", "all")
     }
     assert declared == dict(extras.EXTRAS)
-    # Recordings for a viewer take 790 MB, and a cluster is set up by whoever has one.
-    usual = [extra for extra in extras.EXTRAS if extra not in ("rerun", "ray")]
+    # Recordings for a viewer take 790 MB; a cluster, or a model in a file, is for whoever has one.
+    usual = [extra for extra in extras.EXTRAS if extra not in ("rerun", "ray", "local")]
     assert project["optional-dependencies"]["all"] == [f"scene2demo[{','.join(usual)}]"]
 
 
@@ -72,7 +72,7 @@ def test_every_requirement_is_pinned_for_the_set_up() -> None:
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pinned = {line.split("==")[0].lower().replace("_", "-") for line in lines if "==" in line}
     wanted = [*project["dependencies"]]
-    for extra in (*(extra for extra in extras.EXTRAS if extra != "ray"), "dev"):
+    for extra in (*(extra for extra in extras.EXTRAS if extra not in ("ray", "local")), "dev"):
         wanted += project["optional-dependencies"][extra]
     names = {re.split(r"[<>=!~\[ ]", requirement)[0].lower() for requirement in wanted}
     assert names <= pinned

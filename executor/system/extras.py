@@ -21,6 +21,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "data": ("h5py", "av", "pyarrow", "pyyaml"),
         "gym": ("gymnasium",),
         "llm": ("openai", "pyyaml"),
+        "local": ("openai", "pyyaml", "xllamacpp"),
         "mesh": ("coacd", "yourdfpy"),
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),

@@ -21,7 +21,7 @@ from typing import Any
 from bddl.terminal import escape_control
 from llm.client.completion import Unanswered, error_message, read_answer
 from llm.client.profiles import ModelProfile
-from llm.client.transport import ChatReply, ChatRequest, Image, Message, Part
+from llm.client.transport import BOUNDS, ChatReply, ChatRequest, Image, Message, Part
 from llm.errors import (
     ModelCancelled,
     ModelConfigError,
@@ -52,7 +52,8 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     body: dict[str, Any] = {"model": profile.model, "messages": _messages(request, profile)}
     mode = request.mode or profile.mode
     if mode == "json_schema" and request.json_schema is not None:
-        schema: dict[str, Any] = {"name": "answer", "schema": dict(request.json_schema)}
+        sent = request.json_schema if profile.bounds else _unbounded(request.json_schema)
+        schema: dict[str, Any] = {"name": "answer", "schema": sent}
         if profile.strict:
             schema["strict"] = True
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
@@ -71,6 +72,20 @@ def chat_body(request: ChatRequest, profile: ModelProfile) -> dict[str, Any]:
     except (TypeError, ValueError, RecursionError) as error:
         raise RequestError(f"the request cannot be written as JSON: {error}") from error
     return body
+
+
+def _unbounded(schema: Any) -> Any:
+    """Return a schema without the keys that only some endpoints know; a field may have the name of one."""
+    if isinstance(schema, list):
+        return [_unbounded(item) for item in schema]
+    if not isinstance(schema, Mapping):
+        return schema
+    fields = {
+        key: {name: _unbounded(one) for name, one in value.items()}
+        for key, value in schema.items()
+        if key == "properties"
+    }
+    return {key: _unbounded(value) for key, value in schema.items() if key not in BOUNDS} | fields
 
 
 def _messages(request: ChatRequest, profile: ModelProfile) -> list[dict[str, Any]]:

@@ -72,6 +72,8 @@ class Settings(BaseModel):
     key_required: bool = True
     mode: Mode = Field("plain", description=f"one of {', '.join(MODES)}")
     strict: bool = False
+    bounds: bool = False
+    serve: bool = False
     system_role: Literal["system", "user"] = Field("system", description="one of system, user")
     max_images: int | None = Field(None, ge=0, description="a number, 0 or above")
     stream: bool = False

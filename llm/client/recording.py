@@ -32,6 +32,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from bddl.files import is_disk_full, open_plain, read_bounded, write_atomically
 from bddl.terminal import escape_json, pluralize
 from llm.client.budget import Budget, Metered
+from llm.client.local import served
 from llm.client.openai import OpenAITransport
 from llm.client.profiles import ModelProfile, Price, find_profile, tables
 from llm.client.transport import ChatReply, ChatRequest, Routed, Sampled, Transport, digest_of, project_version
@@ -578,6 +579,6 @@ def connect(
 
 def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile], cancel: Event | None) -> Transport:
     """Return a transport to a model, and to those of some modules."""
-    others = {module: OpenAITransport(one, cancel=cancel) for module, one in profiles.items()}
-    transport = OpenAITransport(profile, cancel=cancel)
+    others = {module: OpenAITransport(served(one), cancel=cancel) for module, one in profiles.items()}
+    transport = OpenAITransport(served(profile), cancel=cancel)
     return Routed(transport, others) if others else transport

@@ -20,6 +20,8 @@ from llm.errors import RequestError
 # How JSON is requested: by a schema, by a JSON-only mode, or by the prompt alone.
 Mode = Literal["json_schema", "json_object", "plain"]
 MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
+BOUNDS = ("maxLength", "minItems", "maxItems")
+"""Keys of a schema that bound an answer; several endpoints reject a request that has them."""
 
 
 def project_version() -> str:
@@ -240,7 +242,10 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """Forward requests with the same temperature and seed; both are part of the digest."""
+    """Forward requests with the same temperature and seed; both are part of the digest.
+
+    A request that asks for a lower temperature keeps it.
+    """
 
     transport: Transport
     temperature: float | None = None
@@ -248,7 +253,8 @@ class Sampled:
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """Return the transport's reply."""
-        temperature = request.temperature if self.temperature is None else self.temperature
+        given = [one for one in (self.temperature, request.temperature) if one is not None]
+        temperature = min(given, default=None)
         extra = dict(request.extra_body) if self.seed is None else {**request.extra_body, "seed": self.seed}
         sent = replace(request, temperature=temperature, extra_body=extra)
         return replace(self.transport.complete(sent), request_sha256=sent.digest())

@@ -25,6 +25,8 @@ from pydantic import BeforeValidator, Field
 import bddl
 from llm.client.transport import Image, Transport
 from llm.errors import QueryError
+from llm.offline.grounding import Grounding, singulars
+from llm.offline.lexicon import built_in
 from llm.offline.planner import named_in
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.proposal import Expanded
@@ -33,6 +35,7 @@ from llm.structured.conversation import errors_of, finding
 from llm.structured.prompting import (
     Prompt,
     Refused,
+    concerned,
     fenced,
     predicate_table,
     primitives_text,
@@ -41,8 +44,10 @@ from llm.structured.prompting import (
     subtask_table,
 )
 from llm.structured.schema import (
+    LONGEST_NAME,
     MOST_ACTIONS,
     MOST_SUBTASKS,
+    UNASKED,
     ActivityName,
     Answer,
     Formula,
@@ -50,10 +55,10 @@ from llm.structured.schema import (
     MaybeFormula,
     MaybeLine,
     MaybeObjectId,
+    MaybeText,
     Number,
     ObjectId,
     Remark,
-    Sentence,
     SubtaskAnswer,
     Text,
     WireStep,
@@ -61,8 +66,8 @@ from llm.structured.schema import (
 )
 from llm.structured.values import as_number
 from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
+from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
-from oag.model.symbols import GRIPPER
 from oag.sizes import LEAST_SCALE, TO_THE_AIM, Gripper, Sizing, scale_factor, too_small
 from oag.task_definition import UNREADABLE, subtask_place, syntax_issues
 from oag.wellformed import check as check_form
@@ -104,16 +109,26 @@ class ModuleSession:
         places: Mapping[str, str],
         images: tuple[Image, ...] = (),
         *,
+        about: Iterable[str] | None = None,
         entries: int = 0,
     ) -> AnswerT:
         """Return a module's answer once `check` finds nothing wrong with it.
+
+        Args:
+            module: Its number.
+            schema, check: As for `llm.structured.ask.ask`.
+            places: Texts of the prompt's template, besides the scene's.
+            images: Pictures of the question.
+            about: The objects that the question is about; None for what the query mentions.
+            entries: How many entries the answer's list has; 0 where that is the answer's own.
 
         Raises:
             AnswersRefused: No answer was valid.
             ModelError: There is no reply.
         """
-        scene = fenced("scene", scene_table(self.scene))
-        text = render(f"proposing/module_{module}", scene=scene, **places)
+        shown = mentioned(self.query, self.scene) if about is None else concerned(self.scene, about)
+        table = scene_table(self.scene, shown, measures=module in _WITH_MEASURES)
+        text = render(f"proposing/module_{module}", scene=fenced("scene", table), **places)
         prompt = Prompt(module, render("proposing/system"), text, images)
         objection = self.objections.pop(module, None)
 
@@ -121,7 +136,17 @@ class ModuleSession:
             wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
             return wrong or check(answer)
 
-        answer = ask(self.transport, prompt, schema, numbered, rounds=self.rounds, log=self.log, objection=objection)
+        answer = ask(
+            self.transport,
+            prompt,
+            schema,
+            numbered,
+            rounds=self.rounds,
+            log=self.log,
+            objection=objection,
+            ids=[key for key in self.scene.objects if key in shown],
+            entries=entries,
+        )
         self.taken[module] = (prompt, answer)
         return answer
 
@@ -131,6 +156,27 @@ class ModuleSession:
         if errors_of(findings):
             self.log.refuse(prompt, answer, findings)
         self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
+
+
+# Sizes and positions decide which object is meant, and how far the robot moves.
+_WITH_MEASURES = (1, 5)
+# Scenes of up to so many objects are shown whole to module 1.
+_MOST_SHOWN = 30
+
+
+def mentioned(query: str, scene: Scene) -> frozenset[str]:
+    """Return the objects whose names a query has, with their surroundings; all of a small scene."""
+    if len(scene.objects) <= _MOST_SHOWN:
+        return frozenset(scene.objects)
+    words = re.findall(r"[a-z0-9_]+", query.lower())
+    words = [form for word in words for form in (word, *singulars(word))]
+    named = Grounding.of(scene, built_in()).names.mentioned(words)
+    # Names that say nothing, such as "thing", are those of every item.
+    return concerned(scene, (*named_in(query, scene.objects), *named[:_MOST_SHOWN]))
+
+
+def _involved(subtasks: Iterable[SimpleTask]) -> set[str]:
+    return {key for part in subtasks for key in (part.target, part.support_init, part.support_goal) if key}
 
 
 def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
@@ -174,8 +220,10 @@ class Understanding(Answer):
     """
 
     task_name: Line = Field(description="the wish in one line, every object named by its id")
-    task_activity_name: ActivityName = Field(description="the same in words joined by underscores")
-    task_message_detail: Text = Field(description="where things are and what is done, step by step")
+    task_activity_name: ActivityName = Field(default="", json_schema_extra=UNASKED)
+    task_message_detail: Text = Field(
+        default="", description="where things are, one sentence", json_schema_extra={"maxLength": 240}
+    )
     goal: MaybeFormula = Field(default="", description="BDDL formula that holds when the wish is fulfilled")
     problem: Remark = Field(
         default="", description="why the query cannot be done in this scene, one sentence; empty if it can"
@@ -191,10 +239,18 @@ class Understanding(Answer):
         if "task_message_detail" not in plain and "task_detail_message" in plain:
             plain["task_message_detail"] = plain["task_detail_message"]
             plain.setdefault("task_name", str(plain.get("task_activity_name", "")).replace("_", " "))
+        if isinstance(plain.get("task_name"), str):
+            plain.setdefault("task_activity_name", _activity(str(plain["task_name"])))
         problem = plain.get("problem")
         if isinstance(problem, str) and not is_empty_remark(problem):
             return {**_NO_TASK, **{key: value for key, value in plain.items() if value not in ("", None)}}
         return plain
+
+
+def _activity(sentence: str) -> str:
+    """Return a sentence as the name of an activity: put_the_cup_into_the_drawer."""
+    words = "_".join(re.findall(r"[a-z0-9]+", sentence.lower()))[:LONGEST_NAME].strip("_")
+    return words if words[:1].isalpha() else f"task_{words}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +260,10 @@ class Understood:
     expanded: Expanded
     activity: str
     goal: bddl.Formula
+
+    def about(self, scene: Scene) -> set[str]:
+        """Return the names that the goal has once its quantifiers are expanded."""
+        return {name for atom in bddl.ground(self.goal, scene.categories).atoms for name in atom.args}
 
     def text(self) -> str:
         """Return module 1's answer as text for the prompts of the later modules."""
@@ -267,12 +327,6 @@ def _understanding_findings(answer: Understanding, scene: Scene, expected: bddl.
     elif compose(bare_task(scene, goal=goal), scene=scene).verify().verdict is Verdict.PROVED:
         hint = "say what has to change; if the request asks for what is so already, say that under problem"
         yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
-    named = {name for atom in bddl.atoms(goal) for name in atom.args if name in scene.objects and name != GRIPPER}
-    description = f"{answer.task_name} {answer.task_message_detail}"
-    for name in sorted(named):
-        if not named_in(description, (name,)):
-            message = f"the goal speaks of {name}, which neither task_name nor task_message_detail mentions"
-            yield finding("answer/unnamed-object", message, TASK_GOAL)
     if expected is not None and not bddl.equivalent(goal, expected, scene.categories):
         message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
@@ -284,7 +338,7 @@ class SubtaskRoles(SubtaskAnswer):
 
     sub_task: Number = Field(description="1, 2, 3 and so on")
     task_activity_name: ActivityName = Field(description="such as pick_up_glass")
-    task_detail_message: Sentence = Field(description="what the robot does, one or two sentences")
+    task_detail_message: MaybeText = Field(default="", json_schema_extra=UNASKED)
     target: ObjectId = Field(description="id of the object that is acted on")
     support_init: MaybeObjectId = Field(
         default="", description="id of what the target stands in or on at first; empty if none"
@@ -292,7 +346,21 @@ class SubtaskRoles(SubtaskAnswer):
     support_goal: MaybeObjectId = Field(
         default="", description="id of what the target shall stand in or on; empty if none"
     )
-    bddl_category: MaybeLine = Field(default="", description="category of the target, as in the scene")
+    bddl_category: MaybeLine = Field(default="", json_schema_extra=UNASKED)
+
+    @property
+    def supports(self) -> tuple[str | None, str | None]:
+        """What the target is taken from and put at; a thing that is named as its own support has none."""
+        start, end = (None if key in ("", self.target) else key for key in (self.support_init, self.support_goal))
+        return start, end
+
+    @property
+    def detail(self) -> str:
+        """What the robot does, in the model's words or in those of the roles."""
+        start, end = (
+            f" {word} {key}" if key else "" for word, key in (("from", self.support_init), ("at", self.support_goal))
+        )
+        return self.task_detail_message or f"{self.task_activity_name.replace('_', ' ')}: {self.target}{start}{end}"
 
 
 class Decomposition(Answer):
@@ -302,25 +370,31 @@ class Decomposition(Answer):
     sub_tasks: list[SubtaskRoles] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
     def subtasks(self) -> tuple[SimpleTask, ...]:
-        """Return the simple tasks, without formulas and flows yet."""
-        return tuple(
-            SimpleTask(
-                name=entry.task_activity_name,
-                detail=entry.task_detail_message,
-                target=entry.target,
-                support_init=entry.support_init or None,
-                support_goal=entry.support_goal or None,
-                init=UNREADABLE,
-                goal=UNREADABLE,
-            )
-            for entry in self.sub_tasks
-        )
+        """Return the simple tasks, without formulas and flows yet; one that picks up and puts down is two."""
+        tasks: list[SimpleTask] = []
+        held = ""
+        for entry in self.sub_tasks:
+            target, (start, end) = entry.target, entry.supports
+            if start and end and start != end and held != target:
+                tasks.append(_unplanned(f"pick_up_{target}", f"pick up {target} from {start}", target, start, None))
+                start = None
+            tasks.append(_unplanned(entry.task_activity_name, entry.detail, target, start, end))
+            held = target if start and not end else ""
+        return tuple(tasks)
+
+
+def _unplanned(name: str, detail: str, target: str, start: str | None, end: str | None) -> SimpleTask:
+    return SimpleTask(name, detail, target, start, end, init=UNREADABLE, goal=UNREADABLE)
 
 
 def decompose(session: ModuleSession, understood: Understood) -> tuple[SimpleTask, ...]:
     """Ask module 2 for the simple tasks of an understood task; raises as `ModuleSession.ask` does."""
     answer = session.ask(
-        2, Decomposition, lambda given: _decomposition_findings(given, session.scene), {"task": understood.text()}
+        2,
+        Decomposition,
+        lambda given: _decomposition_findings(given, session.scene),
+        {"task": understood.text()},
+        about=understood.about(session.scene),
     )
     return answer.subtasks()
 
@@ -330,6 +404,13 @@ def _decomposition_findings(answer: Decomposition, scene: Scene) -> Iterator[Dia
     yield from check_form(bare_task(scene, answer.subtasks()), scene)
     for index, entry in enumerate(answer.sub_tasks):
         thing = scene.objects.get(entry.target)
+        if thing is not None and thing.role == "A" and any(entry.supports):
+            message = (
+                f"{thing.id} is of type A and is not carried: the target is the item that is picked up or put down"
+            )
+            hint = "name the item as the target; supports are for what is carried"
+            place = f"T{index + 1} {entry.task_activity_name}, target"
+            yield finding("answer/target", message, place, subtask=index, hint=hint)
         stated = entry.bddl_category
         if stated and thing is not None and stated.lower() != " ".join(thing.category.lower().split()):
             message = f"the scene calls {thing.id} a {thing.category[:80]!r}, not a {stated[:80]!r}"
@@ -368,7 +449,12 @@ def instantiate(
         "predicates": predicate_table(),
     }
     return session.ask(
-        3, Conditions, lambda given: _condition_findings(given, subtasks, session.scene), places, entries=len(subtasks)
+        3,
+        Conditions,
+        lambda given: _condition_findings(given, subtasks, session.scene),
+        places,
+        about=understood.about(session.scene) | _involved(subtasks),
+        entries=len(subtasks),
     ).added_to(subtasks)
 
 
@@ -401,13 +487,14 @@ def _condition_findings(answer: Conditions, subtasks: Sequence[SimpleTask], scen
                 yield finding("answer/off-target", message, place, subtask=index)
 
 
+_EXAMPLE_M = 0.08  # Width of the item in the prompt's example.
 _ROUNDING_M = 0.0005  # Half a hundredth of the factor, times the width of the widest scaled object.
 
 
 class SubtaskSize(SubtaskAnswer):
     """The factor of one simple task's target."""
 
-    target: ObjectId = Field(description="id of its target")
+    target: MaybeObjectId = Field(default="", json_schema_extra=UNASKED)
     scale: Annotated[float, BeforeValidator(as_number)] = Field(
         gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is"
     )
@@ -425,20 +512,34 @@ def resize(session: ModuleSession, subtasks: Sequence[SimpleTask]) -> dict[str, 
     if session.sizing.keep:
         return {subtask.target: 1.0 for subtask in subtasks}
     gripper = Gripper.of(session.scene.robot)
+    things = [session.scene[part.target] for part in subtasks]
+    if all(scale_factor(thing, gripper) == 1.0 for thing in things):
+        # The rule leaves one answer.
+        return {thing.id: 1.0 for thing in things}
+    rows = (
+        f"{n} | {part.name} | target {thing.id} | type {thing.role} | d {min(thing.extent_m[:2]):.3f}"
+        for n, (part, thing) in enumerate(zip(subtasks, things, strict=True), start=1)
+    )
     places = {
-        "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
+        "subtasks": fenced("subtasks", "\n".join(rows)),
         "limit": f"{gripper.widest_m:g}",
         "aim": f"{gripper.aim_m:.2f}",
         "narrow": f"{gripper.least_m:g}",
         "wide": f"{gripper.most_m:g}",
         "least": f"{LEAST_SCALE:g}",
+        "example": f"{gripper.aim_m / _EXAMPLE_M:.2f}",
     }
     answer = session.ask(
-        4, Sizes, lambda given: _size_findings(given, subtasks, session.scene), places, entries=len(subtasks)
+        4,
+        Sizes,
+        lambda given: _size_findings(given, subtasks, session.scene),
+        places,
+        about=(),
+        entries=len(subtasks),
     )
     factors: dict[str, float] = {}
-    for entry in answer.sub_tasks:
-        factors.setdefault(entry.target, entry.scale)
+    for entry, thing in zip(answer.sub_tasks, things, strict=True):
+        factors.setdefault(thing.id, entry.scale)
     return factors
 
 
@@ -446,7 +547,7 @@ def _size_findings(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) 
     gripper = Gripper.of(scene.robot)
     for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
         place = f"T{index + 1} {subtask.name}, scale"
-        if entry.target != subtask.target:
+        if entry.target not in ("", subtask.target):
             message = f"its target is {subtask.target}, not {entry.target[:80]}"
             yield finding("answer/target", message, place, subtask=index)
             continue
@@ -495,19 +596,17 @@ class Flows(Answer):
 
 def plan(session: ModuleSession, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
     """Ask module 5 for the action flows of the simple tasks; raises as `ModuleSession.ask` does."""
-    templates = (
-        f"- {kind}: {', '.join(f'{int(primitive)} {primitive.name}' for primitive in flow)}"
-        for kind, flow in TEMPLATES.items()
-    )
+    templates = (f"- {kind}: {', '.join(primitive.name for primitive in flow)}" for kind, flow in TEMPLATES.items())
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks)),
         "primitives": primitives_text(),
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
+        "example": json.dumps([step.name for step in usual_flows.PICK]),
     }
 
     def check(answer: Flows) -> Iterable[Diagnostic]:
         task = replace(bare_task(session.scene, answer.added_to(subtasks)), scales=dict(scales))
         return check_form(task, session.scene)
 
-    return session.ask(5, Flows, check, places, entries=len(subtasks)).added_to(subtasks)
+    return session.ask(5, Flows, check, places, about=_involved(subtasks), entries=len(subtasks)).added_to(subtasks)

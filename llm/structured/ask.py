@@ -220,6 +220,8 @@ AnswerT = TypeVar("AnswerT", bound=Answer)
 # An answer repeated this often is assumed not to change.
 MOST_REPEATS = 2
 _MOST_FIELD_ERRORS = 12
+# Of the first question, the second and all later ones: the server's own, then colder, so that less changes at random.
+_TEMPERATURES = (None, 0.2, 0.1)
 
 
 @dataclass(slots=True)
@@ -276,6 +278,8 @@ def ask(
     rounds: int,
     log: Log,
     objection: Refused | None = None,
+    ids: Sequence[str] = (),
+    entries: int = 0,
 ) -> AnswerT:
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 
@@ -288,17 +292,19 @@ def ask(
         rounds: Most questions to the model, at least 1.
         log: Record of every round.
         objection: An earlier answer to this prompt with the findings about it.
+        ids, entries: For the schema of the wire (`wire_schema`).
 
     Raises:
         AnswersRefused: No answer was valid; the exception has the whole conversation.
         ModelError: The model did not reply, the budget is spent, or the caller cancelled.
     """
-    wire = wire_schema(schema)
+    wire = wire_schema(schema, ids, entries)
     refused, doubts, before, repeats = objection, set[tuple[str, ...]](), list[str](), 0
     fallback: AnswerT | None = None
     findings: tuple[Diagnostic, ...] = () if objection is None else objection.findings
-    for _ in range(max(rounds, 1)):
-        request = prompt.request(wire, refused)
+    for number in range(max(rounds, 1)):
+        temperature = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
+        request = prompt.request(wire, refused, temperature)
         reply = transport.complete(request)
         answer, findings = _judged(reply, schema, check)
         repeated = () if answer is None else log.repeated(prompt, answer)

@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -57,13 +58,20 @@ class Prompt:
         parts = (self.system, self.text, *(image.sha256 for image in self.images))
         return hashlib.sha256("\x00".join(parts).encode("utf-8", "backslashreplace")).hexdigest()
 
-    def request(self, schema: Mapping[str, object], refused: Refused | None = None) -> ChatRequest:
+    def request(
+        self, schema: Mapping[str, object], refused: Refused | None = None, temperature: float | None = None
+    ) -> ChatRequest:
         """Return the request for this prompt; after a refused answer it includes the findings about it."""
         messages = [Message((self.text, *self.images))]
         if refused is not None:
-            messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(),))]
+            messages += [Message((_shown(refused.reply),), "assistant"), Message((refused.text(schema),))]
         return ChatRequest(
-            self.system, tuple(messages), schema, module=self.module, template=template_sha256(self.module)
+            self.system,
+            tuple(messages),
+            schema,
+            temperature=temperature,
+            module=self.module,
+            template=template_sha256(self.module),
         )
 
 
@@ -75,18 +83,18 @@ class Refused:
     findings: tuple[Diagnostic, ...]
     before: tuple[str, ...] = ()
 
-    def text(self) -> str:
-        """Return the message to the model: the numbered findings, and earlier failures."""
+    def text(self, schema: Mapping[str, object]) -> str:
+        """Return the message to the model: the numbered findings, earlier failures, and the form of an answer."""
         shown = self.findings[:_MOST_FINDINGS]
         listed = [_numbered(number, found) for number, found in enumerate(shown, start=1)]
         if len(self.findings) > len(shown):
             listed.append(f"... and {len(self.findings) - len(shown)} more of this kind.")
         before = "Earlier answers were refused for:\n" + "\n".join(self.before) + "\n" if self.before else ""
-        closing = "Mend every point. Where a fix is listed, it was checked and works; you may also find another way."
+        closing = "Mend every point, and keep the rest as it is. Where a fix is listed, it was checked and works."
         if all(found.severity != "error" for found in self.findings):
             closing = "If your answer is what the query means, give the same answer again; otherwise mend it."
         findings = fenced("findings", "\n\n".join(listed))
-        return render("structured/feedback", findings=findings, before=before, closing=closing)
+        return render("structured/feedback", findings=findings, before=before, closing=closing, form=form_of(schema))
 
 
 def render(name: str, **values: str) -> str:
@@ -116,6 +124,18 @@ def template_sha256(module: int) -> str:
 def _template(name: str) -> Template:
     room, _, file = name.partition("/")
     return Template((resources.files("llm") / "prompts" / room / f"{file}.md").read_text(encoding="utf-8"))
+
+
+def form_of(schema: object) -> str:
+    """Return the form of an answer with dots in place of its texts, such as `{"goal": "...", "problem": "..."}`."""
+    if not isinstance(schema, Mapping):
+        return "..."
+    properties, items = schema.get("properties"), schema.get("items")
+    if isinstance(properties, Mapping):
+        return "{" + ", ".join(f"{json.dumps(name)}: {form_of(one)}" for name, one in properties.items()) + "}"
+    if isinstance(items, Mapping):
+        return f"[{form_of(items)}, ...]"
+    return '"..."' if schema.get("type") == "string" else "..."
 
 
 def fenced(label: str, text: str) -> str:
@@ -153,13 +173,22 @@ _UNITS = {
 }
 
 
-def scene_table(scene: Scene) -> str:
-    """Return a scene as text: objects with category, type, size and position, and the facts known at the start."""
+def scene_table(scene: Scene, only: Collection[str] | None = None, *, measures: bool = True) -> str:
+    """Return a scene as text: objects with category, type, size and position, and the facts known at the start.
+
+    Args:
+        scene: The scene.
+        only: The objects that get a row; all others are counted by category, and their facts left out.
+        measures: Whether sizes and positions are shown.
+    """
     x, y, _ = scene.robot.position
-    lines = [f"robot at ({x:.2f}, {y:.2f}), heading {scene.robot.yaw_rad:.2f} rad"]
-    lines.append("id | category | type | kind | size x y z [m] | centre x y z [m]")
-    lines.extend(_object_row(thing) for thing in scene.objects.values())
-    facts = [bddl.format(fact) for fact in scene.facts]
+    shown = [thing for thing in scene.objects.values() if only is None or thing.id in only]
+    lines = [f"robot at ({x:.2f}, {y:.2f}), heading {scene.robot.yaw_rad:.2f} rad"] if measures else []
+    lines.append("id | category | type | kind" + " | size x y z [m] | centre x y z [m]" * measures)
+    lines.extend(_object_row(thing, measures=measures) for thing in shown)
+    if len(shown) < len(scene.objects):
+        lines.append(_others([thing for thing in scene.objects.values() if thing not in shown]))
+    facts = [bddl.format(fact) for fact in scene.facts if _is_told(fact, scene, only, rooms=measures)]
     lines.append(f"at the start: {' '.join(facts) or 'nothing is stated'}")
     closed = ", ".join(sorted(scene.closed))
     known = f"of {closed} everything true is listed; what is not listed is false" if closed else "the rest is unknown"
@@ -167,9 +196,44 @@ def scene_table(scene: Scene) -> str:
     return "\n".join(lines)
 
 
-def _object_row(thing: SceneObject) -> str:
+_MOST_CATEGORIES = 20
+
+
+def _others(things: Sequence[SceneObject]) -> str:
+    counts = Counter(thing.category for thing in things).most_common()
+    listed = [f"{count} {quoted(category)}" for category, count in counts[:_MOST_CATEGORIES]]
+    more = len(counts) - len(listed)
+    return f"and elsewhere: {', '.join(listed)}{f', and {more} more categories' if more > 0 else ''}"
+
+
+def _is_told(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, *, rooms: bool) -> bool:
+    """Decide whether a fact is about shown objects alone, and, without rooms, about what primitives change."""
+    atoms = bddl.atoms(fact)
+    named = {name for atom in atoms for name in atom.args if name in scene.objects}
+    return (only is None or named <= {*only}) and (rooms or all(atom.predicate in CHANGEABLE for atom in atoms))
+
+
+def concerned(scene: Scene, named: Iterable[str]) -> frozenset[str]:
+    """Return objects with what they stand in or on, and what stands in or on an item of theirs, by the facts."""
+    facts = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+    rests = [one.atom.args for one in facts if one.value and one.atom.predicate in RESTING and len(one.atom.args) == 2]
+    found = {name for name in named if name in scene.objects}
+    for _ in rests:
+        below = {support for thing, support in rests if thing in found}
+        on_items = {thing for thing, support in rests if support in found and scene[support].role == "B"}
+        more = {name for name in below | on_items if name in scene.objects} - found
+        if not more:
+            break
+        found |= more
+    return frozenset(found)
+
+
+def _object_row(thing: SceneObject, *, measures: bool) -> str:
+    row = f"{thing.id} | {quoted(thing.category)} | {thing.role} | {thing.kind.value}"
+    if not measures:
+        return row
     size, place = (" ".join(f"{value:.3f}" for value in values) for values in (thing.extent_m, thing.position))
-    return f"{thing.id} | {quoted(thing.category)} | {thing.role} | {thing.kind.value} | {size} | {place}"
+    return f"{row} | {size} | {place}"
 
 
 def quoted(name: str) -> str:

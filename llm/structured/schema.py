@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, ClassVar, Self, get_args, get_origin
 
 from pydantic import (
@@ -23,6 +23,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    JsonValue,
     ModelWrapValidatorHandler,
     WithJsonSchema,
 )
@@ -30,6 +31,7 @@ from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
+from llm.client.transport import BOUNDS
 from llm.structured.values import as_formula, as_number, as_ordinal, plain_name
 from oag import Action, Primitive
 from oag.model.actions import action_from_json
@@ -42,6 +44,8 @@ LONGEST_NAME = 120
 LONGEST_TEXT = 6_000
 LONGEST_REMARK = 1_200
 LONGEST_FORMULA = 4_000
+# Of a field that is read where it is given, and not asked for: what it says is known, or follows from the others.
+UNASKED: dict[str, JsonValue] = {"asked": False}
 
 
 class Answer(BaseModel):
@@ -205,10 +209,16 @@ Formula = Annotated[
     AfterValidator(_printable),
 ]
 MaybeFormula = Annotated[MaybeText, BeforeValidator(as_formula)]
-ObjectId = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
+_ONE, _ONE_OR_NONE = "one", "one or none"
+ObjectId = Annotated[
+    str, Field(min_length=1, max_length=LONGEST_NAME, json_schema_extra={"ids": _ONE}), AfterValidator(_printable)
+]
 # An empty text says that there is no such object.
 MaybeObjectId = Annotated[
-    str, BeforeValidator(_empty_for_none), Field(max_length=LONGEST_NAME), AfterValidator(_printable)
+    str,
+    BeforeValidator(_empty_for_none),
+    Field(max_length=LONGEST_NAME, json_schema_extra={"ids": _ONE_OR_NONE}),
+    AfterValidator(_printable),
 ]
 # Valid as a name in BDDL texts and of files.
 ActivityName = Annotated[
@@ -276,30 +286,50 @@ def begins_with_denial(text: str) -> bool:
     return bool(words) and words[0] in (*_DENYING, "not")
 
 
-_KEPT = ("type", "description", "enum")
+_KEPT = ("type", "description", "enum", *BOUNDS)
+# Grammars expand the bound of a text; what is longer than this is too long for any answer.
+_LONGEST_WRITTEN = 600
+_MOST_IDS = 100
 
 
-def wire_schema(answer: type[Answer]) -> dict[str, object]:
-    """Return the JSON schema of an answer for endpoints: no references, unions, optional fields or bounds.
+def wire_schema(answer: type[Answer], ids: Sequence[str] = (), entries: int = 0) -> dict[str, object]:
+    """Return the JSON schema of an answer for endpoints: no references, unions or optional fields.
 
-    Bounds are checked when the answer arrives; several endpoints reject a request whose schema has them.
+    Bounds (`llm.client.transport.BOUNDS`) are sent to endpoints that know them, and checked when the answer arrives.
+
+    Args:
+        answer: The answer.
+        ids: The objects that fields of ids may name; without any, or with very many, every text is legal.
+        entries: Length of the answer's list; 0 where it is not known.
     """
     full = answer.model_json_schema()
-    return _flat(full, full.get("$defs", {}))
+    written = _flat(full, full.get("$defs", {}), ids if len(ids) <= _MOST_IDS else ())
+    properties = written["properties"]
+    if entries and answer.list_name and isinstance(properties, dict):
+        properties[answer.list_name] |= {"minItems": entries, "maxItems": entries}
+    return written
 
 
-def _flat(node: Mapping[str, object], known: Mapping[str, Mapping[str, object]]) -> dict[str, object]:
+def _flat(
+    node: Mapping[str, object], known: Mapping[str, Mapping[str, object]], ids: Sequence[str]
+) -> dict[str, object]:
     """Expand the references of a schema; answers nest three levels deep, and none contains itself."""
     reference = node.get("$ref")
     if isinstance(reference, str):
-        return _flat(known[reference.rpartition("/")[2]], known)
+        return _flat(known[reference.rpartition("/")[2]], known, ids)
     written = {key: node[key] for key in _KEPT if key in node}
+    longest = written.get("maxLength")
+    if isinstance(longest, int):
+        written["maxLength"] = min(longest, _LONGEST_WRITTEN)
+    if node.get("ids") and ids:
+        written["enum"] = [*ids] if node["ids"] == _ONE else ["", *ids]
     items, properties = node.get("items"), node.get("properties")
     if isinstance(items, Mapping):
-        written["items"] = _flat(items, known)
+        written["items"] = _flat(items, known, ids)
     if isinstance(properties, Mapping):
-        written["properties"] = {key: _flat(value, known) for key, value in properties.items()}
-        written["required"] = list(properties)
+        asked = {key: value for key, value in properties.items() if value.get("asked", True)}
+        written["properties"] = {key: _flat(value, known, ids) for key, value in asked.items()}
+        written["required"] = list(asked)
         written["additionalProperties"] = False
     if written.get("type") == "object":
         # A docstring is for readers of the code.
@@ -332,10 +362,8 @@ _CALL = re.compile(r"([A-Za-z][A-Za-z_ -]*|\d{1,2})\s*(?:\(([-+.,\s\deE]*)\)|\s(
 class WrittenAction(Answer):
     """One action: the ID of its primitive and its numbers, which may be omitted for the executor to fill in."""
 
-    primitive: int = Field(description="ID of the primitive, 1 to 21")
-    parameters: list[float] = Field(
-        max_length=2, description="empty, one number (m or degrees), or two (joint limits), as the table says"
-    )
+    primitive: int
+    parameters: list[float] = Field(max_length=2)
 
     def action(self) -> Action:
         """Return the action; `verify` checks whether its numbers fit the primitive."""
@@ -456,4 +484,5 @@ def _id(primitive: object) -> object:
     return primitive if isinstance(primitive, int) else repr(primitive)
 
 
-WireStep = Annotated[WrittenAction, BeforeValidator(_step)]
+_WRITTEN_STEP = {"type": "string", "maxLength": 40, "description": "a primitive, such as GRASP or LIFT_EEF_UP(0.2)"}
+WireStep = Annotated[WrittenAction, BeforeValidator(_step), WithJsonSchema(_WRITTEN_STEP)]

@@ -90,7 +90,12 @@ def test_a_schema_is_strict_where_the_endpoint_knows_that(monkeypatch: pytest.Mo
     with ModelServer() as server:
         transport_to(server, monkeypatch, mode="json_schema", strict=True).complete(ASK)
     assert server.seen[0].body["response_format"]["json_schema"]["strict"] is True
-    assert {provider for provider, table in tables().items() if table.get("strict")} == {"openai", "vllm", "llama-cpp"}
+    assert {provider for provider, table in tables().items() if table.get("strict")} == {
+        "openai",
+        "vllm",
+        "llama-cpp",
+        "local",
+    }
 
 
 def test_the_system_text_goes_where_the_profile_says(monkeypatch: pytest.MonkeyPatch) -> None:

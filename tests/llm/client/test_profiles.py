@@ -33,7 +33,7 @@ def test_the_page_about_models_names_every_provider_and_variable() -> None:
     page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
     for provider, table in tables().items():
         row = next(line for line in page.splitlines() if line.startswith(f"| `{provider}` |"))
-        assert f"`{table['base_url_variable']}`" in row
+        assert table.get("serve") or f"`{table['base_url_variable']}`" in row
         assert not table.get("key_variable") or f"`{table['key_variable']}`" in row
 
 
@@ -63,7 +63,7 @@ def test_servers_of_ones_own_decide_about_their_models() -> None:
         ("olama", ("ollama:",), "a model is named provider:model"),
         ("qwen:", (), "no model of qwen is named. Listed: qwen:qwen3-vl-plus"),
         ("openai-compatible:", (), "Name one, such as openai-compatible:my-model"),
-        ("", (), "Listed: openai:, gemini:, qwen:, vllm:, llama-cpp:, ollama:, openai-compatible:"),
+        ("", (), "Listed: openai:, gemini:, qwen:, vllm:, llama-cpp:, local:, ollama:, openai-compatible:"),
         ("\x1b[31m\nqwen", (), "a model is named provider:model"),
     ],
 )

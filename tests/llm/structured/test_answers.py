@@ -9,12 +9,13 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from llm.proposing.modules import Flows, Understanding
+from llm.client.transport import BOUNDS
+from llm.proposing.modules import Decomposition, Flows, Understanding
 from llm.structured.schema import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
 from llm.structured.values import as_ordinal
 from oag import Primitive
 from tests.json_edits import altered
-from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers
+from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers, scene_of
 
 RIGHT = right_answers("T1")
 
@@ -30,17 +31,32 @@ def nodes(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def test_schemas_of_the_wire_are_flat(module: int) -> None:
     for node in nodes(wire_schema(SCHEMAS[module])):
         assert node["type"] in ("object", "array", "string", "number", "integer")
-        assert set(node) <= {"type", "description", "enum", "items", "properties", "required", "additionalProperties"}
+        kept = {"type", "description", "enum", "items", "properties", "required", "additionalProperties"}
+        assert set(node) <= kept | {*BOUNDS}
         if node["type"] == "object":
             assert node["required"] == list(node["properties"])
             assert node["additionalProperties"] is False
 
 
+def asked_for(value: Any, schema: dict[str, Any]) -> Any:
+    """Return an answer without the fields that a schema of the wire leaves out."""
+    if isinstance(value, list):
+        return [asked_for(item, schema["items"]) for item in value]
+    if not isinstance(value, dict):
+        return value
+    return {key: asked_for(value[key], inner) for key, inner in schema["properties"].items()}
+
+
 @pytest.mark.parametrize("name", TASKS)
 @pytest.mark.parametrize("module", [1, 2, 3, 4])
 def test_right_answers_fit_both_the_wire_and_the_reader(name: str, module: int) -> None:
+    """What is not asked for is read where it is given, and need not be."""
     answer = right_answers(name)[module]
-    jsonschema.validate(answer, wire_schema(SCHEMAS[module]))
+    ids, entries = [*scene_of(name).objects], len(answer.get("sub_tasks", ()))
+    wire: Any = wire_schema(SCHEMAS[module], ids, entries)
+    plain = asked_for(answer, wire)
+    jsonschema.validate(plain, wire)
+    SCHEMAS[module].model_validate(plain)
     read = SCHEMAS[module].model_validate(answer)
     assert read.model_dump() == answer
 
@@ -62,7 +78,10 @@ def test_both_forms_of_a_flow_are_read() -> None:
     }
     assert Flows.model_validate(wire) == paper
     assert paper.model_dump() == wire
-    jsonschema.validate(wire, wire_schema(Flows))
+    written = ["NAVIGATE_TO_SUPPORT", "15(0.3)", "ARTICULATE_CLOSE(0.0, 0.6)", "UNGRASP"]
+    asked = {"sub_tasks": [{"sub_task": 1, "flow": written}]}
+    jsonschema.validate(asked, wire_schema(Flows))
+    assert Flows.model_validate(asked) == paper
     assert [step.action().primitive for step in paper.sub_tasks[0].flow][1] is Primitive.MOVE_BASE_LEFT
 
 
@@ -179,3 +198,22 @@ def test_a_number_of_a_subtask_is_read(value: object, number: int) -> None:
 @pytest.mark.parametrize("value", ["-2", " -2", "#-2", "_-2", "step -2", "sub_task_-2", "step--2", "-sub_task_2", "2-"])
 def test_a_number_below_zero_is_no_number_of_a_subtask(value: str) -> None:
     assert as_ordinal(value) == value
+
+
+def test_picking_up_and_putting_down_in_one_are_two_simple_tasks() -> None:
+    """A model that names where a held item came from means one thing, and one that carries in a single step another."""
+    whole = [entry for entry in RIGHT[2]["sub_tasks"]]
+    opened, picked, put, closed = whole
+    both = {**put, "support_init": picked["support_init"]}
+    carried = Decomposition.model_validate(
+        {"sub_tasks": [{**opened}, {**both, "sub_task": 2}, {**closed, "sub_task": 3}]}
+    )
+    named = Decomposition.model_validate({"sub_tasks": [opened, picked, both, closed]})
+    right = [
+        (part.target, part.support_init, part.support_goal)
+        for part in Decomposition.model_validate(RIGHT[2]).subtasks()
+    ]
+    assert [(part.target, part.support_init, part.support_goal) for part in carried.subtasks()] == right
+    itself = Decomposition.model_validate({"sub_tasks": [{**opened, "support_goal": opened["target"]}]})
+    assert (itself.subtasks()[0].support_init, itself.subtasks()[0].support_goal) == (None, None)
+    assert [part.name for part in named.subtasks()] == [entry["task_activity_name"] for entry in whole]

@@ -1,0 +1,79 @@
+"""A model in a file on this machine: start a server for it, once a process, and end it with the process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryFile
+from threading import Timer
+
+from bddl.errors import MissingExtra
+from llm.client.profiles import ModelProfile
+from llm.errors import ModelConfigError
+
+# Reading a model of several GB from a slow disk takes minutes.
+_LONGEST_START_S = 600.0
+_MAGIC = b"GGUF"
+
+
+def served(profile: ModelProfile) -> ModelProfile:
+    """Return a profile with the address of a server for its file; other profiles as they are.
+
+    Raises:
+        ModelConfigError: The file cannot be read, is no GGUF file, or the server does not start with it.
+        MissingExtra: The server's library is not installed.
+    """
+    if not profile.serve:
+        return profile
+    file = Path(profile.model).expanduser()
+    try:
+        with file.open("rb") as stream:
+            begins = stream.read(len(_MAGIC))
+    except OSError as error:
+        problem = f"the model's file cannot be read: {error.strerror or error}"
+        raise ModelConfigError(profile.name, problem, "Name a GGUF file, as in local:models/qwen.gguf") from error
+    if begins != _MAGIC:
+        raise ModelConfigError(profile.name, "the file is no GGUF file", "llama.cpp reads models in this format")
+    if find_spec("xllamacpp") is None:
+        raise MissingExtra("xllamacpp", "local")
+    return profile.model_copy(update={"base_url": f"{_LocalServer.of(file.resolve()).address}/v1"})
+
+
+class _LocalServer:
+    """A server in a process of its own, which ends when the pipe to it closes.
+
+    Attributes:
+        address: Its address on the loopback interface.
+        process: Its process.
+    """
+
+    def __init__(self, file: Path) -> None:
+        program = Path(__file__).with_name("local_server.py")
+        with TemporaryFile() as log:
+            self.process = subprocess.Popen(
+                [sys.executable, str(program), str(file)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log
+            )
+            patience = Timer(_LONGEST_START_S, self.process.kill)
+            patience.start()
+            try:
+                lines = iter(self.process.stdout or ())
+                self.address = next((line.decode().strip() for line in lines if line.startswith(b"http://")), "")
+            finally:
+                patience.cancel()
+            if self.address:
+                return
+            self.process.kill()
+            self.process.communicate()
+            log.seek(0)
+            said = [line for line in log.read()[-4000:].decode("utf-8", "replace").splitlines() if line.strip()]
+        problem = f"the server ended before it answered: {said[-1].strip() if said else 'it said nothing'}"
+        raise ModelConfigError(f"local:{file}", problem, "Is the file whole, and is there memory for it?")
+
+    @classmethod
+    @cache
+    def of(cls, file: Path) -> _LocalServer:
+        """Return the running server of a file."""
+        return cls(file)
