@@ -171,8 +171,12 @@ def clauses_of(literals: Iterable[bddl.Literal]) -> tuple[Clause, ...]:
 
 def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
     """Return where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
-    goal_literals = (literal for part in bddl.conjuncts(goal) for literal in bddl.literals(part) or ())
-    return placement_among(clauses_of(goal_literals), target)
+    for part in bddl.conjuncts(goal):
+        for atom, value in bddl.literals(part) or ():
+            if value and atom.predicate in RESTING and len(atom.args) == 2 and atom.args[0] == target:
+                if atom.args[1] != GRIPPER:
+                    return Placement(atom.predicate, atom.args[1])
+    return None
 
 
 def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
