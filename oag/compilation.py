@@ -5,14 +5,26 @@ Source: docs/semantics.md, Knowledge and Primitives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import bddl
 from oag.model.actions import ActionFlow
+from oag.model.infeasible import Infeasible
 from oag.model.scene import Scene
 from oag.model.symbols import Fact, Kind
 from oag.primitives.state import Start, carriage_in, facts_of, scene_facts
-from oag.primitives.table import Context, Needed, Placement, Rows, needed, open_at_top, placement_of
+from oag.primitives.table import (
+    Context,
+    Needed,
+    Placement,
+    Rows,
+    clauses_of,
+    guarded,
+    needed,
+    open_at_top,
+    placement_of,
+)
 from oag.task_definition import SimpleTask
 
 
@@ -52,8 +64,24 @@ def compile_plan(
         rows = tables.get(key)
         if rows is None:
             rows = tables[key] = Rows(Context(*key, subtask.target in items, articulated, vessels, carriage))
-        compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
+        init = needed(subtask.init)
+        if scene.known:
+            found = known_impossible(subtask, scene)
+            init = guarded(init, (clauses_of(literals_in(each.given)) for each in found if each.given))
+        compiled.append(CompiledSubtask(rows, init, goal, subtask.flow))
     return tuple(compiled)
+
+
+def known_impossible(subtask: SimpleTask, scene: Scene) -> tuple[Infeasible, ...]:
+    """Return what a subtask does of what was found impossible in a scene, in whatever circumstances."""
+    placement = placement_of(subtask.goal, subtask.target)
+    primitives = {action.primitive for action in subtask.flow or ()}
+    return tuple(each for each in scene.known if each.concerns(subtask.target, placement, primitives))
+
+
+def literals_in(formulas: Iterable[bddl.Formula]) -> Iterator[bddl.Literal]:
+    """Yield the literals of conjunctions."""
+    return (literal for formula in formulas for literal in bddl.literals(formula) or ())
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:

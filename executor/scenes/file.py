@@ -38,7 +38,7 @@ from executor.scenes.support_relations import (
 from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
-from oag.model.forms import ObjectForm, SceneForm, examine_scene, object_of, robot_of
+from oag.model.forms import ObjectForm, SceneForm, examine_scene, infeasible_of, object_of, robot_of
 from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
 from oag.model.symbols import Kind
 
@@ -198,6 +198,7 @@ class _SceneCompletion:
             facts=(*facts, *self._derived(objects, facts)) if self._form.closed is None else facts,
             closed=closed,
             variation=dict(self._form.variation or {}),
+            known=infeasible_of(self._form.known),
         )
 
     def without_statements(self) -> Scene | None:

@@ -173,9 +173,9 @@ def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
     """Return where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
     for part in bddl.conjuncts(goal):
         for atom, value in bddl.literals(part) or ():
-            if value and atom.predicate in RESTING and len(atom.args) == 2 and atom.args[0] == target:
-                if atom.args[1] != GRIPPER:
-                    return Placement(atom.predicate, atom.args[1])
+            rests = value and atom.predicate in RESTING and len(atom.args) == 2 and atom.args[0] == target
+            if rests and atom.args[1] != GRIPPER:
+                return Placement(atom.predicate, atom.args[1])
     return None
 
 
@@ -185,6 +185,15 @@ def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
         if positive and len(fact) == 3 and fact[0] in RESTING and fact[1] == target and fact[2] != GRIPPER:
             return Placement(fact[0], fact[2])
     return None
+
+
+def guarded(init: Needed, impossible: Iterable[tuple[Clause, ...]]) -> Needed:
+    """Return an initial condition that also asks that some literal of each of these conjunctions is false."""
+    denied = [tuple(c._replace(positive=not c.positive) for (c,) in circumstances) for circumstances in impossible]
+    if isinstance(init, tuple) or not denied:
+        return (*init, *denied) if isinstance(init, tuple) else init
+    parts = (bddl.Or(tuple(each for c in clause if (each := c.literal()) is not None)) for clause in denied)
+    return bddl.And((init, *parts))
 
 
 def open_at_top(category: str) -> bool:
