@@ -4,7 +4,8 @@
 
 Each unit draws a kitchen of the long-horizon tasks and a wish that it admits, and plans it. A unit with cargo fills a
 vessel, and then puts the vessel elsewhere. All that the proof knows to be true or false at the end becomes the goal of
-the task, so that the rollout reads every fact at rest: where each thing is and is not, and which doors are open.
+the task, so that the rollout reads every fact at rest: where each thing is and is not, what it is next to, touches and
+is under as far as that is known, and which doors are open.
 
 A unit counts when every step ran. Plans have at most four subtasks, which keeps a unit below 10 s of CPU time. Printed
 are the facts on which proof and detectors agree, each contradiction, and the units that ended early, with the reason.
@@ -25,10 +26,12 @@ import bddl
 from bddl.errors import Scene2DemoError
 from executor.records import Rollout
 from executor.rollouts.rollout import rollout
+from executor.scenes.file import with_neighbours
 from executor.scenes.generators import long_horizon
 from oag import Scene, Task, compose, plan
 from oag.measurements import Unplanned, first_of
 from oag.model.symbols import GRIPPER, Kind
+from oag.primitives.cargo import RESTING, VAGUE
 from oag.sizes import Sizing
 from oag.verify.outcome import PlanState
 from oag.wish_list import WishKind, wishes
@@ -44,7 +47,7 @@ def end_literals(state: PlanState, scene: Scene) -> Iterator[bddl.Formula]:
     atoms = [bddl.Atom("open", (name,)) for name, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED]
     atoms += [bddl.Atom("inside", (name, GRIPPER)) for name in items]
     pairs = [pair for pair in permutations(scene.objects, 2) if pair[0] in items]
-    atoms += [bddl.Atom(predicate, pair) for predicate in ("ontop", "inside") for pair in pairs]
+    atoms += [bddl.Atom(predicate, pair) for predicate in (*RESTING, *VAGUE) for pair in pairs]
     for atom in atoms:
         value = state.holds(atom)
         if value is not None:
@@ -66,7 +69,8 @@ def drawn_plans(scene: Scene, seed: int, *, cargo: bool) -> Iterator[Task]:
         state = found.report.state_after(len(found.task.subtasks))
         if state is None:
             continue
-        then = replace(scene, facts=tuple(bddl.parse_formula(text) for text in state.facts))
+        # What is next to what plays no part in a plan.
+        then = replace(scene, facts=tuple(map(bddl.parse_formula, state.facts)), closed=scene.closed - set(VAGUE))
         then_kinds: tuple[WishKind, ...] = ("put-into", "put-onto")
         moves = [each for each in wishes(then, then_kinds, sizing=sizing) if each.targets == (wish.place,)]
         for move in draw.sample(moves, len(moves)):
@@ -99,7 +103,8 @@ def unit(seed: int, *, cargo: bool) -> dict[str, object]:
     """Return what came of the first feasible wish of a drawn kitchen."""
     began = time.process_time()
     family = "T3" if cargo else random.Random(seed).choice(FAMILIES)
-    scene = long_horizon.draw(family, seed).scene
+    drawn = long_horizon.draw(family, seed).scene
+    scene = with_neighbours(replace(drawn, closed=drawn.closed | set(VAGUE)))
     passed: list[str] = []
     for task in drawn_plans(scene, seed, cargo=cargo):
         if len(task.subtasks) > MOST_SUBTASKS:

@@ -346,7 +346,8 @@ class SceneForm(Form):
     closed: list[str] | None = Field(
         None,
         description="Predicates that `facts` lists completely: what it does not say of them is false. By default "
-        "ontop, inside and open, as geometry says; [] leaves what is not said unknown.",
+        "ontop, inside and open, as geometry says; [] leaves what is not said unknown. Of nextto, touching and under, "
+        "where listed, detectors add what `facts` does not say.",
     )
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
     known: list[InfeasibleForm] | None = Field(None, description="What geometry found impossible, as `plan` writes it.")
