@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import bddl
-from oag.model.codec import Record
 from oag.model.symbols import Primitive
 
 InfeasibleKind = Literal["take", "ontop", "inside", "open", "close"]
@@ -21,7 +20,7 @@ _DONE_BY = {"take": Primitive.GRASP, "open": Primitive.ARTICULATE_OPEN, "close":
 
 
 @dataclass(frozen=True, slots=True)
-class Infeasible(Record):
+class Infeasible:
     """Something that cannot be done in a scene.
 
     Attributes:
@@ -46,6 +45,17 @@ class Infeasible(Record):
             return False
         done_by = _DONE_BY.get(self.kind)
         return placement == (self.kind, self.place) if done_by is None else done_by in primitives
+
+    def to_json(self) -> dict[str, object]:
+        """Return it as JSON values, literals as texts."""
+        return {
+            "kind": self.kind,
+            "thing": self.thing,
+            "place": self.place,
+            "given": list(map(bddl.format, self.given)),
+            "subtask": self.subtask,
+            "reason": self.reason,
+        }
 
     def __str__(self) -> str:
         given = f"; this holds with {' '.join(map(bddl.format, self.given))}" if self.given else ""
