@@ -34,7 +34,7 @@ from oag.model.symbols import GRIPPER, Kind
 from oag.primitives.cargo import RESTING, VAGUE
 from oag.sizes import Sizing
 from oag.verify.outcome import PlanState
-from oag.wish_list import WishKind, wishes
+from oag.wish_list import KINDS, WishKind, wishes
 
 FAMILIES = ("T1", "T2", "T3", "T4")
 MOST_SUBTASKS = {False: 2, True: 4}
@@ -57,7 +57,8 @@ def end_literals(state: PlanState, scene: Scene) -> Iterator[bddl.Formula]:
 def drawn_plans(scene: Scene, seed: int, *, cargo: bool) -> Iterator[Task]:
     """Yield plans of random wishes in a scene; with cargo, a vessel is filled first."""
     draw, sizing = random.Random(f"{seed} {cargo}"), Sizing(seed)
-    first = list(wishes(scene, ("fill",), sizing=sizing) if cargo else wishes(scene, sizing=sizing))
+    kinds: tuple[WishKind, ...] = ("fill",) if cargo else KINDS
+    first = list(wishes(scene, kinds, sizing=sizing))
     draw.shuffle(first)
     for wish in first:
         found = plan(scene, wish.goal, sizing=sizing)

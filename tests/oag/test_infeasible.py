@@ -106,7 +106,9 @@ def test_what_is_taken_opened_and_closed_is_recognised_by_its_flow() -> None:
     assert oag.compose(oag.task(SCENE, goal=GOAL, steps=PUT), scene=taken).verify().errors[0].subtask == 0
     shut = SCENE.knowing([Infeasible("open", "drawer_0"), Infeasible("close", "drawer_0")])
     for step in (oag.open("drawer_0"), oag.close("drawer_0")):
-        start = replace(SCENE, facts=("(open drawer_0)",)) if step == oag.close("drawer_0") else SCENE
+        start = (
+            replace(SCENE, facts=(bddl.parse_formula("(open drawer_0)"),)) if step == oag.close("drawer_0") else SCENE
+        )
         task = oag.task(start, goal="(ontop cup_0 table_0)", steps=[step])
         assert [e.code for e in verify(task, replace(start, known=shut.known)).errors] == ["task/infeasible"]
 
