@@ -20,6 +20,7 @@ from oag.primitives.table import (
     Placement,
     Rows,
     clauses_of,
+    does,
     guarded,
     needed,
     open_at_top,
@@ -76,7 +77,9 @@ def known_impossible(subtask: SimpleTask, scene: Scene) -> tuple[Infeasible, ...
     """Return what a subtask does of what was found impossible in a scene, in whatever circumstances."""
     placement = placement_of(subtask.goal, subtask.target)
     primitives = {action.primitive for action in subtask.flow or ()}
-    return tuple(each for each in scene.known if each.concerns(subtask.target, placement, primitives))
+    return tuple(
+        each for each in scene.known if does((each.kind, each.thing, each.place), subtask.target, placement, primitives)
+    )
 
 
 def literals_in(formulas: Iterable[bddl.Formula]) -> Iterator[bddl.Literal]:

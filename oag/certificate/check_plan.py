@@ -24,7 +24,6 @@ from typing import Any
 import bddl
 from bddl.grounding import count_ground_parts
 from oag.certificate.formulas import read_formula
-from oag.model.infeasible import Infeasible
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -51,6 +50,7 @@ from oag.primitives.table import (
     Needed,
     Placement,
     Rows,
+    does,
     excluded,
     guarded,
     impossible,
@@ -426,11 +426,10 @@ class PlanRun:
     def _init(self, subtask: Mapping[str, Any], placement: Placement | None) -> Needed:
         """Return a subtask's initial condition, with what was found impossible left out."""
         init, primitives = needed_of(subtask["init"]), {action_of(item)[0] for item in subtask["flow"] or ()}
-        known = (each for each in self._scene.get("known", ()))
         found = [
             needed_of(each["given"])
-            for each in known
-            if Infeasible(each["kind"], each["thing"], each["place"]).concerns(subtask["target"], placement, primitives)
+            for each in self._scene.get("known", ())
+            if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives)
         ]
         require(all(type(given) is tuple for given in found), "what was found impossible is no list of literals")
         return guarded(init, (given for given in found if isinstance(given, tuple)))

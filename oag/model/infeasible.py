@@ -8,15 +8,12 @@ Source: docs/semantics.md, Found impossible.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
 import bddl
-from oag.model.symbols import Primitive
 
 InfeasibleKind = Literal["take", "ontop", "inside", "open", "close"]
-_DONE_BY = {"take": Primitive.GRASP, "open": Primitive.ARTICULATE_OPEN, "close": Primitive.ARTICULATE_CLOSE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +35,6 @@ class Infeasible:
     given: tuple[bddl.Formula, ...] = ()
     subtask: str = ""
     reason: str = ""
-
-    def concerns(self, target: str, placement: tuple[str, str] | None, primitives: Collection[Primitive]) -> bool:
-        """Decide whether a subtask does it, by its target, where its goal puts that, and its flow's primitives."""
-        if self.thing != target:
-            return False
-        done_by = _DONE_BY.get(self.kind)
-        return placement == (self.kind, self.place) if done_by is None else done_by in primitives
 
     def to_json(self) -> dict[str, object]:
         """Return it as JSON values, literals as texts."""

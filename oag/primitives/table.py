@@ -187,6 +187,21 @@ def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
     return None
 
 
+def does(
+    deed: tuple[str, str, str | None], target: str, placement: tuple[str, str] | None, primitives: Container[Primitive]
+) -> bool:
+    """Decide whether a subtask does something: a kind, a thing, and a place (`oag.model.infeasible`).
+
+    Its target, where its goal puts that, and its flow's primitives decide.
+    """
+    kind, thing, place = deed
+    done_by = _DONE_BY.get(kind)
+    return thing == target and (placement == (kind, place) if done_by is None else done_by in primitives)
+
+
+_DONE_BY = {"take": Primitive.GRASP, "open": Primitive.ARTICULATE_OPEN, "close": Primitive.ARTICULATE_CLOSE}
+
+
 def guarded(init: Needed, impossible: Iterable[tuple[Clause, ...]]) -> Needed:
     """Return an initial condition that also asks that some literal of each of these conjunctions is false."""
     denied = [tuple(c._replace(positive=not c.positive) for (c,) in circumstances) for circumstances in impossible]
