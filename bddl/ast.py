@@ -475,8 +475,10 @@ def conjuncts(formula: Formula) -> tuple[Formula, ...]:
         >>> [str(part) for part in bddl.conjuncts(bddl.parse_formula("(and (open a) (and (open b) (open c)))"))]
         ['(open a)', '(open b)', '(open c)']
     """
+    if not isinstance(formula, And):
+        return (formula,)
     found: list[Formula] = []
-    pending = [formula]
+    pending: list[Formula] = [formula]
     while pending:
         node = pending.pop()
         if isinstance(node, And):

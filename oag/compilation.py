@@ -5,14 +5,27 @@ Source: docs/semantics.md, Knowledge and Primitives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import bddl
 from oag.model.actions import ActionFlow
+from oag.model.infeasible import Infeasible
 from oag.model.scene import Scene
 from oag.model.symbols import Fact, Kind
 from oag.primitives.state import Start, carriage_in, facts_of, scene_facts
-from oag.primitives.table import Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
+from oag.primitives.table import (
+    Context,
+    Needed,
+    Placement,
+    Rows,
+    clauses_of,
+    does,
+    guarded,
+    needed,
+    open_at_top,
+    placement_of,
+)
 from oag.task_definition import SimpleTask
 
 
@@ -38,25 +51,40 @@ def compile_plan(
 
     `stated` has the statements of the scene, where they are known already.
     """
-    items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
-    articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
-    tables: dict[Context, Rows] = {}
+    items = {key: thing.category for key, thing in scene.objects.items() if thing.kind is Kind.ITEM}
+    articulated, vessels = articulated_ids(scene), tuple(key for key in items if open_at_top(items[key]))
+    tables: dict[tuple[str, str | None, Placement | None], Rows] = {}
     goals = [needed(subtask.goal) for subtask in subtasks]
-    placements = [
-        placement_among(goal, each.target) if isinstance(goal, tuple) else placement_of(goal, each.target)
-        for each, goal in zip(subtasks, goals, strict=True)
-    ]
+    placements = [placement_of(subtask.goal, subtask.target) for subtask in subtasks]
     placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
-    carriage = carriage_in(scene, scene_facts(scene) if stated is None else stated, placed)
+    carriage = carriage_in(scene, items, scene_facts(scene) if stated is None else stated, placed)
     compiled = []
     for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
-        target = subtask.target
-        is_item = scene.objects[target].kind is Kind.ITEM
-        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels, carriage)
         # Subtasks with the same objects share their table.
-        rows = tables.setdefault(context, Rows(context))
-        compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
+        key = (subtask.target, subtask.support_goal, placement)
+        rows = tables.get(key)
+        if rows is None:
+            rows = tables[key] = Rows(Context(*key, subtask.target in items, articulated, vessels, carriage))
+        init = needed(subtask.init)
+        if scene.known:
+            found = known_impossible(subtask, scene)
+            init = guarded(init, (clauses_of(literals_in(each.given)) for each in found if each.given))
+        compiled.append(CompiledSubtask(rows, init, goal, subtask.flow))
     return tuple(compiled)
+
+
+def known_impossible(subtask: SimpleTask, scene: Scene) -> tuple[Infeasible, ...]:
+    """Return what a subtask does of what was found impossible in a scene, in whatever circumstances."""
+    placement = placement_of(subtask.goal, subtask.target)
+    primitives = {action.primitive for action in subtask.flow or ()}
+    return tuple(
+        each for each in scene.known if does((each.kind, each.thing, each.place), subtask.target, placement, primitives)
+    )
+
+
+def literals_in(formulas: Iterable[bddl.Formula]) -> Iterator[bddl.Literal]:
+    """Yield the literals of conjunctions."""
+    return (literal for formula in formulas for literal in bddl.literals(formula) or ())
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:

@@ -42,8 +42,8 @@ from oag.model.symbols import (
 from oag.picture import object_of
 from oag.primitives.table import Clause, Context, effect, requirements
 from oag.task_definition import Task, chosen_scene
+from oag.verify.edits import Fix
 from oag.verify.verify import Report, verify
-from oag.whole_fixes import find_all_fixes
 
 if TYPE_CHECKING:
     import networkx
@@ -98,11 +98,6 @@ class ObjectActionGraph:
         self.task = task
         self.scene = scene
         self.searched = searched
-        self.nodes = tuple(
-            Node(index, t, action.primitive, object_of(subtask, action), action.parameter)
-            for index, subtask in enumerate(task.subtasks)
-            for t, action in enumerate(subtask.flow or (), 1)
-        )
 
     def __repr__(self) -> str:
         counted = pluralize(len(self.nodes), "step")
@@ -111,6 +106,15 @@ class ObjectActionGraph:
     def _repr_html_(self) -> str:
         """Return the graph's picture with its verdict for a notebook."""
         return self.verify()._repr_html_()
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """All steps of the plan, in order."""
+        return tuple(
+            Node(index, t, action.primitive, object_of(subtask, action), action.parameter)
+            for index, subtask in enumerate(self.task.subtasks)
+            for t, action in enumerate(subtask.flow or (), 1)
+        )
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -142,7 +146,14 @@ class ObjectActionGraph:
 
     @cached_property
     def _report(self) -> Report:
-        return verify(self.task, self.scene, self.searched, repair=find_all_fixes)
+        return verify(self.task, self.scene, self.searched, repair=_fixes)
+
+
+def _fixes(report: Report) -> tuple[Fix, ...]:
+    # The search for plans is loaded where one is refuted.
+    from oag.whole_fixes import find_all_fixes
+
+    return find_all_fixes(report)
 
 
 def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:

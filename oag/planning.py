@@ -20,7 +20,7 @@ from itertools import chain, count, islice
 from typing import Any, Literal, NamedTuple
 
 import bddl
-from oag.compilation import CompiledSubtask, compile_plan, facts_read
+from oag.compilation import CompiledSubtask, compile_plan, facts_read, literals_in
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
@@ -333,6 +333,8 @@ class _Planning:
         held = held_by(state.hand)
         unmet |= {} if held is None else {held: None}
         self._add_cargo(goals, state, unmet, places)
+        # What has to change before something is possible.
+        unmet |= dict.fromkeys(fact[1] for fact in self._circumstances() if fact[0] in RESTING)
         for subtask in self.task.subtasks:
             if subtask.target in objects and objects[subtask.target].kind is Kind.ITEM:
                 unmet.setdefault(subtask.target)
@@ -343,6 +345,7 @@ class _Planning:
         asked |= {fact[2] for fact, value in resting if value is True and fact[1] in movable}
         asked |= {key for key in doors for item in movable if state.value(("inside", item, key)) is None}
         asked |= {subtask.target for subtask in self.task.subtasks}
+        asked |= {name for fact in self._circumstances() for name in fact[1:]}
         for door in doors:
             if door in asked:
                 parts += [opening(door), closing(door)]
@@ -386,6 +389,9 @@ class _Planning:
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
         riders = {fact[1] for fact in resting if not unmet.keys().isdisjoint(below(fact[1], resting))}
         unmet |= dict.fromkeys(sorted(riders & asked))
+
+    def _circumstances(self) -> list[Fact]:
+        return [literal.atom.label for each in self.scene.known for literal in literals_in(each.given)]
 
     def _picking(self, item: str, place: Placement | None) -> SimpleTask:
         part = picking(item, place)

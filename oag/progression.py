@@ -45,7 +45,6 @@ from oag.primitives.state import (
     Entry,
     Reader,
     State,
-    step,
     truth_of,
 )
 from oag.primitives.table import (
@@ -278,6 +277,7 @@ class Trace:
         counterexample: A complete start state from which the plan runs up to its first failure, as (time, fact, value).
             Values at later times belong to facts that a step leaves open. None when none was searched.
         miss: A run that misses an obligation, in the same form, where an exact decision needs an assumption; else None.
+        boundary_time: The time between the last step so far and the next one.
         starts: What can be so where the plan starts.
         about_start: What is assumed of the start.
         checkable: False when links and cases do not show the verdict, so that no checker can confirm it.
@@ -288,9 +288,11 @@ class Trace:
         self, start: State, objects: dict[str, str], decision: Decision = NOTHING_DECIDED, *, chose: bool = False
     ) -> None:
         """Start a progression; `chose` says that the decision rests on what might not have been needed."""
-        self.start = self.state = self._sure = start
+        # A plan is long: its state is written to, not copied at every step.
+        self.start, self.state, self._sure = start, start.own(), start
         self.writes: list[tuple[int, Effect]] = []
         self.steps: list[Step] = []
+        self.boundary_time = 1
         self.obligations: list[Obligation] = []
         self.assumptions: list[Assumption] = []
         self.failures: list[RootFailure] = []
@@ -311,11 +313,6 @@ class Trace:
         self._failed_subtask: int | None = None
         self.starts = Starts(NOTHING_CARRIED, start.value)
         self.about_start: dict[Fact, Value] = {}
-
-    @property
-    def boundary_time(self) -> int:
-        """The time between the last step so far and the next one."""
-        return 2 * len(self.steps) + 1
 
     def history(self, fact: Fact) -> Iterator[Entry]:
         """Yield the writes that covered a fact, in order; of those at one time only the most specific one."""
@@ -379,10 +376,10 @@ class Trace:
             time = self.boundary_time + 1
             # A condition on the hand that failed, or was unknown, counts as met from here on.
             if rows.carries or self.state.hand != hand:
-                written, self.state = step(self.state, rows, primitive, parameter, time, self._sure.value)
+                written = rows.written(primitive, self.state.hand, parameter, self._sure.value)
                 self._sure = self._sure.after(written, time) if rows.carries else self._sure
-            else:
-                self.state = self.state.after(written, time)
+            self.state.write(written, time)
+            self.boundary_time = time + 1
             self.writes.append((time, written))
             self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:
@@ -390,7 +387,7 @@ class Trace:
         self._need("goal", index, -1, subtask.goal)
 
     def _write(self, effect: Effect) -> None:
-        self.state = self.state.after(effect, self.boundary_time)
+        self.state.write(effect, self.boundary_time)
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
@@ -439,12 +436,12 @@ class Trace:
         """Return the link of the first alternative that holds, else of the first unknown one."""
         unknown: CausalLink | None = None
         for condition in clause:
-            value, time = self.state.last(condition.fact)
-            grade = condition.grade(value)
-            if grade:
+            fact, wanted, positive = condition
+            value, time = self.state.last(fact)
+            if value is None:
+                unknown = unknown or CausalLink(condition, time, None)
+            elif (value == wanted) is positive:
                 return CausalLink(condition, time, value)
-            if grade is None and unknown is None:
-                unknown = CausalLink(condition, time, None)
         return unknown
 
     def _assume(self, link: CausalLink, obligation: int) -> CausalLink:

@@ -102,11 +102,12 @@ def stays_near(flow: Iterable[Action], most_m: float, most_deg: float) -> bool:
     """Decide whether a base stays within a distance and a turn even if all its moves went one way."""
     distance_m = turn_deg = 0.0
     for action in flow:
-        if isinstance(action.parameter, float):
+        number = action.parameter
+        if number is not None and isinstance(number, float):
             if action.primitive in _AHEAD:
-                distance_m += abs(action.parameter)
+                distance_m += abs(number)
             elif action.primitive in _TURNS:
-                turn_deg += abs(action.parameter)
+                turn_deg += abs(number)
     return distance_m <= most_m and turn_deg <= most_deg
 
 

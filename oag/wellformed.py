@@ -14,6 +14,7 @@ import bddl
 from bddl.ast import Quantified
 from bddl.ast import affirmed as affirmed_in
 from bddl.grounding import count_ground_parts
+from oag.compilation import known_impossible
 from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
@@ -61,6 +62,10 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
             if not found.sound(formula):
                 _check_formula(found, formula, index, which)
         _check_flow(found, index, subtask)
+        for known in known_impossible(subtask, scene) if scene.known else ():
+            if not known.given:
+                cause = ("infeasible", known.kind, known.thing, str(known.place))
+                found.add("task/infeasible", str(known), subtask_place(task, index), index, cause=cause)
     # A default goal repeats the mistakes of the subtask goals.
     if (task.goal_given or not found) and not found.sound(task.goal):
         _check_formula(found, task.goal, None, "goal")
@@ -329,11 +334,8 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
     target = found.scene.objects.get(subtask.target)
     kind = None if target is None else target.kind
     for position, action in enumerate(subtask.flow):
-        problem = parameter_problem(action.primitive, action.parameter)
-        if problem is not None:
-            found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
-        elif (longest_m := found.scene.robot.model.longest_motion_m(action.primitive)) is not None:
-            _check_motion(found, (index, position), action, longest_m)
+        if action.parameter is not None:
+            _check_number(found, (index, position), action)
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
             found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
@@ -353,9 +355,14 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
 
 
-def _check_motion(found: _Findings, at: tuple[int, int], action: Action, longest_m: float) -> None:
-    """Report a motion of the hand that is longer than the robot's arm allows between any two poses."""
-    if isinstance(action.parameter, float) and action.parameter > longest_m:
+def _check_number(found: _Findings, at: tuple[int, int], action: Action) -> None:
+    """Report a number out of range, or a motion of the hand that is longer than the arm allows."""
+    problem = parameter_problem(action.primitive, action.parameter)
+    if problem is not None:
+        found.add_step("flow/parameter", f"{action.primitive.name} {problem}", at)
+        return
+    longest_m = found.scene.robot.model.longest_motion_m(action.primitive)
+    if longest_m is not None and isinstance(action.parameter, float) and action.parameter > longest_m:
         message = f"{action.primitive.name} moves the hand at most {longest_m:g} m with this robot's arm"
         found.add_step("flow/parameter", f"{message}, got {action.parameter:g} m", at)
 
@@ -388,10 +395,11 @@ def _check_scales(found: _Findings) -> None:
 def _check_room(found: _Findings) -> None:
     """Report what sizes and distances exclude: things that do not go in, and a hand that was driven away."""
     contents, near_m = _contents(found.scene), farthest_m(found.scene.robot)
+    swing_deg = found.scene.robot.model.swing_deg
     for index, (subtask, placement) in enumerate(zip(found.task.subtasks, found.placements, strict=True)):
         target = found.scene.objects[subtask.target]
         flow = () if subtask.flow is None else subtask.flow
-        near, item = stays_near(flow, near_m, found.scene.robot.model.swing_deg), target.kind is Kind.ITEM
+        near, item = stays_near(flow, near_m, swing_deg), target.kind is Kind.ITEM
         if near and not item:
             continue
         if not near:

@@ -235,6 +235,15 @@ def overlap_depth_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> 
     return max((a.depth_m(b) for a, b in itertools.product(first, second)), default=0.0)
 
 
+def parts_gap_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> float:
+    """Return the least gap between the boxes of two objects' parts, along the axis that separates each pair the most.
+
+    It is never more than the true distance, and negative where they overlap; infinite without parts.
+    """
+    pairs = itertools.product(first, second)
+    return min((max(a.gap_m(b), a.low_m - b.high_m, b.low_m - a.high_m) for a, b in pairs), default=math.inf)
+
+
 def open_fraction(obj: SceneObject) -> float:
     """Return the open fraction of an object's doors or drawers at the start, 0 to 1 of their range."""
     value = obj.parameters.get("open_fraction", 0.0)

@@ -31,7 +31,7 @@ from executor.records import (
 from executor.rollouts.capacity import first_misfit
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.goals import as_failure, judge, judge_at_rest
-from executor.rollouts.repairs import Failed, Ways, repairs
+from executor.rollouts.repairs import Failed, Ways, impossible, repairs
 from executor.rollouts.rollout import USUAL, RunConditions, require_graph
 from executor.scenes.vary import check_seed
 from executor.scenes.vary import vary as vary_scene
@@ -43,7 +43,13 @@ from executor.skills.session import Hand, Session
 from oag import ObjectActionGraph, Scene, Task, compose
 from oag.measurements import SupportDrive, TargetDrive, Unplanned, first_of
 from oag.model.actions import flow_from_json
+from oag.model.infeasible import Infeasible
+from oag.planning import repair as plan_again
+from oag.sizes import Sizing
 from oag.task_definition import required_scene
+
+MOST_PLANS = 3
+"""How many other plans for the same goal are gone through."""
 
 MOST_REPAIRS = 4
 """How many repaired plans are gone through; together they may take as much effort as one primitive."""
@@ -103,6 +109,7 @@ class Feasibility:
         detours: Repairs of the plan.
         cpu_s: CPU time of the dry run.
         avoided: Joints that are not to be opened: behind them there is no place.
+        known: What was found impossible, for `scene.knowing`, by which a revised plan is judged.
     """
 
     task: Task
@@ -112,6 +119,7 @@ class Feasibility:
     detours: tuple[Detour, ...]
     cpu_s: float
     avoided: Ways = frozenset()
+    known: tuple[Infeasible, ...] = ()
 
     def conditions(self, usual: RunConditions = USUAL) -> RunConditions:
         """Return the conditions under which a rollout of the plan makes the same choices."""
@@ -153,6 +161,7 @@ class Feasibility:
             "detours": [asdict(detour) for detour in self.detours],
             "plan": self.task.to_json() if self.detours else None,
             "avoided": sorted(map(list, self.avoided)),
+            "known": [each.to_json() for each in self.known],
             "subtasks": [subtask.to_json() for subtask in self.subtasks],
         }
 
@@ -166,6 +175,9 @@ def feasible(
     vary: bool = True,
 ) -> Feasibility:
     """Return whether a proved plan can be done, each subtask in the state that it will find; nothing moves.
+
+    What is found impossible is a fact for the planner: another plan for the same goal is gone through, if one is proved
+    that does without. Nothing is resized for it.
 
     Args:
         graph: A composed task; it is verified first.
@@ -183,8 +195,24 @@ def feasible(
     """
     graph, seed = require_graph(graph), check_seed(seed)
     nominal = graph.scene if scene is None else required_scene(scene)
-    concrete = nominal.with_scales(graph.task.scales)
-    return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen).verdict()
+
+    def verdict(graph: ObjectActionGraph) -> Feasibility:
+        concrete = nominal.with_scales(graph.task.scales)
+        return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen).verdict()
+
+    first = found = verdict(graph)
+    known, cpu_s = first.known, first.cpu_s
+    while not found and found.known and len(known) <= MOST_PLANS:
+        scene = graph.scene.knowing(known)
+        planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
+        if planned.task is None:
+            break
+        found = verdict(compose(planned.task, scene=scene))
+        known, cpu_s = (*known, *found.known), cpu_s + found.cpu_s
+    if not found or found is first:
+        return replace(first, known=known, cpu_s=cpu_s)
+    detours = (Detour(0, 0, f"another plan is taken: {first.reason}"), *found.detours)
+    return replace(found, known=known, cpu_s=cpu_s, detours=detours)
 
 
 class DryRun:
@@ -206,6 +234,7 @@ class DryRun:
         self._detours: tuple[Detour, ...] = ()
         self._avoided: Ways = frozenset()
         self._repairs_left = MOST_REPAIRS
+        self._known: tuple[Infeasible, ...] = ()
         self._adopt(graph)
 
     def verdict(self) -> Feasibility:
@@ -216,14 +245,20 @@ class DryRun:
             self._planner = Planner(CollisionOracle(oracle))
             self._world, self._hand = world, Hand()
             self._control = DryController(world, np.array(start.target), start.finger_target_m)
-            refused = first_misfit(self._task, world)
-            done = tuple(self._subtasks()) if refused is None else (self._refused(*refused),)
+            done = tuple(self._subtasks())
         failed = done[-1].record if done and not done[-1].record.succeeded else None
         failure = as_failure(failed.readings, failed.name) if failed is not None and not failed.failure else None
         failure = failed.failure or failure if failed is not None else None
         primitive = next((step.primitive for step in failed.steps if step.failure), "") if failed is not None else ""
         return Feasibility(
-            self._task, done, failure, primitive, self._detours, time.process_time() - began, self._avoided
+            self._task,
+            done,
+            failure,
+            primitive,
+            self._detours,
+            time.process_time() - began,
+            self._avoided,
+            self._known,
         )
 
     def _refused(self, index: int, step: int, failure: Failure) -> FeasibleSubtask:
@@ -245,13 +280,23 @@ class DryRun:
         starts, done = list[Start](), list[FeasibleSubtask]()
         while len(done) < len(self._task.subtasks):
             starts.append(self._state())
-            done.append(self._subtask(len(done)))
+            refused = None if done else first_misfit(self._task, self._world)
+            done.append(self._subtask(len(done)) if refused is None else self._refused(*refused))
             if not done[-1].record.succeeded:
                 with self._planner.effort.limited(MOST_EFFORT_S):
-                    mended = self._mended(done, starts)
+                    mended = refused is None and self._mended(done, starts)
                 if not mended:
+                    self._known = self._found_impossible(done, starts[-1][1].held)
                     break
         return done
+
+    def _found_impossible(self, done: list[FeasibleSubtask], held: str | None) -> tuple[Infeasible, ...]:
+        """Return what the last subtask shows to be impossible."""
+        record = done[-1].record
+        state = self._graph.verify().state_after(record.index)
+        failed = Failed(self._task, record.index, record, self._scene, held)
+        found = None if state is None else impossible(failed, state.facts)
+        return () if found is None else (found,)
 
     def _mended(self, done: list[FeasibleSubtask], starts: list[Start]) -> bool:
         """Go through repaired plans until one gets past what failed; return whether one does, with both lists changed.

@@ -10,7 +10,7 @@ a low compartment level ones only; on a free top both work. Two more subtasks se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,8 +22,10 @@ from oag import Action, Primitive, Scene, SceneObject, SimpleTask, Task
 from oag.flows import OPEN, PLACE, taking
 from oag.measurements import JointMotion, SupportDrive, Unplanned, first_of
 from oag.model.actions import ActionFlow
-from oag.model.symbols import GRIPPER
+from oag.model.infeasible import Infeasible, InfeasibleKind
+from oag.model.symbols import GRIPPER, Kind
 from oag.primitives.cargo import RESTING
+from oag.primitives.table import placement_of
 
 MORE = 2
 """How many subtasks are inserted: a thing is set down and taken again, or taken and set down elsewhere."""
@@ -116,6 +118,56 @@ def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]
     for support in _tops_near(scene, str(taken[-1].support_init), place.support_goal):
         more = (_set_down(place.target, support), _taken_again(place.target, scene[support]))
         yield support, _with(task, index, *more)
+
+
+def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
+    """Return what a failed subtask shows to be impossible while all that its search met stays where it is.
+
+    None where the search was not free to choose, or did not fail for want of a stance, a grasp, a place or a way.
+
+    Args:
+        facts: What is known to be true at the subtask's start, as BDDL.
+    """
+    failure, subtask, flow = failed.record.failure, failed.subtask, failed.subtask.flow or ()
+    found = first_of(failure.measurements, Unplanned) if failure is not None else None
+    if failure is None or found is None or any(action.parameter is not None for action in flow):
+        return None
+    kind, place = _attempted(failed, found)
+    if kind is None:
+        return None
+    true = [atom for text in facts if isinstance(atom := bddl.parse_formula(text), bddl.Atom)]
+    resting = [atom for atom in true if atom.predicate in RESTING and atom.args[1] != GRIPPER]
+    moved = {subtask.target} if kind == "take" else set()
+    others = {*_met(found), *((place,) if place is not None else ())} & failed.scene.objects.keys() - {subtask.target}
+    given: list[bddl.Formula] = [atom for atom in resting if atom.args[0] in others | moved or atom.args[1] == place]
+    for name in sorted(others):
+        if failed.scene[name].kind is Kind.ARTICULATED:
+            is_open = bddl.Atom("open", (name,))
+            given.append(is_open if is_open in true else bddl.Not(is_open))
+    mentioned = tuple(each for each in given if subtask.target not in _names(each) or kind == "take")
+    return Infeasible(kind, subtask.target, place, mentioned, subtask.name, failure.message)
+
+
+def _attempted(failed: Failed, found: Unplanned) -> tuple[InfeasibleKind | None, str | None]:
+    """Return what a failed subtask was about to do, with the place for what it takes or holds."""
+    subtask = failed.subtask
+    primitives = [action.primitive for action in subtask.flow or ()]
+    if failed.scene[subtask.target].kind is not Kind.ITEM:
+        opens, closes = (each in primitives for each in (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE))
+        return ("open" if opens else "close" if closes else None), None
+    step = next((index for index, step in enumerate(failed.record.steps) if step.failure), 0)
+    if found.support is None and Primitive.GRASP in primitives[step:]:
+        return "take", None
+    # A grasp is chosen for where the thing is put afterwards.
+    for each in failed.task.subtasks[failed.index :]:
+        placement = placement_of(each.goal, subtask.target) if each.target == subtask.target else None
+        if placement is not None:
+            return ("ontop" if placement.relation == "ontop" else "inside"), placement.support
+    return None, None
+
+
+def _names(literal: bddl.Formula) -> set[str]:
+    return {name for atom in bddl.atoms(literal) for name in atom.args}
 
 
 def another_door(failed: Failed) -> Iterator[Repair]:
@@ -219,9 +271,13 @@ def _blockers(failed: Failed) -> list[str]:
     """Return the items in the way, the most frequent first; bodies are named "id/link"."""
     failure = failed.record.failure
     found = first_of(failure.measurements, Unplanned) if failure is not None else None
-    named = [part.partition("/")[0] for pair in (found.in_the_way or () if found else ()) for part in pair.split()]
-    items = (name for name in named if name in failed.scene.objects and failed.scene[name].role == "B")
+    items = (name for name in _met(found) if name in failed.scene.objects and failed.scene[name].role == "B")
     return [name for name in dict.fromkeys(items) if name != failed.subtask.target][:MOST_BLOCKERS]
+
+
+def _met(found: Unplanned | None) -> list[str]:
+    """Return the owners of the bodies in the way."""
+    return [part.partition("/")[0] for pair in (found.in_the_way or () if found else ()) for part in pair.split()]
 
 
 def _doors(failed: Failed) -> list[str]:

@@ -38,9 +38,10 @@ from executor.scenes.support_relations import (
 from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
-from oag.model.forms import ObjectForm, SceneForm, examine_scene, object_of, robot_of
+from oag.model.forms import ObjectForm, SceneForm, examine_scene, infeasible_of, object_of, robot_of
 from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
 from oag.model.symbols import Kind
+from oag.primitives.cargo import VAGUE
 
 FLOOR_AROUND_M = 1.5
 """Margin of the floor around the objects, where the robot drives."""
@@ -191,14 +192,16 @@ class _SceneCompletion:
         facts, closed = self._facts(objects)
         robot = self._robot(objects)
         objects = self._with_floor(objects, robot)
-        return Scene(
+        scene = Scene(
             name="scene" if self._form.name is None else self._form.name,
             robot=robot,
             objects=objects,
             facts=(*facts, *self._derived(objects, facts)) if self._form.closed is None else facts,
             closed=closed,
             variation=dict(self._form.variation or {}),
+            known=infeasible_of(self._form.known),
         )
+        return with_neighbours(scene)
 
     def without_statements(self) -> Scene | None:
         """Return the scene without facts, `closed` and the robot's pose, one of which is malformed."""
@@ -371,6 +374,25 @@ class _SceneCompletion:
 
 def _words(fact: object) -> list[str]:
     return str(fact).replace("(", " ").replace(")", " ").split()
+
+
+def with_neighbours(scene: Scene) -> Scene:
+    """Return a scene with the facts of `nextto`, `touching` and `under` that detectors read, where these are closed.
+
+    What its facts say of them is kept. Things touch as they stand, before anything falls.
+    """
+    closed = [predicate for predicate in VAGUE if predicate in scene.closed]
+    if not closed:
+        return scene
+    # A scene without them is read without the engine.
+    from executor.sim.detectors import true_atoms
+    from executor.sim.world import World
+
+    with World(scene) as world:
+        world.step()
+        found = true_atoms(world, closed)
+    stated = {literal.atom for fact in scene.facts for literal in bddl.literals(fact) or ()}
+    return replace(scene, facts=(*scene.facts, *(atom for atom in found if atom not in stated)))
 
 
 def with_floor(scene: Scene) -> Scene:

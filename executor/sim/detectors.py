@@ -13,8 +13,9 @@ usual bounding-box tests, which hold for an object that floats above its goal: t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from bddl import Atom, literals, near_names
 from bddl.errors import Scene2DemoError
 from executor.assets.asset_geometry import bounds
+from executor.assets.footprint import parts_gap_m, solid_parts
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
 from executor.records import Penetration
@@ -204,6 +206,9 @@ def _touching(world: World, first: str, second: str) -> AtomReading:
         return AtomReading(fingers > 0, AtomMeasured(fingers_touching=fingers))
     of, other = (second, first) if first == ROBOT else (first, second)
     distances = [c.separation_m for c in world.contacts({of}) if {c.a.owner, c.b.owner} == {of, other}]
+    if not distances and {of, other} <= world.assets.keys() - set(world.dynamic_ids):
+        # The engine reports no contacts between bodies that cannot move.
+        distances = [parts_gap_m(*(solid_parts(world.scene.objects[name]) for name in (of, other)))]
     if not distances:
         return AtomReading(False)
     return AtomReading(min(distances) <= TOUCH_M, AtomMeasured(separation_m=min(distances)))
@@ -246,6 +251,12 @@ def rooms_of(world: World) -> dict[str, tuple[Array, Array]]:
         lows, highs = [c - h for c, h in boxes], [c + h for c, h in boxes]
         rooms[room] = (np.min(lows, axis=0)[:2], np.max(highs, axis=0)[:2])
     return rooms
+
+
+def true_atoms(world: World, predicates: Iterable[str]) -> tuple[Atom, ...]:
+    """Return every atom over two of the scene's objects that holds for some predicates, as of the last physics step."""
+    atoms = (Atom(predicate, pair) for predicate in predicates for pair in permutations(world.scene.objects, 2))
+    return tuple(atom for atom in atoms if read(atom, world).value)
 
 
 DETECTORS: Mapping[str, Callable[..., AtomReading]] = MappingProxyType(

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 import bddl
 from llm.structured.conversation import Conversation
 from oag import Scene, Task
+from oag.model.codec import brief
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class Proposal:
     conversation: Conversation | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        return f"<Proposal by {self.proposer} for {self.query!r}: {self.task!r}>"
+        return brief(f"<Proposal by {self.proposer} for {self.query!r}: {self.task!r}>")
 
     def to_json(self) -> dict[str, object]:
         """Return the proposal under the paper's names; `oag.Task.from_json` reads it as a task file too.

@@ -50,7 +50,9 @@ from oag.primitives.table import (
     Needed,
     Placement,
     Rows,
+    does,
     excluded,
+    guarded,
     impossible,
     needed,
     open_at_top,
@@ -397,7 +399,7 @@ class PlanRun:
             self.context = context
             if given:
                 self._take()
-            yield ("init", index, -1), needed_of(subtask["init"])
+            yield ("init", index, -1), self._init(subtask, key[2])
             if subtask["flow"] is None:
                 yield ("no-flow", index, -1), goal
                 raise Rejected(f"subtask {index} has no flow, and nothing shows that it can have none")
@@ -420,6 +422,17 @@ class PlanRun:
             yield ("goal", index, -1), goal
         self._take()
         yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
+
+    def _init(self, subtask: Mapping[str, Any], placement: Placement | None) -> Needed:
+        """Return a subtask's initial condition, with what was found impossible left out."""
+        init, primitives = needed_of(subtask["init"]), {action_of(item)[0] for item in subtask["flow"] or ()}
+        found = [
+            needed_of(each["given"])
+            for each in self._scene.get("known", ())
+            if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives)
+        ]
+        require(all(type(given) is tuple for given in found), "what was found impossible is no list of literals")
+        return guarded(init, (given for given in found if isinstance(given, tuple)))
 
     def take(self, time: int, fact: Fact, value: bool) -> None:
         """Assume a value of a fact; raises Impossible when that breaks an invariant.

@@ -64,9 +64,14 @@ def plan_json(task: Task) -> dict[str, object]:
 
 
 def scene_json(scene: Scene) -> dict[str, object]:
-    """Return the part of a scene that a certificate repeats: categories, items, articulated fixtures, and the start."""
+    """Return the part of a scene that a certificate repeats: categories, items, articulated fixtures, and the start.
+
+    What geometry found impossible is in it where something was.
+    """
     kinds = {key: thing.kind for key, thing in scene.objects.items()}
+    known = [{**each.to_json(), "given": condition_json(bddl.And(each.given))} for each in scene.known]
     return {
+        **({"known": known} if known else {}),
         "objects": scene.categories,
         "items": [key for key, kind in kinds.items() if kind is Kind.ITEM],
         "articulated": [key for key, kind in kinds.items() if kind is Kind.ARTICULATED],

@@ -270,6 +270,7 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "task/vacuous": CodeInfo("A subtask's goal holds already when it starts.", "ADDITIONAL_STEP"),
         "task/empty": CodeInfo("A task has no subtasks, so nothing is done.", "MISSING_STEP"),
         "task/size": CodeInfo("An item is too wide to be grasped, or is scaled by too much.", "AFFORDANCE_ERROR"),
+        "task/infeasible": CodeInfo("A subtask is one that geometry found impossible, in the same circumstances."),
         "task/scaled": CodeInfo("An object is run at another size than it has in the scene."),
         "flow/unknown-primitive": CodeInfo("A flow uses a primitive that does not exist.", "HALLUCINATION"),
         "flow/parameter": CodeInfo("A primitive's parameter has the wrong form or range.", "PARAMETER_ERROR"),

@@ -10,7 +10,7 @@ Importing pydantic takes as long as this package, so this module is imported whe
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Self, TypeVar, cast, get_args
@@ -21,6 +21,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from bddl.ast import NAME_RULE, is_name
 from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
 from oag.model.diagnostics import InputError
+from oag.model.infeasible import Infeasible, InfeasibleKind
 from oag.model.robots import FULL_SIZE, PAPER_ROBOT, ROBOTS
 from oag.model.scene import (
     LARGEST_M,
@@ -307,6 +308,22 @@ class ObjectForm(Form):
         return self
 
 
+class InfeasibleForm(Form):
+    """Something that cannot be done while all that is `given` holds."""
+
+    kind: InfeasibleKind = Field(description="What: take, open or close a thing, or put it on or in a place.")
+    thing: str = Field(description="Id of the object that it is done to.")
+    place: str | None = Field(None, description="Id of the object that it is put on or in.")
+    given: list[str] = Field([], description="Literals, such as (ontop bottle_0 shelf_0); [] for always.")
+    subtask: str = Field("", description="Name of the subtask in which it was found.")
+    reason: str = Field("", description="Why, in a sentence.")
+
+
+def infeasible_of(forms: Iterable[InfeasibleForm] | None) -> tuple[Infeasible, ...]:
+    """Return what a scene file says to be impossible; the scene reads its literals."""
+    return tuple(Infeasible(**form.model_dump()) for form in forms or ())
+
+
 class SceneForm(Form):
     """A scene: what is there, where, and, where geometry does not say it, what holds."""
 
@@ -329,9 +346,11 @@ class SceneForm(Form):
     closed: list[str] | None = Field(
         None,
         description="Predicates that `facts` lists completely: what it does not say of them is false. By default "
-        "ontop, inside and open, as geometry says; [] leaves what is not said unknown.",
+        "ontop, inside and open, as geometry says; [] leaves what is not said unknown. Of nextto, touching and under, "
+        "where listed, detectors add what `facts` does not say.",
     )
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
+    known: list[InfeasibleForm] | None = Field(None, description="What geometry found impossible, as `plan` writes it.")
     provenance: Mapping[str, Any] | None = Field(
         None, description="Where its values come from, by object and field, for people; not read."
     )
@@ -373,6 +392,7 @@ def scene_in(document: Document, kind: type[Scene]) -> Scene:
         facts=read_facts(form.facts or (), objects, document.source),
         closed=read_closed(form.closed or (), document.source),
         variation=dict(form.variation or {}),
+        known=infeasible_of(form.known),
     )
 
 

@@ -15,8 +15,9 @@ from typing import Self
 
 import bddl
 from bddl.terminal import pluralize
-from oag.model.codec import Source, brief, did_you_mean, expected, fields_json, load, shown
+from oag.model.codec import Source, as_json, brief, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
+from oag.model.infeasible import Infeasible
 from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, robot_named
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
 
@@ -143,6 +144,7 @@ class Scene:
         facts: Literals that hold at the start; their texts are accepted and read.
         closed: Predicates known completely: what no fact states of them is false at the start.
         variation: Ranges for randomisation, not read by this package.
+        known: What geometry found impossible in it.
     """
 
     name: str
@@ -151,6 +153,7 @@ class Scene:
     facts: tuple[bddl.Formula, ...] = ()
     closed: frozenset[str] = frozenset()
     variation: Mapping[str, object] = field(default_factory=dict)
+    known: tuple[Infeasible, ...] = ()
 
     def __post_init__(self) -> None:
         """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much."""
@@ -165,6 +168,13 @@ class Scene:
         object.__setattr__(self, "facts", read_facts(self.facts, self.objects, "(Scene)"))
         self._check_held()
         object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
+        for number, found in enumerate(self.known):
+            for name in filter(None, (found.thing, found.place)):
+                if name not in self.objects:
+                    hint = did_you_mean(name, self.objects)
+                    raise refused(f"unknown object {name!r}", place=f"known[{number}]", hint=hint)
+        read = (replace(found, given=read_facts(found.given, self.objects, "(Scene)")) for found in self.known)
+        object.__setattr__(self, "known", tuple(read))
 
     def __repr__(self) -> str:
         counts = f"{pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}"
@@ -200,6 +210,7 @@ class Scene:
             "facts": [bddl.format(fact) for fact in self.facts],
             "closed": sorted(self.closed),
             "variation": dict(self.variation),
+            **({"known": as_json(self.known)} if self.known else {}),
         }
 
     @property
@@ -215,6 +226,10 @@ class Scene:
                 raise SceneError(f"expected a scale greater than 0, got {factor}", source=self.name, place=key)
             objects[key] = self[key].scaled(factor)
         return replace(self, objects=objects)
+
+    def knowing(self, found: Iterable[Infeasible]) -> Self:
+        """Return the scene with more of what geometry found impossible in it."""
+        return replace(self, known=tuple(dict.fromkeys((*self.known, *found))))
 
     def with_robot(self, name: str) -> Self:
         """Return the scene with another robot at the same place."""

@@ -376,6 +376,7 @@ def fact_text(fact: Fact, value: Value) -> str:
     return words if value is True else f"not {words}"
 
 
+@lru_cache(maxsize=16_384)
 def generalisations(fact: Fact) -> tuple[Fact, ...]:
     """Return the fact and the patterns that match it, the most specific first."""
     if len(fact) == 3:

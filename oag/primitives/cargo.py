@@ -71,7 +71,7 @@ def carriage_of(
         stated: What is known of the start, with patterns.
         placed: The facts that goals of the plan place their targets by.
     """
-    names = tuple(objects)
+    names = dict.fromkeys(objects)
     resting: set[Fact] = {f for f, value in stated.items() if value is True and is_place(f)}
     resting |= set(placed)
     for relation in RESTING:
@@ -96,7 +96,7 @@ def carriage_of(
 
 
 def _open_facts(
-    relation: str, names: tuple[str, ...], items: Collection[str], stated: Mapping[Fact, Value]
+    relation: str, names: Collection[str], items: Collection[str], stated: Mapping[Fact, Value]
 ) -> Iterator[Fact]:
     for thing in (name for name in names if name in items):
         for place in names:

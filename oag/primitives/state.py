@@ -13,7 +13,7 @@ Intelligence, 2001).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 import bddl
@@ -95,9 +95,8 @@ def scene_facts(scene: Scene) -> Start:
     return tuple(values.items())
 
 
-def carriage_in(scene: Scene, stated: Start, placed: Iterable[Fact]) -> Carriage:
-    """Return who may carry whom in a scene with these statements, when goals place things by these facts."""
-    items = {key for key, thing in scene.objects.items() if thing.kind is Kind.ITEM}
+def carriage_in(scene: Scene, items: Collection[str], stated: Start, placed: Iterable[Fact]) -> Carriage:
+    """Return who may carry whom in a scene with these items and statements, when goals place things by these facts."""
     return carriage_of(scene.objects, items, _never(scene) | dict(stated), placed)
 
 
@@ -166,7 +165,7 @@ _NOTHING: _Writes = {}
 
 
 class State:
-    """Knowledge at one moment; immutable."""
+    """Knowledge at one moment; immutable, unless it is `own`ed and written to."""
 
     __slots__ = ("_older", "_recent")
 
@@ -185,14 +184,19 @@ class State:
 
     def last(self, fact: Fact) -> tuple[Value, int]:
         """Return what `read` does as a plain pair, for places that ask it of every step."""
-        recent, older = self._recent, self._older
-        best = recent.get(fact) or older.get(fact, UNWRITTEN)
         # The robot's variables, of which most is asked, have no patterns.
-        for pattern in generalisations(fact)[1:] if len(fact) > 1 else ():
-            written = recent.get(pattern) or older.get(pattern, UNWRITTEN)
-            if written[1] > best[1]:
-                best = written
-        return best
+        if len(fact) == 1:
+            return self._recent.get(fact) or self._older.get(fact, UNWRITTEN)
+        # All that is recent was written after all that is older.
+        for writes in (self._recent, self._older) if self._older else (self._recent,):
+            best: tuple[Value, int] = UNWRITTEN
+            for pattern in generalisations(fact):
+                written = writes.get(pattern)
+                if written is not None and written[1] > best[1]:
+                    best = written
+            if best is not UNWRITTEN:
+                return best
+        return UNWRITTEN
 
     @property
     def hand(self) -> Value:
@@ -210,6 +214,15 @@ class State:
         for fact, value in effect:
             recent[fact] = (value, time)
         return State(self._older | recent) if len(recent) > _MOST_RECENT else State(self._older, recent)
+
+    def own(self) -> State:
+        """Return an equal state that nobody else has, to be written to."""
+        return State(recent=self._older | self._recent)
+
+    def write(self, effect: Effect, time: int) -> None:
+        """Give facts, and patterns of facts, values at a time, in a state that nobody else has."""
+        for fact, value in effect:
+            self._recent[fact] = (value, time)
 
     def entries(self) -> Iterator[tuple[Fact, Entry]]:
         """Yield every fact or pattern with its last write, in the order in which they were first written."""

@@ -171,8 +171,12 @@ def clauses_of(literals: Iterable[bddl.Literal]) -> tuple[Clause, ...]:
 
 def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
     """Return where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
-    goal_literals = (literal for part in bddl.conjuncts(goal) for literal in bddl.literals(part) or ())
-    return placement_among(clauses_of(goal_literals), target)
+    for part in bddl.conjuncts(goal):
+        for atom, value in bddl.literals(part) or ():
+            rests = value and atom.predicate in RESTING and len(atom.args) == 2 and atom.args[0] == target
+            if rests and atom.args[1] != GRIPPER:
+                return Placement(atom.predicate, atom.args[1])
+    return None
 
 
 def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
@@ -181,6 +185,30 @@ def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
         if positive and len(fact) == 3 and fact[0] in RESTING and fact[1] == target and fact[2] != GRIPPER:
             return Placement(fact[0], fact[2])
     return None
+
+
+def does(
+    deed: tuple[str, str, str | None], target: str, placement: tuple[str, str] | None, primitives: Container[Primitive]
+) -> bool:
+    """Decide whether a subtask does something: a kind, a thing, and a place (`oag.model.infeasible`).
+
+    Its target, where its goal puts that, and its flow's primitives decide.
+    """
+    kind, thing, place = deed
+    done_by = _DONE_BY.get(kind)
+    return thing == target and (placement == (kind, place) if done_by is None else done_by in primitives)
+
+
+_DONE_BY = {"take": Primitive.GRASP, "open": Primitive.ARTICULATE_OPEN, "close": Primitive.ARTICULATE_CLOSE}
+
+
+def guarded(init: Needed, impossible: Iterable[tuple[Clause, ...]]) -> Needed:
+    """Return an initial condition that also asks that some literal of each of these conjunctions is false."""
+    denied = [tuple(c._replace(positive=not c.positive) for (c,) in circumstances) for circumstances in impossible]
+    if isinstance(init, tuple) or not denied:
+        return (*init, *denied) if isinstance(init, tuple) else init
+    parts = (bddl.Or(tuple(each for c in clause if (each := c.literal()) is not None)) for clause in denied)
+    return bddl.And((init, *parts))
 
 
 def open_at_top(category: str) -> bool:

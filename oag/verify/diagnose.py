@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import bddl
 from bddl.ast import Quantified
-from oag.compilation import compile_plan
+from oag.compilation import compile_plan, known_impossible, literals_in
 from oag.flows import NoFlow, no_flow_finding, searched_notes
 from oag.model.diagnostics import SCALES, TASK_GOAL, WRONG_ORDER, Diagnostic
+from oag.model.infeasible import Infeasible
 from oag.model.scene import Scene
 from oag.model.symbols import (
     EEF,
@@ -38,7 +39,7 @@ from oag.model.symbols import (
 )
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import START, scene_facts, truth_of
-from oag.primitives.table import needed
+from oag.primitives.table import clauses_of, guarded, needed
 from oag.progression import (
     Assumption,
     CausalLink,
@@ -197,7 +198,10 @@ class Explainer:
         obligation = self.trace.obligations[failure.obligation]
         code, label_text = self._code(obligation, failure)
         since = None
-        if failure.condition is not None:
+        known = self._known(obligation, failure)
+        if known is not None:
+            code, label_text, message = "task/infeasible", None, str(known)
+        elif failure.condition is not None:
             value = False if failure.entry.value is None else failure.entry.value
             began = self.trace.since(failure.condition.fact, value, failure.entry.time)
             since = producer_place(self.trace, began.time)
@@ -217,6 +221,16 @@ class Explainer:
             eai_label=label_text,
             dependent=dependent,
         )
+
+    def _known(self, obligation: Obligation, failure: RootFailure) -> Infeasible | None:
+        """Return what geometry found impossible, and is asked for again in the same circumstances."""
+        if obligation.kind != "init" or not self.scene.known:
+            return None
+        for each in known_impossible(self.task.subtasks[obligation.subtask], self.scene):
+            denied = guarded((), [clauses_of(literals_in(each.given))])
+            if isinstance(denied, tuple) and any(failure.condition in clause for clause in denied):
+                return each
+        return None
 
     def _code(self, obligation: Obligation, failure: RootFailure) -> tuple[str, str | None]:
         if obligation.kind == "init":

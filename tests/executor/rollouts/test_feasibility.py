@@ -124,3 +124,18 @@ def test_effort_counts_within_its_limit_alone() -> None:
         with effort.limited(5.0), pytest.raises(SearchExhausted):
             effort.add(0.2)
     effort.add(100.0)
+
+
+def test_what_is_impossible_is_a_fact_by_which_another_plan_is_taken(kitchen: Scene) -> None:
+    blocked = with_things(kitchen, chair_0=chair(0.25, 0.0)).with_robot("panda")
+    either = "(or (open refrigerator_0) (not (ontop glass_0 table_0)))"
+    first = oag.plan(blocked, either).task
+    assert first is not None and [one.name for one in first.subtasks] == ["open_refrigerator_0"]
+    found = executor.feasible(oag.compose(first, scene=blocked), blocked, 0, vary=False)
+    assert found and [one.target for one in found.task.subtasks] == ["glass_0"]
+    assert [(one.kind, one.thing) for one in found.known] == [("open", "refrigerator_0")]
+    assert "chair_0" in found.known[0].reason and "another plan is taken" in found.detours[0].reason
+    refused = executor.feasible(planned(blocked, "open the refrigerator"), blocked, 0, vary=False)
+    assert not refused and len(refused.known) == 1
+    again = oag.compose(refused.task, scene=blocked.knowing(refused.known)).verify()
+    assert [error.code for error in again.errors] == ["task/infeasible"]

@@ -16,12 +16,12 @@ import bddl
 import llm
 from executor.cli import app
 from executor.scenes import library
-from executor.scenes.file import load_scene, scene_for
+from executor.scenes.file import complete_scene, load_scene, scene_for
 from executor.scenes.generators import families
 from executor.scenes.validation import issues
 from executor.sim.render import stage
 from executor.system.vulkan import Renderer, RendererNotFound
-from oag import Scene, SceneError, Verdict, compose
+from oag import Scene, SceneError, Task, Verdict, compose
 from oag.model.forms import json_schema
 from tests.source_tree import ROOT
 
@@ -124,6 +124,42 @@ def test_facts_follow_from_geometry() -> None:
     assert not [fact for fact in in_bowl if fact.startswith("(ontop apple_0")]
     assert {"(ontop die_0 floor)", "(ontop can_0 floor)", "(ontop book_0 shelf_0)"} == facts("07_floor")
     assert load_scene(FILES["01_kitchen"]).closed == {"ontop", "inside", "open"}
+
+
+def completed(form: dict[str, Any]) -> Scene:
+    found = complete_scene(form)
+    assert found.scene is not None, found.problems
+    return found.scene
+
+
+def test_neighbours_that_a_file_closes_are_read_by_detectors() -> None:
+    lot: dict[str, Any] = {
+        "objects": {
+            "table_0": {"category": "table", "position": [1.3, 0.0]},
+            "bowl_0": {"category": "bowl", "on": "table_0"},
+            "apple_0": {"category": "apple", "in": "bowl_0"},
+            "dresser_0": {"category": "dresser", "position": [1.3, 2.0]},
+        },
+        "facts": ["(not (touching table_0 bowl_0))"],
+        "closed": ["nextto", "touching", "under"],
+    }
+    scene = completed(lot)
+    facts = set(map(str, scene.facts))
+    assert {"(touching bowl_0 table_0)", "(touching apple_0 bowl_0)", "(under bowl_0 apple_0)"} <= facts
+    assert "(touching table_0 bowl_0)" not in facts, "what the file says is kept"
+    state = compose(Task.from_json({"sub_tasks": []}, scene=scene)).verify().state_after(0)
+    assert state is not None and state.holds("(nextto table_0 dresser_0)") is False
+    assert completed(lot | {"closed": ["ontop"]}).facts == tuple(map(bddl.parse_formula, lot["facts"]))
+
+
+def test_fixed_things_touch_where_they_stand_side_by_side() -> None:
+    objects = {
+        "dresser_0": {"category": "dresser", "position": [1.5, 0.0], "bbox_extent": [0.5, 0.8, 0.8]},
+        "dresser_1": {"category": "dresser", "position": [1.5, 0.8], "bbox_extent": [0.5, 0.8, 0.8]},
+        "dresser_2": {"category": "dresser", "position": [1.5, -0.85], "bbox_extent": [0.5, 0.8, 0.8]},
+    }
+    facts = set(map(str, completed({"objects": objects, "closed": ["touching"]}).facts))
+    assert facts == {"(touching dresser_0 dresser_1)", "(touching dresser_1 dresser_0)"}
 
 
 def test_a_file_that_lists_closed_says_everything_itself() -> None:

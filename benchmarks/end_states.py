@@ -1,0 +1,170 @@
+"""What proofs say of the end of a plan, against the detectors after it ran in physics.
+
+    python -m benchmarks.end_states [--plans 40] [--cargo 20] [--seed 74000]
+
+Each unit draws a kitchen of the long-horizon tasks and a wish that it admits, and plans it. A unit with cargo fills a
+vessel, and then puts the vessel elsewhere. All that the proof knows to be true or false at the end becomes the goal of
+the task, so that the rollout reads every fact at rest: where each thing is and is not, what it is next to, touches and
+is under as far as that is known, and which doors are open.
+
+A unit counts when every step ran. Plans have at most two subtasks, with cargo four. Printed are the facts on which
+proof and detectors agree, each contradiction, and the units that ended early, with the reason. Where geometry finds no
+way, another wish of the same kitchen is taken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import permutations
+
+import bddl
+from bddl.errors import Scene2DemoError
+from executor.records import Rollout
+from executor.rollouts.rollout import rollout
+from executor.scenes.file import with_neighbours
+from executor.scenes.generators import long_horizon
+from oag import Scene, Task, compose, plan
+from oag.measurements import Unplanned, first_of
+from oag.model.symbols import GRIPPER, Kind
+from oag.primitives.cargo import RESTING, VAGUE
+from oag.sizes import Sizing
+from oag.verify.outcome import PlanState
+from oag.wish_list import KINDS, WishKind, wishes
+
+FAMILIES = ("T1", "T2", "T3", "T4")
+MOST_SUBTASKS = {False: 2, True: 4}
+_MOST_WISHES = 5  # Of one kitchen, before another one is drawn.
+
+
+def end_literals(state: PlanState, scene: Scene) -> Iterator[bddl.Formula]:
+    """Yield every literal about places, doors and the hand that is known at a moment of a plan."""
+    items = [name for name, thing in scene.objects.items() if thing.kind is Kind.ITEM]
+    atoms = [bddl.Atom("open", (name,)) for name, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED]
+    atoms += [bddl.Atom("inside", (name, GRIPPER)) for name in items]
+    pairs = [pair for pair in permutations(scene.objects, 2) if pair[0] in items]
+    atoms += [bddl.Atom(predicate, pair) for predicate in (*RESTING, *VAGUE) for pair in pairs]
+    for atom in atoms:
+        value = state.holds(atom)
+        if value is not None:
+            yield atom if value else bddl.Not(atom)
+
+
+def drawn_plans(scene: Scene, seed: int, *, cargo: bool) -> Iterator[Task]:
+    """Yield plans of random wishes in a scene; with cargo, a vessel is filled first."""
+    draw, sizing = random.Random(f"{seed} {cargo}"), Sizing(seed)
+    kinds: tuple[WishKind, ...] = ("fill",) if cargo else KINDS
+    first = list(wishes(scene, kinds, sizing=sizing))
+    draw.shuffle(first)
+    for wish in first:
+        found = plan(scene, wish.goal, sizing=sizing)
+        if found.task is None or found.report is None or not found.task.subtasks:
+            continue
+        if not cargo:
+            yield found.task
+            continue
+        state = found.report.state_after(len(found.task.subtasks))
+        if state is None:
+            continue
+        # What is next to what plays no part in a plan.
+        then = replace(scene, facts=tuple(map(bddl.parse_formula, state.facts)), closed=scene.closed - set(VAGUE))
+        then_kinds: tuple[WishKind, ...] = ("put-into", "put-onto")
+        moves = [each for each in wishes(then, then_kinds, sizing=sizing) if each.targets == (wish.place,)]
+        for move in draw.sample(moves, len(moves)):
+            rest = plan(then, move.goal, sizing=sizing)
+            if rest.task is not None:
+                subtasks = (*found.task.subtasks, *rest.task.subtasks)
+                scales = {**rest.task.scales, **found.task.scales}
+                yield replace(found.task, subtasks=subtasks, scales=scales)
+                break
+
+
+def run_unit(scene: Scene, task: Task, seed: int) -> tuple[Rollout, tuple[bddl.Formula, ...]] | str:
+    """Return the rollout of a plan whose goal is all that is known of its end, or why it is not run."""
+    report = compose(task, scene=scene).verify()
+    state = report.state_after(len(task.subtasks)) if report else None
+    if state is None:
+        return f"not proved: {report.verdict.value}"
+    facts = tuple(end_literals(state, scene))
+    graph = compose(replace(task, goal=bddl.And(facts), goal_given=True), scene=scene)
+    try:
+        ran = rollout(graph, scene, seed, vary=False)
+    except Scene2DemoError as problem:
+        return str(problem)
+    if ran.failure is not None and first_of(ran.failure.measurements, Unplanned) is not None:
+        return f"infeasible: {ran.failure.message}"
+    return ran, facts
+
+
+def unit(seed: int, *, cargo: bool) -> dict[str, object]:
+    """Return what came of the first feasible wish of a drawn kitchen."""
+    began = time.process_time()
+    family = "T3" if cargo else random.Random(seed).choice(FAMILIES)
+    drawn = long_horizon.draw(family, seed).scene
+    scene = with_neighbours(replace(drawn, closed=drawn.closed | set(VAGUE)))
+    passed: list[str] = []
+    for task in drawn_plans(scene, seed, cargo=cargo):
+        if len(task.subtasks) > MOST_SUBTASKS[cargo]:
+            continue
+        done = run_unit(scene, task, seed)
+        if isinstance(done, str):
+            passed.append(done)
+            if len(passed) == _MOST_WISHES:
+                break
+            continue
+        ran, facts = done
+        steps = [subtask.name for subtask in task.subtasks]
+        broken = [str(r) for s in ran.subtasks for r in s.readings if not r.satisfied]
+        broken += [str(reading) for reading in ran.goal_readings if not reading.satisfied]
+        early = "" if ran.failure is None else ran.failure.message
+        contradictions = [] if early else list(dict.fromkeys(broken))
+        return {
+            "seed": seed,
+            "family": family,
+            "cargo": cargo,
+            "plan": steps,
+            "facts": len(facts),
+            "true": sum(isinstance(fact, bddl.Atom) for fact in facts),
+            "contradictions": contradictions,
+            "ended_early": early,
+            "passed_over": len(passed),
+            "cpu_s": round(time.process_time() - began, 1),
+        }
+    return {"seed": seed, "family": family, "cargo": cargo, "skipped": passed[:3], "cpu_s": time.process_time() - began}
+
+
+def main() -> None:
+    """Print a line for each unit, then the agreement."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--plans", type=int, default=40, help="units without cargo that ran to their end")
+    parser.add_argument("--cargo", type=int, default=20, help="units with cargo that ran to their end")
+    parser.add_argument("--seed", type=int, default=74000, help="of the first kitchen")
+    args = parser.parse_args()
+    ran: list[dict[str, object]] = []
+    early = 0
+    for cargo, count in ((False, args.plans), (True, args.cargo)):
+        seed, done = args.seed, 0
+        while done < count:
+            found = unit(seed, cargo=cargo)
+            print(json.dumps(found), flush=True)
+            seed += 1
+            if "skipped" in found:
+                continue
+            if found["ended_early"]:
+                early += 1
+                continue
+            done += 1
+            ran.append(found)
+    facts = sum(int(str(each["facts"])) for each in ran)
+    true = sum(int(str(each["true"])) for each in ran)
+    wrong = sum(len(each["contradictions"]) for each in ran if isinstance(each["contradictions"], list))
+    print(f"{len(ran)} plans ({args.cargo} with cargo): {facts} facts, {true} of them true; {wrong} contradicted")
+    print(f"agreement {100.0 * (facts - wrong) / max(facts, 1):.2f} %; {early} further units ended early")
+
+
+if __name__ == "__main__":
+    main()
