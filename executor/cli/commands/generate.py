@@ -31,6 +31,7 @@ from executor.cli.options import (
     KeepSizes,
     Maybe,
     ResultsFolder,
+    RepairScene,
     RobotName,
     View,
 )
@@ -96,6 +97,7 @@ class Options(EngineOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
+    repair: RepairScene = None
     stances: int = 1
     """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it
     follows from what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
@@ -312,7 +314,7 @@ def _source(options: Options) -> dict[str, Any]:
 def _request_fields(options: Options) -> dict[str, Any]:
     same = ("seed", "successes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
+    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances", "repair")}
     wishes["robot"] = options.robot or ""
     if options.episodes is not None:
         wishes["episodes"] = options.episodes

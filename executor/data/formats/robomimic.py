@@ -165,6 +165,7 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
             "query": episode.task,
             "paraphrases": json.dumps(about["paraphrases"] or ()),
             "cameras": json.dumps({view: about["pictures"]["views"][view] for view in views}),
+            **({"scene_fixes": json.dumps(about["scene_fixes"])} if "scene_fixes" in about else {}),
         }
     )
     _write_numbers(demo, "actions", actions)
