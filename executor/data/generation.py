@@ -292,6 +292,11 @@ class Goals:
         numbers = [limit or 0 for limit in self._limits]
         return sum(numbers) if all(numbers) else 0
 
+    @property
+    def there(self) -> int:
+        """Successes that count towards those that are wanted."""
+        return sum(min(there, limit or 0) for there, limit in zip(self._there, self._limits, strict=True))
+
     def note(self, unit: DemoUnit, ended: str) -> None:
         """Count a unit that ended."""
         if ended == "succeeded" and unit in self._series_of:
