@@ -22,7 +22,7 @@ import bddl
 from executor.assets.footprint import Footprint, open_fraction
 from executor.assets.parameters import AssetError
 from executor.records import SceneFix
-from executor.rollouts.feasibility import Feasibility, feasible
+from executor.rollouts.feasibility import MOST_REPAIRS, Feasibility, feasible
 from executor.scenes.changes import elsewhere, has_one_way, place_of, supports_near, with_door, without
 from executor.scenes.room import NoRoom
 from executor.scenes.validation import Unsettled, settle
@@ -100,7 +100,7 @@ def repaired(scene: Scene, plan: Plan, seed: int) -> Judged:
         plan: Plans the wish.
         seed: Seed of all planning by geometry.
     """
-    first = at = _gone_through(_planned(scene, plan), seed)
+    first = at = _gone_through(_planned(scene, plan), seed, MOST_REPAIRS)
     tries_left = MOST_TRIES
     while not at.feasible and len(at.fixes) < MOST_FIXES:
         further = None
@@ -115,7 +115,7 @@ def repaired(scene: Scene, plan: Plan, seed: int) -> Judged:
             except (Unsettled, AssetError):
                 continue
             tries_left -= candidate.report is not None
-            candidate = _gone_through(candidate, seed)
+            candidate = _gone_through(candidate, seed, 0)
             if candidate.feasible or candidate.gets_further_than(at):
                 further = candidate
                 break
@@ -133,12 +133,12 @@ def _planned(scene: Scene, plan: Plan, fixes: tuple[SceneFix, ...] = ()) -> Judg
     return Judged(scene, fixes, report=compose(task, scene=scene).verify())
 
 
-def _gone_through(planned: Judged, seed: int) -> Judged:
-    """Return the plan with what the dry run says of it, where it is proved."""
+def _gone_through(planned: Judged, seed: int, most_repairs: int) -> Judged:
+    """Return the plan with what the dry run says of it, where it is proved; repairs of plans take most of the time."""
     if not planned.report:
         return planned
     graph = compose(planned.report.task, scene=planned.scene)
-    found = feasible(graph, planned.scene, seed, vary=False)
+    found = feasible(graph, planned.scene, seed, vary=False, most_repairs=most_repairs)
     return Judged(planned.scene, planned.fixes, report=planned.report, found=found)
 
 
