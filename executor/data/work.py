@@ -212,7 +212,9 @@ def _repaired(
     unit: DemoUnit, query: str, scene: Scene, sizing: Sizing, perturbations: Mapping[str, Perturbation]
 ) -> Prepared:
     """Return a unit in the nearest scene in which it is feasible; in its own where none was found."""
-    judged = repaired(replace(scene, variation={}), lambda other: llm.propose(query, other, sizing=sizing).task, unit.seed)
+    judged = repaired(
+        replace(scene, variation={}), lambda other: llm.propose(query, other, sizing=sizing).task, unit.seed
+    )
     if judged.refusal is not None:
         raise judged.refusal
     assert judged.report is not None

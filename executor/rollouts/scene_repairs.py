@@ -266,4 +266,3 @@ class _Changes:
             if used.isdisjoint(self._with_cargo([name]))
         }
         return (name for name in sorted(gaps_m, key=lambda key: (gaps_m[key], key)) if gaps_m[name] < _NEAR_M)
-

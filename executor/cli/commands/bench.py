@@ -274,7 +274,10 @@ def _progress(
             done = endings.total()
             if not (shows_bar and good):
                 count = f"{done:{len(str(total))}} of {total}"
-                tell(f"  {count}  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
+                tell(
+                    f"  {count}  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}",
+                    style="red" if shows_bar else None,
+                )
             show(done, f"{endings['succeeded']} of {done} succeeded, {pace.text(done)}")
             pace.note(done)
 

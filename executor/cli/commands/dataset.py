@@ -304,7 +304,10 @@ def _audit(options: AuditOptions) -> int:
         listed = [verdict.to_json() for verdict in sorted(found, key=lambda each: each.episode) if verdict.findings]
         print_json({"ok": code == DONE, "exit_code": code, "store": str(store.path), **counts, "episodes": listed})
         return code
-    say(f"{'audited':11} {Rate(sound, len(found)).counted('episodes sound')}", style="bold" if code == DONE else "yellow")
+    say(
+        f"{'audited':11} {Rate(sound, len(found)).counted('episodes sound')}",
+        style="bold" if code == DONE else "yellow",
+    )
     for kind, count in kinds.items():
         say(f"{'found':11} {count} x {kind}")
     if left_out and not interrupted:
