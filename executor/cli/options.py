@@ -76,8 +76,8 @@ RobotName = Annotated[
 RepairScene = Annotated[
     Maybe[Literal["scene"]],
     option_help(
-        "Where the sentence has no proved and feasible plan, change the scene as little as possible until it has: put a "
-        "thing elsewhere, open or shut a door, remove what is in the way. Every episode says what was changed."
+        "Where the sentence has no proved and feasible plan, change the scene as little as possible until it has: put "
+        "things elsewhere, open or shut doors, remove what is in the way. Every episode says what was changed."
     ),
 ]
 Video = Annotated[Flag, negated_flag("Draw no pictures and no video.")]

@@ -28,7 +28,6 @@ from executor.cli.output import counting, print_json, print_text, say, tell
 from executor.system.files import write_text
 
 if TYPE_CHECKING:
-    from executor.data.card import Contents
     from executor.data.formats.table import EpisodeStream
     from executor.data.rerender import RerenderSettings
     from executor.data.units import DemoUnit

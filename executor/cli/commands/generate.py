@@ -30,8 +30,8 @@ from executor.cli.options import (
     FullSize,
     KeepSizes,
     Maybe,
-    ResultsFolder,
     RepairScene,
+    ResultsFolder,
     RobotName,
     View,
 )

@@ -1,4 +1,4 @@
-"""Scenes repaired: a wish that is refused, refuted or infeasible becomes feasible by a small change, which is recorded."""
+"""Scenes repaired: a refused, refuted or infeasible wish becomes feasible by a small change, which is recorded."""
 
 from __future__ import annotations
 
