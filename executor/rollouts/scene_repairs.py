@@ -106,7 +106,7 @@ def repaired(scene: Scene, plan: Plan, seed: int) -> Judged:
         further = None
         for changed in _changes(at):
             candidate = _planned(changed.scene, plan, changed.fixes)
-            if candidate.report is None and not candidate.gets_further_than(at):
+            if not candidate.report and not candidate.gets_further_than(at):
                 continue
             if tries_left == 0:
                 return first
@@ -114,7 +114,7 @@ def repaired(scene: Scene, plan: Plan, seed: int) -> Judged:
                 candidate = _planned(settle(changed.scene), plan, changed.fixes)
             except (Unsettled, AssetError):
                 continue
-            tries_left -= candidate.report is not None
+            tries_left -= bool(candidate.report)
             candidate = _gone_through(candidate, seed, 0)
             if candidate.feasible or candidate.gets_further_than(at):
                 further = candidate

@@ -20,11 +20,9 @@ from oag import Scene
 from oag.model.scene import FLOOR
 from oag.model.symbols import Kind
 
-HANDY_M = 0.8
-"""Height of a place that the hand gets to from most stances."""
-
-EDGES = ("-x", "+x", "-y", "+y")
-OPENED = 0.9
+_EDGES = ("-x", "+x", "-y", "+y")
+_OPENED = 0.9
+_HANDY_M = 0.8  # Height of a place that the hand gets to from most stances.
 _INSET_M = (0.08, 0.16)
 _CLEAR = Clearance(other_m=0.05)
 _STANDS = ("ontop", "inside", "nextto", "under", "touching")
@@ -45,7 +43,7 @@ def with_door(scene: Scene, name: str, *, is_open: bool) -> Scene:
         AssetError: The object's model does not stand open at the start.
     """
     thing = scene[name]
-    changed = replace(thing, parameters={**thing.parameters, "open_fraction": OPENED if is_open else 0.0})
+    changed = replace(thing, parameters={**thing.parameters, "open_fraction": _OPENED if is_open else 0.0})
     asset_for(changed)
     state = bddl.Atom("open", (name,))
     fact = state if is_open else bddl.Not(state)
@@ -83,11 +81,11 @@ def elsewhere(scene: Scene, item: str, support: str, relation: str, number: int 
     if not regions:
         raise NoRoom(item, f"{support} has no such place")
     base_m = scene[support].position[2]
-    region = sorted(regions, key=lambda one: abs(base_m + one.floor_m[2] - HANDY_M))[number // 2 % len(regions)]
+    region = sorted(regions, key=lambda one: abs(base_m + one.floor_m[2] - _HANDY_M))[number // 2 % len(regions)]
     place(
         room,
         scene[item],
-        PlaceSpec(support, region.name, AtEdge(EDGES[number % len(EDGES)], _INSET_M), clear=_CLEAR),
+        PlaceSpec(support, region.name, AtEdge(_EDGES[number % len(_EDGES)], _INSET_M), clear=_CLEAR),
     )
     objects = {key: room.objects.get(key, thing) for key, thing in scene.objects.items()}
     return replace(scene, objects=objects, facts=(*facts, bddl.Atom(relation, (item, support))))
