@@ -194,24 +194,25 @@ class _Changes:
         failed, subtasks = found.subtasks[-1].record, found.task.subtasks
         subtask = subtasks[min(failed.index, len(subtasks) - 1)]
         target, place = subtask.target, str(subtask.support_goal)
-        roles = {name for part in subtasks for name in (part.target, part.support_init, part.support_goal)}
+        roles = {str(name) for part in subtasks for name in (part.target, part.support_init, part.support_goal)}
         used = roles | {name for atom in bddl.atoms(found.task.goal) for name in atom.args}
         named = [body.partition("/")[0] for pair in found.in_the_way for body in pair.split()]
         blockers = [name for name in dict.fromkeys((*named, *failed.moved_m)) if name in self._scene.objects]
         items = [name for name in blockers if name in self._items and name not in used]
-        moves = target in self._items
-        here = place_of(self._scene, target) if moves else None
-        if here is not None:
-            yield from self._elsewhere(target, *[here] * 3)
-        around = [name for name in (place, here[0] if here else "", target) if name in self._fixtures]
+        movable = [name for name in (target, place) if name in self._items]
+        here = {name: at for name in movable if (at := place_of(self._scene, name)) is not None}
+        for name, at in here.items():
+            yield from self._elsewhere(name, *[at] * 3)
+        hosts = [support for support, _ in here.values()]
+        around = [name for name in (place, *hosts, target) if name in self._fixtures]
         yield from self._doors(list(dict.fromkeys((*(b for b in blockers if b in self._fixtures), *around))))
         for name in items:
             yield from self._removed([name])
         contents = sorted(resting_on(self._scene, place) - used) if place in self._fixtures else []
         for names in (items if len(items) > 1 else [], contents if contents != items else []):
             yield from self._removed(names)
-        if moves:
-            yield from self._elsewhere(target, *islice(self._other_supports(target), 3))
+        for name in movable:
+            yield from self._elsewhere(name, *islice(self._other_supports(name), 3))
         pieces = [name for name in blockers if name in self._fixtures and used.isdisjoint(self._with_cargo([name]))]
         for name in dict.fromkeys((*pieces, *islice(self._neighbours(around or [target], used), 2))):
             yield from self._removed([name])
