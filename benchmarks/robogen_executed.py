@@ -24,7 +24,6 @@ from typing import Any
 import bddl
 from benchmarks.baselines.methods import UncheckedRun
 from benchmarks.robogen_plans import Recorded, as_task, recorded
-from executor.bench.tables import rate_text
 from executor.campaign.rate import Rate
 from executor.records import Rollout, ignore
 from executor.rollouts.rollout import RECORD_HZ, failure_of
@@ -113,7 +112,7 @@ def main() -> int:
             failed = Counter(_why(one) for one in rollouts if not one.succeeded)
             print(f"  {plan.name}: {good} of {len(rollouts)} {dict(failed)}", flush=True)
         # What repeats one decomposition succeeds and fails together.
-        print(f"  together {rate_text(Rate(done, len(plans) * len(seeds), clusters=len(plans)))}")
+        print(f"  together {Rate(done, len(plans) * len(seeds), clusters=len(plans))}")
     return 0
 
 

@@ -7,7 +7,7 @@ path, so a demonstration of a minute takes a few kilobytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from typing import Any, Literal
 
@@ -227,6 +227,26 @@ class Detour:
 
 
 @dataclass(frozen=True, slots=True)
+class SceneFix:
+    """A change of a scene without which the wish could not be proved, or not be done.
+
+    Attributes:
+        kind: "place" where a thing stands elsewhere, "door" where one is opened or shut, "removed".
+        objects: Ids of what is changed, what it carries included.
+        change: What is changed, as a sentence's clause.
+        reason: Code or kind of the refusal, verdict or failure that it mends.
+    """
+
+    kind: Literal["place", "door", "removed"]
+    objects: tuple[str, ...]
+    change: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"the scene was changed: {self.change} (for: {self.reason})"
+
+
+@dataclass(frozen=True, slots=True)
 class Rollout:
     """One execution of a task in one varied scene.
 
@@ -240,6 +260,7 @@ class Rollout:
         penetration: Overlap of bodies during the rollout.
         peaks: Peak speeds and loads of the robot.
         detours: Insertions into the requested plan, in the plan's order.
+        scene_fixes: Changes of the scene that were asked for, so that the wish can be done.
     """
 
     task: Task
@@ -256,6 +277,12 @@ class Rollout:
     penetration: Penetration = field(default_factory=Penetration)
     peaks: Peaks = field(default_factory=Peaks)
     detours: tuple[Detour, ...] = ()
+    scene_fixes: tuple[SceneFix, ...] = ()
+
+    @property
+    def scene_fixes_json(self) -> dict[str, Any]:
+        """Changes of the scene as a field of records; nothing where there are none."""
+        return {"scene_fixes": [plain(asdict(fix)) for fix in self.scene_fixes]} if self.scene_fixes else {}
 
     @property
     def inserted(self) -> frozenset[int]:

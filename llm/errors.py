@@ -176,6 +176,7 @@ class QueryError(LlmError):
         understood: The part that was understood, or empty.
         scene: What the scene has, as far as it helps.
         suggestions: Queries that would work.
+        among: Ids of the objects that may be meant, where it is not said which, or none of them is where it is said.
     """
 
     def __init__(
@@ -187,6 +188,7 @@ class QueryError(LlmError):
         understood: str = "",
         scene: Sequence[str] = (),
         suggestions: Sequence[str] = (),
+        among: Sequence[str] = (),
     ) -> None:
         self.code: RefusalCode = code
         self.query = query
@@ -194,6 +196,7 @@ class QueryError(LlmError):
         self.understood = understood
         self.scene = tuple(scene)
         self.suggestions = tuple(suggestions)
+        self.among = tuple(among)
         lines = [f'cannot plan "{shown_query(query)}": {problem}']
         if understood:
             lines.append(f"  understood  {understood}")

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from benchmarks.baselines.methods import BASELINES
 from executor.bench.folder import BenchFolder, NotABench
-from executor.bench.tables import Cell, main_table, number, rate_text
+from executor.bench.tables import Cell, main_table
 from executor.bench.units import BenchSetting
-from executor.campaign.rate import Rate
+from executor.campaign.rate import Rate, number
 from executor.scenes.generators.families import FAMILIES
 
 OF_THE_PAPER = {"constraint-pose": "M3 GenSim2 (Primitive)", "sampled-grasp": "M4 RoboGen (Primitive)"}
@@ -117,7 +117,7 @@ def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
                 BASELINES.get(setting.baseline or "", setting.label.removeprefix("here: ")),
                 "own",
                 f"{min(seeds)} to {max(seeds)}" if seeds else "-",
-                rate_text(cell.all),
+                str(cell.all),
                 "-" if cell.subtask_score is None else number(cell.subtask_score),
                 f"{cell.simulated_in_vain_s:.0f} s",
                 "-" if paper is None else f"{method}: {number(paper[0])} / {number(paper[1])}",
@@ -131,7 +131,7 @@ def elsewhere() -> Iterator[tuple[str, ...]]:
         cells = ", ".join(number(success) for success, _ in printed.get(one.method, {}).values())
         paper = f"{one.method}, T1 to T6: {cells}" if cells else "-"
         row = f"{one.row}; not measured anew, by `{one.source}`"
-        yield one.task, row, one.code, one.seeds, rate_text(one.rate), "-", "-", paper
+        yield one.task, row, one.code, one.seeds, str(one.rate), "-", "-", paper
 
 
 def details(cells: list[Cell]) -> Iterator[str]:

@@ -175,11 +175,7 @@ _LEVELS: Mapping[str, Callable[[Result], bool]] = {
 
 
 def _share(results: Sequence[Result], holds: Callable[[Result], bool]) -> str:
-    rate = Rate(sum(map(holds, results)), len(results))
-    if rate.percent is None or rate.interval_percent is None:
-        return "no trials"
-    low, high = rate.interval_percent
-    return f"{rate.successes} of {rate.trials}, {rate.percent:.0f} % ({low:.0f} to {high:.0f})"
+    return str(Rate(sum(map(holds, results)), len(results)))
 
 
 def _levels(results: Sequence[Result]) -> str:

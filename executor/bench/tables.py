@@ -19,7 +19,7 @@ from bddl.terminal import pluralize
 from executor.bench.any_task import wish_rows
 from executor.bench.folder import BenchFolder
 from executor.bench.units import Series
-from executor.campaign.rate import Rate
+from executor.campaign.rate import Rate, number
 from executor.records import describe_peaks
 from executor.reports.episode import measured_facts
 from executor.reports.html import render
@@ -322,20 +322,6 @@ def scale_text(cell: Cell) -> str:
     return least if least == greatest else f"{least}-{greatest}"
 
 
-def number(percent: float) -> str:
-    """Return a percentage with one decimal, or none where it is whole, as in the paper."""
-    return f"{percent:.1f}".removesuffix(".0")
-
-
-def rate_text(rate: Rate) -> str:
-    """Return a rate with its counts and its exact interval."""
-    interval = rate.interval_percent
-    if rate.percent is None or interval is None:
-        return "no trials"
-    of = "" if rate.clusters is None else f", by {rate.clusters} layouts"
-    return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f}{of})"
-
-
 def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yield the details of a cell: names and values, for the terminal and for the report."""
     asked = cell.series.episodes
@@ -343,7 +329,7 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
         yield from wish_rows(cell.results)
         yield "seeds", seeds_text(cell)
         return
-    yield "success, all units", rate_text(cell.all)
+    yield "success, all units", str(cell.all)
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
     factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]

@@ -73,6 +73,13 @@ RobotName = Annotated[
         "--full-size says too), or that on a lift."
     ),
 ]
+RepairScene = Annotated[
+    Maybe[Literal["scene"]],
+    option_help(
+        "Where the sentence has no proved and feasible plan, change the scene as little as possible until it has: put "
+        "things elsewhere, open or shut doors, remove what is in the way. Every episode says what was changed."
+    ),
+]
 Video = Annotated[Flag, negated_flag("Draw no pictures and no video.")]
 Size = Annotated[
     tuple[int, int], option_help("Width and height of the robot's views; the overview is drawn twice as large.")

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from executor.campaign.rate import Rate
 from executor.data.store import EpisodeStore, StoredEpisode
 from executor.data.units import DemoUnit
 from executor.geometry import heading_of, transform_from_quaternion
@@ -444,10 +445,9 @@ def shares(found: Mapping[str, int], of: int) -> str:
 
 
 def _share(good: int, of: int) -> str:
-    if not of:
-        return "-"
-    low, high = clopper_pearson(good, of)
-    return f"{100 * good / of:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+    rate = Rate(good, of)
+    low, high = rate.interval_percent or (0.0, 100.0)
+    return "-" if rate.percent is None else f"{rate.percent:.1f} % ({low:.1f} to {high:.1f})"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -128,6 +128,7 @@ class Episode:
             "query": query,
             "paraphrases": paraphrases(query) if query else (),
             "task": rollout.task.to_json(),
+            **rollout.scene_fixes_json,
             "scene": rollout.scene.to_json(),
             "state_hash": rollout.state_hash,
             "object_ids": list(motion.object_poses),

@@ -31,7 +31,18 @@ from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, 
 from bddl.files import read_bounded_text
 from executor.campaign.engine import Campaign, Job
 from executor.data.store import EpisodeStore
-from executor.data.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, Variation, View, scene_key
+from executor.data.units import (
+    MOST_STANCES,
+    DemoSeries,
+    DemoUnit,
+    Origin,
+    Recording,
+    Repair,
+    Side,
+    Variation,
+    View,
+    scene_key,
+)
 from executor.scenes.file import scene_for
 from executor.scenes.generators.families import Family, Flows, indices_of, varies_with_seed
 from executor.scenes.validation import require_valid
@@ -77,6 +88,7 @@ class _SourceOptions(Form):
     full_size: StrictBool = False
     robot: Annotated[str, AfterValidator(known_robot)] = ""
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
+    repair: Repair | None = None
 
 
 def attempts_for(successes: int | None) -> int:
@@ -177,7 +189,9 @@ def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoS
         index = indices_of(origin.family)[0]
         flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
         yield DemoSeries(
-            DemoUnit(origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot),
+            DemoUnit(
+                origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot, repair=wanted.repair
+            ),
             episodes,
             wanted.successes,
         )
@@ -277,6 +291,11 @@ class Goals:
         """Successes that are wanted in all; 0 where a series wants all its units."""
         numbers = [limit or 0 for limit in self._limits]
         return sum(numbers) if all(numbers) else 0
+
+    @property
+    def there(self) -> int:
+        """Successes that count towards those that are wanted."""
+        return sum(min(there, limit or 0) for there, limit in zip(self._there, self._limits, strict=True))
 
     def note(self, unit: DemoUnit, ended: str) -> None:
         """Count a unit that ended."""

@@ -89,6 +89,7 @@ def apply_perturbations(scene: Scene, perturbations: Mapping[str, Perturbation])
 SCHEMA = "scene2demo-demonstration/1"
 MOST_STANCES = 32
 View = Literal["global", "head", "wrist"]
+Repair = Literal["scene"]
 Pushed = Literal["base", "item"]
 """Target of pushes in the middle of an episode: the robot's base, or the task's item."""
 
@@ -184,6 +185,7 @@ class DemoUnit:
         takeover: Policy that acted before the planner; None for an episode from its start.
         robot: Name of the robot; empty for the scene's own, a family's is the paper's. `full_size` is another word for
             the Panda of full size.
+        repair: "scene" where the scene is changed so that the task can be done (`executor.rollouts.scene_repairs`).
     """
 
     origin: Origin
@@ -198,6 +200,7 @@ class DemoUnit:
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
     takeover: Takeover | None = None
     robot: Annotated[str, AfterValidator(known_robot)] = ""
+    repair: Repair | None = None
 
     def __post_init__(self) -> None:
         if self.robot == FULL_SIZE.name:
@@ -208,6 +211,8 @@ class DemoUnit:
             raise ValueError(f"the robot {self.robot} is not the Panda of full size; keep one of them")
         if self.takeover is not None and (self.evolve or self.flows == "paper"):
             raise ValueError("a plan that goes on from where a policy came to is the planner's, and no flow is revised")
+        if self.repair is not None and (self.evolve or self.takeover is not None or self.flows == "paper"):
+            raise ValueError("a scene is repaired for the planner's own plan, which is not revised")
         if (self.index is None) is not (self.origin.family not in HOUSEHOLD):
             raise ValueError(f"{self.origin.label} has no unit {self.index}")
         if self.flows == "paper" and self.origin.family not in LONG_HORIZON:
@@ -284,8 +289,9 @@ class DemoUnit:
             del data["takeover"]
         elif not self.takeover.pushes:
             del data["takeover"]["pushes"]
-        if not self.robot:
-            del data["robot"]
+        for name in ("robot", "repair"):
+            if not data[name]:
+                del data[name]
         return data
 
     @classmethod

@@ -15,7 +15,7 @@ from executor.data.formats.store_reader import joint_names
 from executor.data.formats.videos import count_pictures
 from executor.data.store import META, SAMPLES, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.data.units import DemoUnit, Recording
-from executor.data.views import DEPTH, SEGMENTATION, footage_path
+from executor.data.views import footage_path, kinds
 from executor.sim.render.frames import VideoFailed
 from executor.system.files import content_key, json_text
 from executor.system.progress import OnProgress, ignore_progress
@@ -124,9 +124,8 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
 
 def _flaws_of_pictures(unit: Path, aside: str, recording: Recording, count: int) -> Iterator[str]:
     """Yield the flaws of the videos of a motion of `count` samples, in a unit's folder or in one of its own."""
-    kinds = ("", *(kind for kind, asked in ((DEPTH, recording.depth), (SEGMENTATION, recording.segmentation)) if asked))
     for view in recording.views:
-        for kind in kinds:
+        for kind in kinds(recording):
             video = footage_path(unit / aside, view, kind)
             if not video.is_file():
                 yield f"{video.relative_to(unit)} is missing"

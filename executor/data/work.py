@@ -42,6 +42,7 @@ from executor.rollouts.evolve import evolve
 from executor.rollouts.recording import repeat_subtask
 from executor.rollouts.rollout import RunConditions, rollout
 from executor.rollouts.run_record import attempt_after, describe_rollout, filled_task, pairs
+from executor.rollouts.scene_repairs import Judged, repaired
 from executor.scenes.file import scene_for
 from executor.scenes.generators.families import pair_of, scene_name_for_seed, varies_with_seed, with_paper_flows
 from executor.scenes.generators.long_horizon import PANTRY
@@ -142,11 +143,13 @@ class Prepared:
         query: The sentence.
         graph: The composed task, in its concrete scene.
         perturbations: Target's id -> its deviation from the unperturbed scene.
+        repaired: The feasible plan, with the changes of the scene, where these were asked for and found.
     """
 
     query: str
     graph: ObjectActionGraph
     perturbations: Mapping[str, Perturbation] = field(default_factory=dict)
+    repaired: Judged | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +187,8 @@ def prepare_unit(unit: DemoUnit) -> Prepared:
             robot=unit.robot_name or PAPER_ROBOT.name,
             changes=LayoutChanges(unit.draws if unit.variation.target else None, distracted),
         )
+        if unit.repair is not None:
+            return _repaired(unit, pair.query, pair.scene, Sizing(keep=True), pair.perturbations)
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return Prepared(pair.query, compose(task, scene=pair.scene), pair.perturbations)
     origin = unit.origin
@@ -194,10 +199,28 @@ def prepare_unit(unit: DemoUnit) -> Prepared:
         nominal = apply_perturbations(nominal, perturbations)
     if distracted is not None:
         nominal = distracted(nominal, llm.propose(unit.origin.query, nominal).task)
-    task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
+    sizing = Sizing(unit.seed, unit.keep_sizes)
+    if unit.repair is not None:
+        return _repaired(unit, origin.query, vary(nominal, unit.seed), sizing, perturbations)
+    task = llm.propose(unit.origin.query, nominal, sizing=sizing).task
     scene = vary(nominal.with_scales(task.scales), unit.seed)
     # Sizes are already in the scene; scales in the task would apply twice.
     return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), perturbations)
+
+
+def _repaired(
+    unit: DemoUnit, query: str, scene: Scene, sizing: Sizing, perturbations: Mapping[str, Perturbation]
+) -> Prepared:
+    """Return a unit in the nearest scene in which it is feasible; in its own where none was found."""
+    judged = repaired(
+        replace(scene, variation={}), lambda other: llm.propose(query, other, sizing=sizing).task, unit.seed
+    )
+    if judged.refusal is not None:
+        raise judged.refusal
+    assert judged.report is not None
+    task = judged.report.task if judged.found is None else judged.found.task
+    graph = compose(replace(task, scales={}), scene=judged.scene.with_scales(task.scales))
+    return Prepared(query, graph, perturbations, judged if judged.feasible else None)
 
 
 def check_plannable(first: DemoUnit) -> None:
@@ -240,7 +263,8 @@ def starts_alike(series: DemoSeries) -> bool:
         return False
     if series.episodes < 2 or first.origin.family is not None or varies_with_seed(first.origin.scene):
         return False
-    scenes = (prepare_unit(unit).graph.scene for unit in islice(series.units(), _SEEDS_COMPARED))
+    units = (replace(unit, repair=None) for unit in islice(series.units(), _SEEDS_COMPARED))
+    scenes = (prepare_unit(unit).graph.scene for unit in units)
     try:
         nominal = next(scenes)
         return all(scene == nominal for scene in scenes)
@@ -275,6 +299,8 @@ def make_unit(unit: DemoUnit) -> Made:
     graph = todo.graph
     rate_hz = float(unit.recording.rate_hz)
     conditions = RunConditions(rate_hz, physics=physics_of(unit), noise=noise_of(unit), stances=unit.stances)
+    if todo.repaired is not None and todo.repaired.found is not None:
+        conditions = replace(todo.repaired.found.conditions(conditions), scene_fixes=todo.repaired.fixes)
     if unit.evolve:
         story = evolve(graph, graph.scene, unit.seed, vary=False, conditions=conditions)
         return Made(todo, graph, story.rollout, story)
@@ -316,6 +342,7 @@ def meta_of(made: Made) -> dict[str, Any]:
         "paraphrases": list(paraphrases(made.of.query)),
         "task": task.to_json(),
         "detours": [asdict(detour) for detour in done.detours],
+        **done.scene_fixes_json,
         "scene": done.scene.to_json(),
         "assets": {name: asset_hash(thing) for name, thing in done.scene.objects.items()},
         "verdict": report.verdict.name,

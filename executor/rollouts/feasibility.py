@@ -173,6 +173,7 @@ def feasible(
     *,
     listen: Listener = ignore,
     vary: bool = True,
+    most_repairs: int = MOST_REPAIRS,
 ) -> Feasibility:
     """Return whether a proved plan can be done, each subtask in the state that it will find; nothing moves.
 
@@ -185,6 +186,7 @@ def feasible(
         seed: Seeds the scene's variation and all planning, as in `rollout`.
         listen: Called when subtasks and steps begin and end.
         vary: Whether the scene is varied by the seed.
+        most_repairs: How many repaired plans are gone through.
 
     Raises:
         TaskError, SceneError: `graph` is no graph, or `scene` no scene.
@@ -198,11 +200,11 @@ def feasible(
 
     def verdict(graph: ObjectActionGraph) -> Feasibility:
         concrete = nominal.with_scales(graph.task.scales)
-        return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen).verdict()
+        return DryRun(graph, vary_scene(concrete, seed) if vary else concrete, seed, listen, most_repairs).verdict()
 
     first = found = verdict(graph)
     known, cpu_s = first.known, first.cpu_s
-    while not found and found.known and len(known) <= MOST_PLANS:
+    while most_repairs and not found and found.known and len(known) <= MOST_PLANS:
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
         if planned.task is None:
@@ -223,17 +225,25 @@ class DryRun:
         scene: A concrete scene.
         seed: Seeds all planning.
         listen: Called when subtasks and steps begin and end.
+        most_repairs: How many repaired plans are gone through.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
     """
 
-    def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener = ignore) -> None:
+    def __init__(
+        self,
+        graph: ObjectActionGraph,
+        scene: Scene,
+        seed: int,
+        listen: Listener = ignore,
+        most_repairs: int = MOST_REPAIRS,
+    ) -> None:
         self._scene, self._seed, self._listen = scene, seed, listen
         self._detours: tuple[Detour, ...] = ()
         self._avoided: Ways = frozenset()
-        self._repairs_left = MOST_REPAIRS
+        self._repairs_left = most_repairs
         self._known: tuple[Infeasible, ...] = ()
         self._adopt(graph)
 

@@ -22,6 +22,7 @@ from executor.records import (
     PlanRefused,
     Rollout,
     RolloutInterrupted,
+    SceneFix,
     StepRecord,
     SubtaskRecord,
     ignore,
@@ -66,6 +67,7 @@ class RunConditions:
         avoided: Joints that are not to be opened, as a dry run found (`Feasibility.conditions`).
         detours: Insertions that the plan has already.
         kept: Of each subtask, what the dry run chose for its steps.
+        scene_fixes: Changes of the scene, for the record.
     """
 
     record_hz: float = RECORD_HZ
@@ -76,6 +78,7 @@ class RunConditions:
     avoided: Ways = frozenset()
     detours: tuple[Detour, ...] = ()
     kept: tuple[tuple[Choice, ...], ...] = ()
+    scene_fixes: tuple[SceneFix, ...] = ()
 
 
 USUAL = RunConditions()
@@ -124,6 +127,7 @@ class Run:
         self.recorder = TrajectoryRecorder(self.planner.kinematics, self.record_hz)
         self.subtasks: list[SubtaskRecord] = []
         self.avoided, self.detours, self.kept = conditions.avoided, conditions.detours, conditions.kept
+        self._scene_fixes = conditions.scene_fixes
         self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
@@ -360,6 +364,7 @@ class Run:
             penetration=summarize_overlaps(self.recorder.overlaps),
             peaks=summarize_peaks(self.recorder.peaks),
             detours=self.detours,
+            scene_fixes=self._scene_fixes,
         )
 
 

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from executor.records import Failure, Rollout, SubtaskRecord
+from executor.records import Failure, Rollout, SceneFix, SubtaskRecord
 from executor.rollouts.evolution_record import AttemptPictures, Evolution, SubtaskStory
 from executor.rollouts.feasibility import Feasibility
 from executor.rollouts.rollout import failure_of
@@ -52,6 +52,7 @@ class RunRecord:
         spending: Usage of its models; None without a model.
         stopped: Why the model that judges gave no more answers; empty where that ended nothing.
         feasibility: What the dry run of the plan said; None where it was not asked.
+        scene_fixes: Changes of the scene, where these were asked for.
     """
 
     graph: ObjectActionGraph
@@ -69,6 +70,7 @@ class RunRecord:
     spending: Spending | None = None
     stopped: str = ""
     feasibility: Feasibility | None = None
+    scene_fixes: tuple[SceneFix, ...] = ()
 
     def as_ran(self) -> RunRecord:
         """Return the record with the plan that ran, its numbers and insertions, and its report of `verify`."""
@@ -130,6 +132,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
     return {
         "task": rollout.task.name,
         "detours": [asdict(detour) for detour in rollout.detours],
+        **rollout.scene_fixes_json,
         "seed": rollout.seed,
         "succeeded": rollout.succeeded,
         "failure": _failure_json(rollout.failure),

@@ -113,7 +113,7 @@ def vary(scene: Scene, seed: int) -> Scene:
             ranges = {key: getattr(shifted, key) for key in _FORCES if key in shifted.model_fields_set}
             forces = {key: round(rng.uniform(*limits), 3) for key, limits in ranges.items()}
         T_move = T @ inverse(_pose(objects[name]))
-        for moved in (name, *_resting_on(scene, name)):
+        for moved in (name, *resting_on(scene, name)):
             objects[moved] = _placed(objects[moved], T_move @ _pose(objects[moved]))
         objects[name] = replace(objects[name], parameters={**objects[name].parameters, **forces})
     return replace(scene, robot=robot, objects=objects)
@@ -186,7 +186,7 @@ def _shift(rng: np.random.Generator, entry: _Shift) -> tuple[float, float, float
     return rng.uniform(*entry.dx_m), rng.uniform(*entry.dy_m), rng.uniform(*entry.dyaw_rad)
 
 
-def _resting_on(scene: Scene, support: str) -> set[str]:
+def resting_on(scene: Scene, support: str) -> set[str]:
     """Return everything that the facts put on or in an object, directly or indirectly."""
     above = nx.DiGraph()
     above.add_node(support)

@@ -87,7 +87,7 @@ class Discourse:
     def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
         if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
             problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
-            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)), among=ids)
         if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):
             problem = f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of '
             raise Refusal("several-objects", problem + (" and ".join(ids) or "none"))

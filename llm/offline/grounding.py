@@ -252,7 +252,7 @@ class Grounding:
             ids, more = self._chosen(ids, 1, phrase, avoided)
         if len(ids) > 1:
             problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
-            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)), among=ids)
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(
@@ -276,7 +276,7 @@ class Grounding:
             notes = (*more, *notes)
         if wanted is not None and len(ids) > wanted:
             problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
-            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)), among=ids)
         if len(ids) < (wanted or (1 if phrase.several else 2)):
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
@@ -448,7 +448,7 @@ class Grounding:
             fitting = tuple(key for key in ids if self.around.is_open(key) is (state == "open"))
             if not fitting:
                 problem = f'no "{phrase}" of the scene is {state}'
-                raise Refusal("wrong-place", problem, scene=list(map(self.around.described, ids)))
+                raise Refusal("wrong-place", problem, scene=list(map(self.around.described, ids)), among=ids)
             ids = fitting
         return ids
 

@@ -178,6 +178,7 @@ class Refusal(Exception):
         understood: The understood part, or empty for the reading's own words.
         scene: Descriptions of relevant objects.
         instead: Intents that may have been meant; some of them may be infeasible too.
+        among: Ids of the objects that may be meant.
         decides: Whether it says more than the refusals of other readings.
         in_vain: Whether the reading lacks a verb or a place, so that it could not have become a plan.
     """
@@ -190,6 +191,7 @@ class Refusal(Exception):
         understood: str = "",
         scene: Sequence[str] = (),
         instead: Sequence[Intent | Request] = (),
+        among: Sequence[str] = (),
     ) -> None:
         super().__init__(problem)
         self.code: RefusalCode = code
@@ -197,6 +199,7 @@ class Refusal(Exception):
         self.understood = understood
         self.scene = tuple(scene)
         self.instead: tuple[Intent | Request, ...] = tuple(instead)
+        self.among = tuple(among)
         self.decides = False
         self.in_vain = False
 

@@ -105,6 +105,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
             understood=refusal.understood,
             scene=refusal.scene,
             suggestions=suggestions[:_MOST_SUGGESTIONS],
+            among=refusal.among,
         ) from None
     notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
     notes += [*trusted, *_assumptions(request, around)]

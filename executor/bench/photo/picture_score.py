@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 
-from executor.bench.tables import rate_text
 from executor.campaign.rate import Rate
 from executor.geometry import Array
 from executor.photo.geometry.residuals import box_of
@@ -332,7 +331,7 @@ def _is_sized(ratios: Sequence[float]) -> bool:
 
 def _share(members: Iterable[Any], holds: Callable[[Any], bool]) -> str:
     every = [bool(holds(one)) for one in members]
-    return rate_text(Rate(sum(every), len(every))) if every else "none"
+    return str(Rate(sum(every), len(every))) if every else "none"
 
 
 def _middle(values: Sequence[float], digits: int) -> str:

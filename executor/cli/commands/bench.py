@@ -271,9 +271,13 @@ def _progress(
             endings[result["ended"]] += 1
             good, failure = result["ended"] == "succeeded", result.get("failure") or {}
             words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
-            if not (shows_bar and good):
-                tell(f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
             done = endings.total()
+            if not (shows_bar and good):
+                count = f"{done:{len(str(total))}} of {total}"
+                tell(
+                    f"  {count}  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}",
+                    style="red" if shows_bar else None,
+                )
             show(done, f"{endings['succeeded']} of {done} succeeded, {pace.text(done)}")
             pace.note(done)
 

@@ -28,7 +28,6 @@ from executor.cli.output import counting, print_json, print_text, say, tell
 from executor.system.files import write_text
 
 if TYPE_CHECKING:
-    from executor.data.card import Contents
     from executor.data.formats.table import EpisodeStream
     from executor.data.rerender import RerenderSettings
     from executor.data.units import DemoUnit
@@ -222,6 +221,7 @@ def _write(stream: EpisodeStream, options: ExportOptions) -> int:
 
 
 def _info(options: InfoOptions) -> int:
+    from executor.cli.commands.generate import yield_text
     from executor.data.card import contents_of, shares
     from executor.data.store import EpisodeStore
 
@@ -232,7 +232,7 @@ def _info(options: InfoOptions) -> int:
     say(f"{'episodes':11} {found.made} made of {found.asked} asked for, {found.kept} to export", style="bold")
     if found.repeats:
         say(f"{'repeated':11} {pluralize(found.repeats, 'demonstration')} more, as `dataset check` lists them")
-    say(f"{'yield':11} {_share(found)}")
+    say(f"{'yield':11} {yield_text(found.succeeded, found.made)}")
     for label, part in sorted(found.parts.items()):
         long = f", {part.simulated_s / part.kept:.1f} s each" if part.kept else ""
         say(f"{label:11} {part.succeeded} of {part.made} succeeded{long}")
@@ -245,15 +245,6 @@ def _info(options: InfoOptions) -> int:
     each = f", {found.store_bytes / max(found.kept, 1) / 1000:.0f} kB a demonstration" if found.kept else ""
     say(f"{'size':11} {found.store_bytes / 1e6:.1f} MB{each}")
     return DONE
-
-
-def _share(found: Contents) -> str:
-    from oag.measurements import clopper_pearson
-
-    if not found.made:
-        return "nothing made yet"
-    low, high = clopper_pearson(found.succeeded, found.made)
-    return f"{found.succeeded} of {found.made} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
 def _check(options: CheckStoreOptions) -> int:
@@ -285,9 +276,9 @@ def _check(options: CheckStoreOptions) -> int:
 
 def _audit(options: AuditOptions) -> int:
     from executor.audit.episodes import Verdict, audit_store, count_kinds
+    from executor.campaign.rate import Rate
     from executor.cli.execution import check_workers, command_line
     from executor.data.store import EpisodeStore
-    from oag.measurements import clopper_pearson
 
     check_workers(options.workers)
     store, found = EpisodeStore.open(options.store), list[Verdict]()
@@ -312,9 +303,10 @@ def _audit(options: AuditOptions) -> int:
         listed = [verdict.to_json() for verdict in sorted(found, key=lambda each: each.episode) if verdict.findings]
         print_json({"ok": code == DONE, "exit_code": code, "store": str(store.path), **counts, "episodes": listed})
         return code
-    low, high = clopper_pearson(sound, len(found)) if found else (0.0, 1.0)
-    words = f"{sound} of {pluralize(len(found), 'episode')} sound ({100 * low:.1f} to {100 * high:.1f} %)"
-    say(f"{'audited':11} {words}", style="bold" if code == DONE else "yellow")
+    say(
+        f"{'audited':11} {Rate(sound, len(found)).counted('episodes sound')}",
+        style="bold" if code == DONE else "yellow",
+    )
     for kind, count in kinds.items():
         say(f"{'found':11} {count} x {kind}")
     if left_out and not interrupted:

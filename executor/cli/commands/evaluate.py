@@ -102,7 +102,8 @@ def execute(options: Options) -> int:
     drawn: dict[tuple[str, int], Path] = {}
     with ExitStack() as stack:
         show = stack.enter_context(bar("evaluating", len(actors) * options.episodes, quiet=options.json))
-        acted, pace = counter(1), Pace(len(actors) * options.episodes, quiet=options.json)
+        acted, total = counter(1), len(actors) * options.episodes
+        pace = Pace(total, quiet=options.json)
         scene_renderer = stack.enter_context(shared_renderer()) if options.videos else None
 
         def show_outcome(actor: Policy, outcome: EpisodeOutcome, footage: EpisodeStates) -> None:
@@ -110,7 +111,8 @@ def execute(options: Options) -> int:
             show(done, f"evaluating, {pace.text(done)}")
             pace.note(done)
             if not options.json:
-                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure or 'succeeded'}")
+                words = f"{actor.name} seed {outcome.seed}: {outcome.failure or 'succeeded'}"
+                tell(f"  {done:{len(str(total))}} of {total}  {words}")
             if outcome.success_once:
                 return
             if scene_renderer is not None and options.out is not None:
@@ -165,11 +167,13 @@ def _finished(
             tell(f"interrupted: this is of the first {whole} of {options.episodes} episodes")
         elif code != DONE:
             tell(f"this is of the {whole} of {options.episodes} episodes that ended; --again runs the others again")
+    following = command_line("evaluate", *options.policies, task=options.task, out="FOLDER", videos=True)
     if options.out is not None:
         write_json(options.out / RESULTS, results)
         write_text(options.out / PAGE, evaluation_page(judged))
-        if not options.json:
-            say(f"{'next':11} {command_line('view', options.out)}")
+        following = command_line("view", options.out)
+    if not options.json:
+        say(f"{'next':11} {following}")
     return code
 
 

@@ -30,6 +30,7 @@ from executor.cli.options import (
     FullSize,
     KeepSizes,
     Maybe,
+    RepairScene,
     ResultsFolder,
     RobotName,
     View,
@@ -96,6 +97,7 @@ class Options(EngineOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
+    repair: RepairScene = None
     stances: int = 1
     """How many stances to plan wherever one is chosen, of which the one with the arm nearest to home is taken: then it
     follows from what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
@@ -312,7 +314,7 @@ def _source(options: Options) -> dict[str, Any]:
 def _request_fields(options: Options) -> dict[str, Any]:
     same = ("seed", "successes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
+    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances", "repair")}
     wishes["robot"] = options.robot or ""
     if options.episodes is not None:
         wishes["episodes"] = options.episodes
@@ -350,23 +352,24 @@ def _show_progress(tally: Tally, goals: Goals, total: int, remaining: int, *, qu
     if quiet:
         yield lambda unit, result: None
         return
-    before = tally.endings.total()
+    before, wanted = tally.endings.total(), goals.wanted
     if before:
         tell(f"  {before} of {pluralize(total, 'episode')} made already, {remaining} to make now")
     shows_bar = ERR.is_terminal and remaining > 0
-    begin = tally.endings["succeeded"] if goals.wanted else before
-    pace = Pace(goals.wanted or total, begin, quiet=shows_bar)
-    with bar(describe_yield(tally), total, done=before, quiet=not shows_bar) as show:
+    begin = goals.there if wanted else before
+    pace = Pace(wanted or total, begin, quiet=shows_bar)
+    with bar(describe_yield(tally), wanted or total, done=begin, quiet=not shows_bar) as show:
 
         def show_unit(unit: DemoUnit, result: Mapping[str, Any]) -> None:
             good = result["ended"] == "succeeded"
             words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
+            tried, there = tally.endings.total(), goals.there if wanted else tally.endings.total()
             if not (shows_bar and good):
-                count = f"{tally.endings.total():{len(str(total))}} of {total}"
+                count = f"{there:{len(str(wanted or total))}} of {wanted or total}"
+                count += f" successes, {tried} tried" if wanted else ""
                 line = f"  {count}  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}"
                 tell(line, style="red" if shows_bar else None)
-            there = tally.endings["succeeded"] if goals.wanted else tally.endings.total()
-            show(tally.endings.total(), f"{describe_yield(tally)}, {pace.text(there)}")
+            show(there, f"{describe_yield(tally)}, {pace.text(there)}")
             pace.note(there)
 
         yield show_unit
@@ -374,13 +377,14 @@ def _show_progress(tally: Tally, goals: Goals, total: int, remaining: int, *, qu
 
 def describe_yield(tally: Tally) -> str:
     """Return the success count with its confidence interval, in words."""
-    from oag.measurements import clopper_pearson
+    return yield_text(tally.endings["succeeded"], tally.endings.total())
 
-    good, of = tally.endings["succeeded"], tally.endings.total()
-    if not of:
-        return "nothing made yet"
-    low, high = clopper_pearson(good, of)
-    return f"{good} of {of} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
+
+def yield_text(good: int, of: int) -> str:
+    """Return how many of the episodes that were made succeeded, with the interval."""
+    from executor.campaign.rate import Rate
+
+    return Rate(good, of).counted("succeeded") if of else "nothing made yet"
 
 
 def finished(

@@ -85,10 +85,11 @@ def execute(options: Options) -> int:
 
 
 def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, interrupted: bool) -> int:
-    from oag.measurements import clopper_pearson
+    from executor.campaign.rate import Rate
 
     good = sum(one.good for one in found)
-    low, high = clopper_pearson(good, len(found)) if found else (0.0, 1.0)
+    rate = Rate(good, len(found))
+    low, high = (percent / 100.0 for percent in rate.interval_percent or (0.0, 100.0))
     code = INTERRUPTED if interrupted else FAILED if exact and good < len(found) else DONE
     if options.json:
         failed = sorted(one.name for one in found if not one.good)
@@ -97,7 +98,7 @@ def _finished(options: Options, found: list[ReplayOutcome], *, exact: bool, inte
         print_json({"ok": code == DONE, "exit_code": code, "way": mode, **numbers})
         return code
     what = "gave the same states" if exact else f"succeeded again through the environment, by {_WORDS[options.actions]}"
-    words = f"{good} of {len(found)} {what} ({100 * low:.1f} to {100 * high:.1f} %)"
+    words = rate.counted(what)
     say(f"{'replayed':11} {words}", style="bold" if good == len(found) else "yellow")
     if interrupted:
         tell("scene2demo: interrupted", style="yellow")

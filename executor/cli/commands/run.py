@@ -29,6 +29,7 @@ from executor.cli.options import (
     ModelOptions,
     PhotoInputs,
     Read,
+    RepairScene,
     ReplaceResults,
     ResultsFolder,
     RobotName,
@@ -42,9 +43,11 @@ if TYPE_CHECKING:
     from executor.reports.run_folder import RunFolder
     from executor.rollouts.feasibility import Feasibility
     from executor.rollouts.run_record import RunRecord
+    from executor.rollouts.scene_repairs import Judged
     from llm import Image, Proposal
     from llm.structured.conversation import Spending
     from oag import Scene
+    from oag.sizes import Sizing
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ class Options(CommonOptions):
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
+    repair: RepairScene = None
     anyway: Flag = False
     """Move even where the plan cannot be done, by geometry; without it such a plan is refused before anything moves."""
     evolve: Flag = False
@@ -122,6 +126,8 @@ def _run(options: Options) -> int:
         " ".join(options.asked.models),
         "--model with it",
     )
+    alone = not (options.anyway or options.evolve or options.asked.model)
+    check(options.repair is None or alone, "--repair", options.repair, "no --anyway, --evolve or --model with it")
     if options.scene is None:
         raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
     scene = scene_for(
@@ -133,6 +139,9 @@ def _run(options: Options) -> int:
     # Validate the scene before paying for a model call.
     tell_warnings(require_valid(scene))
     sizing = Sizing(options.seed, options.keep_sizes)
+    judged = None if options.repair is None else _repair_scene(options, scene, sizing)
+    if judged is not None and judged.fixes:
+        scene = judged.scene
     if options.asked.model is None:
         propose(options.query, scene, sizing=sizing)  # Raises before a folder is made.
     check(not (options.resume and options.force), "--resume", "", "no --force with it, which starts over")
@@ -153,15 +162,35 @@ def _run(options: Options) -> int:
                     proposal = _propose_with_model(spending, options, scene, folder, images)
                 if options.resume:
                     folder.clear()
-                record = _prove_and_execute(options, proposal, scene, folder, spending)
+                record = _prove_and_execute(options, proposal, scene, folder, spending, judged)
             finally:
                 if spending is not None and spending.rounds:
                     folder.write_usage(spending.to_json())
     return _finish(record, folder, options)
 
 
+def _repair_scene(options: Options, scene: Scene, sizing: Sizing) -> Judged | None:
+    """Return the nearest scene in which the sentence is feasible, and print the changes; None where none is found."""
+    from executor.cli.output import counting
+    from executor.rollouts.scene_repairs import repaired
+    from executor.scenes.vary import vary
+    from llm import propose
+
+    concrete = replace(vary(scene, options.seed), variation={})
+    with counting("going through the plan, and through changes of the scene", quiet=options.json):
+        judged = repaired(concrete, lambda other: propose(options.query, other, sizing=sizing).task, options.seed)
+    if not judged.feasible and not options.json:
+        tell(f"no small change of the scene makes it feasible ({judged.reason})", style="yellow")
+    return judged if judged.feasible else None
+
+
 def _prove_and_execute(
-    options: Options, proposal: Proposal, scene: Scene, folder: RunFolder, spending: Spending | None
+    options: Options,
+    proposal: Proposal,
+    scene: Scene,
+    folder: RunFolder,
+    spending: Spending | None,
+    judged: Judged | None,
 ) -> RunRecord:
     """Return the record of a run, with its finished files in the folder.
 
@@ -171,6 +200,7 @@ def _prove_and_execute(
         scene: The scene.
         folder: The run's folder.
         spending: The proposing model and its usage; None for the offline planner.
+        judged: The dry run with the changes of the scene, where these were asked for.
     """
     from executor.cli.evolution_setup import sampling_arguments
     from executor.cli.execution import command_line, results_writer
@@ -184,7 +214,8 @@ def _prove_and_execute(
         report=report,
         query=options.query,
         proposal=proposal.to_json(),
-        notes=proposal.notes,
+        notes=(*map(str, judged.fixes if judged is not None else ()), *proposal.notes),
+        scene_fixes=judged.fixes if judged is not None else (),
         spending=spending,
         command=command_line(
             "run",
@@ -200,6 +231,7 @@ def _prove_and_execute(
             keep_sizes=options.keep_sizes,
             full_size=options.full_size,
             robot=options.robot,
+            repair=options.repair,
             anyway=options.anyway,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,
@@ -215,7 +247,8 @@ def _prove_and_execute(
     _print_plan(record, options)
     # Flows that may be revised are run to learn from.
     if not (options.anyway or options.evolve):
-        found = _ask_feasibility(record, options)
+        found = judged.found if judged is not None else None
+        found = found or _ask_feasibility(record, options)
         record = replace(record, feasibility=found)
         folder.write_feasibility(found)
         if not found:
@@ -256,7 +289,8 @@ def _execute_plan(record: RunRecord, options: Options) -> RunRecord:
     interrupted = False
     try:
         with RolloutProgress(quiet=options.json) as progress:
-            graph, conditions = record.graph, RunConditions(record_hz=options.record_hz)
+            graph = record.graph
+            conditions = RunConditions(record_hz=options.record_hz, scene_fixes=record.scene_fixes)
             if record.feasibility is not None:
                 conditions = record.feasibility.conditions(conditions)
                 graph = compose(record.feasibility.task, scene=graph.scene)

@@ -8,8 +8,9 @@ Layout, with T transitions:
                                 scaled (JSON: objects at another size than they are drawn with), rate_hz,
                                 action_names, action_scale, joint_names (JSON: of a row of robot_qpos, of robot_qvel
                                 and of actions_absolute), subtasks (JSON); query and paraphrases (JSON), the sentence
-                                that was typed and others for it; cameras (JSON, by view): size, fov_y_rad, intrinsics
-                                (3 x 3, pixels), mount (a link of the robot, or null for the world) and T_mount_camera
+                                that was typed and others for it; scene_fixes (JSON), where the scene was changed;
+                                cameras (JSON, by view): size, fov_y_rad, intrinsics (3 x 3, pixels), mount (a link of
+                                the robot, or null for the world) and T_mount_camera
                                 (4 x 4; x ahead, y left, z up)
         actions                 (T, Q + 1) float32 in [-1, 1]; action_names: displacement of the base in its own frame
                                 and of the arm's joints, commanded for the interval and divided by action_scale; the
@@ -165,6 +166,7 @@ def _write_demo(demo: Any, episode: Episode, *, with_about: bool) -> None:
             "query": episode.task,
             "paraphrases": json.dumps(about["paraphrases"] or ()),
             "cameras": json.dumps({view: about["pictures"]["views"][view] for view in views}),
+            **({"scene_fixes": json.dumps(about["scene_fixes"])} if "scene_fixes" in about else {}),
         }
     )
     _write_numbers(demo, "actions", actions)

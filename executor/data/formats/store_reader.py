@@ -331,10 +331,7 @@ def _about(
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
     metadata = {name: meta.get(name) for name in same} | {"detours": meta.get("detours", [])}
-    if "takeover" in meta:
-        metadata["takeover"] = meta["takeover"]
-    if "assets" in meta:
-        metadata["assets"] = meta["assets"]
+    metadata |= {name: meta[name] for name in ("takeover", "assets", "scene_fixes") if name in meta}
     if not motion.failed and (audited := episode.audited) is not None:
         metadata["audited"] = {name: audited[name] for name in ("verdict", "kinds", "replayed")}
     if not motion.failed:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import bddl
+from executor.assets.footprint import region_frame
+from executor.assets.library import asset_for
 from executor.audit.decision import decide
 from executor.audit.geometry import Snapshot
 from executor.sim.world import World
@@ -106,6 +109,63 @@ def test_next_to_within_a_sixth_of_the_extents(gap_m: float, holds: bool) -> Non
     with World(scene_of({"table_0": table, **things})) as world:
         settle(world, 0.3)
         assert value(world, "(nextto can_0 can_1)") is holds
+
+
+FRIDGE: Thing = {
+    "category": "refrigerator",
+    "model": "upright_one_door",
+    "position": [1.0, 0.0, 0.6],
+    "bbox_extent": [0.68, 0.6, 1.2],
+    "parameters": {"hinge": "left", "shelf_heights_m": [0.42, 0.72], "handle_height_m": 0.75, "open_fraction": 0.9},
+}
+DRAWERS: Thing = {
+    "category": "bottom_cabinet",
+    "model": "cabinet_drawers",
+    "position": [1.0, 0.0, 0.4],
+    "bbox_extent": [0.6, 0.45, 0.8],
+    "parameters": {"open_fraction": 0.8},
+}
+
+
+def in_a_fixture(fixture: Thing) -> tuple[World, NDArray[np.float64]]:
+    """Return a world with a can on the highest floor in a fixture, and the floor's middle."""
+    can: Thing = CAN | UPRIGHT | {"bbox_extent": [0.05, 0.05, 0.08], "position": [0.0, -1.0, 0.0405]}
+    scene = scene_of({"box_0": fixture | UPRIGHT, "can_0": can})
+    floors = [region_frame(scene["box_0"], one) for one in asset_for(scene["box_0"]).regions if one.kind == "interior"]
+    T, _ = max(floors, key=lambda floor: float(floor[0][2, 3]))
+    world = World(scene)
+    world.set_object_pose("can_0", at(*(T[:3, 3] + [0.0, 0.0, 0.0405])))
+    settle(world, 0.5)
+    return world, T[:3, 3]
+
+
+@pytest.mark.parametrize(("beyond_m", "holds"), [(-0.2, True), (-0.01, True), (0.02, False), (0.2, False)])
+def test_inside_a_refrigerator_until_it_reaches_out_of_it(beyond_m: float, holds: bool) -> None:
+    world, (_, y, z) = in_a_fixture(FRIDGE)
+    with world:
+        assert value(world, "(inside can_0 box_0)") is True
+        front_m = min(float(points[:, 0].min()) for points in Snapshot(world, world.pack()).root_hulls["box_0"])
+        world.set_object_pose("can_0", at(front_m + 0.025 - beyond_m, y, z + 0.0405))
+        assert value(world, "(inside can_0 box_0)") is holds
+
+
+@pytest.mark.parametrize(("above_m", "holds"), [(-0.03, True), (0.0, False), (0.1, False)])
+def test_inside_an_open_drawer_until_it_is_above_its_rim(above_m: float, holds: bool) -> None:
+    world, (x, y, _) = in_a_fixture(DRAWERS)
+    with world:
+        assert value(world, "(inside can_0 box_0)") is True
+        rim_m = max(points[:, 2].max() for _, points in Snapshot(world, world.pack()).drawers["box_0"])
+        world.set_object_pose("can_0", at(x, y, float(rim_m) + above_m + 0.04))
+        assert value(world, "(inside can_0 box_0)") is holds
+
+
+@pytest.mark.parametrize(("gap_m", "holds"), [(0.0, True), (0.001, True), (0.01, False)])
+def test_touching_within_two_millimetres(gap_m: float, holds: bool) -> None:
+    places = {"can_0": [1.0, 0.0, TOP_M + 0.0505], "can_1": [1.0, 0.06 + gap_m, TOP_M + 0.0505]}
+    cans: dict[str, Thing] = {name: CAN | UPRIGHT | {"position": place} for name, place in places.items()}
+    with World(scene_of({"table_0": TABLE | UPRIGHT, **cans})) as world:
+        assert value(world, "(touching can_0 can_1)") is holds
+        assert value(world, "(touching can_0 table_0)") is True
 
 
 def test_a_predicate_without_a_geometry_is_undecided() -> None:

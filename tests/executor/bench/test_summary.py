@@ -18,7 +18,6 @@ from executor.bench.tables import (
     detail_rows,
     main_rows,
     memory_growth,
-    rate_text,
     subtask_score,
 )
 from executor.bench.units import BenchSetting, Series
@@ -107,7 +106,7 @@ def test_a_layout_that_is_run_again_is_no_new_trial() -> None:
     # 19 2/3 of 20: at least as wide as the intervals of 19 and of 20 successes reach.
     assert low == pytest.approx(100 * binomtest(19, 20).proportion_ci(0.95, method="exact").low)
     assert high == 100.0
-    assert rate_text(cell.all) == f"59 of 60, 98.3 % ({low:.1f} to 100.0, by 20 layouts)"
+    assert str(cell.all) == f"59 of 60, 98.3 % ({low:.1f} to 100.0, by 20 layouts)"
     once = Cell(SERIES, results[::3])
     assert once.all.clusters is None
 

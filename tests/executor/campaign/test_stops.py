@@ -48,6 +48,20 @@ def test_generate_gives_up_after_the_episodes_that_may_be_tried(run: Run) -> Non
     assert code == 0 and said["endings"] == {"succeeded": 1, "failed": 1, "crashed": 1}
 
 
+def test_lines_count_what_is_wanted_and_the_last_one_is_the_next_command(
+    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    generate = ["generate", "T1", "--seed", "1", "--successes", "3", "--episodes", "4"]
+    for words, lines in (
+        (generate, ["1 of 3 successes, 1 tried", "2 of 3 successes, 2 tried", "2 of 3 successes, 3 tried"]),
+        (["bench", "T3", "--episodes", "3"], ["1 of 3 ", "2 of 3 ", "3 of 3 "]),
+    ):
+        assert app.run([*words, "--out", str(tmp_path / words[0]), "--workers", "1"]) == 0
+        said = capsys.readouterr()
+        assert all(line in said.err for line in lines), said.err
+        assert said.out.splitlines()[-1].startswith("next") and "scene2demo " in said.out.splitlines()[-1]
+
+
 def test_status_of_a_store_with_its_successes_wants_no_more(
     run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
