@@ -19,7 +19,7 @@ they are simplified part by part to a twentieth, every material with its colour,
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.system.files import cache_dir, content_key
-from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, Robot
+from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, BoltedHand, Robot
 
 KEPT_FRACTION = 0.05  # No difference shows at 224 pixels; pictures of 128 take a quarter less time than with 0.10.
 _FEWEST_TRIANGLES = 24
@@ -40,6 +40,7 @@ _OUTLINE_TOLERANCE_M = 0.0015
 _AGGRESSION = 3.0  # The library's default of 7 merges across thin parts before it has looked at all edges.
 # Raised when the simplification changes, so that old cached files are not taken for new ones.
 _RECIPE = "3"
+Vector = tuple[float, float, float]
 _NAMESPACE = {"c": "http://www.collada.org/2005/11/COLLADASchema"}
 
 
@@ -174,8 +175,7 @@ def _to_glb(parts: list[ColoredPart]) -> bytes:
 BASE_LINK = "base_body"
 MAST_LINK = "base_mast"
 LIFT_LINK = "lift_carriage"
-CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
-"""The lens of the head camera in the base's frame: the front of the housing on top of the mast."""
+_CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
 
 _PACKAGE = "package://"
 BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
@@ -184,7 +184,7 @@ BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
 _BASE_MASS_KG = 60.0
 _PEDESTAL_WIDTH_M = 0.16
 _MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
-_MAST_AXIS_M = (-0.150, 0.146)
+_MAST_AXIS_M = (-0.150, 0.146)  # Of a mast on the left.
 _MAST_MASS_KG = 1.2  # 1.2 m of profile at 0.8 kg/m, and a camera.
 _HOUSING_M = (0.05, 0.046, 0.03)
 _GUIDE_WIDTH_M = 0.06  # Of a mast that guides a lift: a profile of 60 by 60 mm.
@@ -260,6 +260,12 @@ def armatures(robot: Robot) -> tuple[float, ...]:
     return (0.0,) * base + (ROTOR * robot.scale**5,) * arm + (ROTOR * robot.scale**3,) * 2
 
 
+def camera_mount_m(robot: Robot) -> Vector:
+    """Return the lens of the head camera in the base's frame [m]: the front of the housing on top of the mast."""
+    x, y, z = _CAMERA_MOUNT_M
+    return x, robot.mast_side * y, z
+
+
 def base_links(robot: Robot) -> frozenset[str]:
     """Return the links that drive or lift, and do nothing else."""
     return frozenset((BASE_LINK, MAST_LINK, *([LIFT_LINK] if robot.lift_m else [])))
@@ -303,6 +309,7 @@ def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
     folder = description.parents[robot.urdf.count("/")]
     root = ET.parse(description).getroot()
     root.set("name", _family(robot))
+    _keep_arm(root, robot)
     _strip(root, visual=visual)
     _scale(root, scale)
     for mesh in root.iter("mesh"):
@@ -312,8 +319,38 @@ def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
         mesh.set("scale", _numbers([scale] * 3))
     for index, element in enumerate(_base(robot, visual=visual)):
         root.insert(index, element)
+    root.extend([] if robot.bolted is None else _bolted(robot, robot.bolted, visual=visual))
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8")
+
+
+def _keep_arm(root: ET.Element, robot: Robot) -> None:
+    """Remove what is neither on the way from the arm's first link to its hand nor on the hand, and other elements."""
+    ends = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+
+    def way(link: str) -> Iterator[str]:
+        while link:
+            yield link
+            link = ends.get(link, "")
+
+    first, hand = robot.arm_links[0], robot.hand_link if robot.bolted is None else robot.bolted.flange
+    above = set(way(first)) - {first}
+    on_the_way = set(way(hand)) - above
+    kept = on_the_way | {link.attrib["name"] for link in root.findall("link") if hand in way(link.attrib["name"])}
+    if robot.bolted is not None:
+        kept = on_the_way
+    for element in list(root):
+        if element.tag == "link" and element.attrib["name"] in kept:
+            continue
+        if element.tag == "joint" and {_end(element, "parent"), _end(element, "child")} <= kept:
+            continue
+        if element.tag != "material":
+            root.remove(element)
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.attrib["link"]
 
 
 def _strip(root: ET.Element, *, visual: bool) -> None:
@@ -383,7 +420,7 @@ def _base(robot: Robot, *, visual: bool) -> list[ET.Element]:
         _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
         # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
         _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", bounds=(100.0, 2.0, YAW_TORQUE_NM)),
-        _joint("arm_mount", "fixed", mount_link(robot), robot.arm_links[0], height_m=robot.mount_m),
+        _joint("arm_mount", "fixed", mount_link(robot), robot.arm_links[0], at_m=(0.0, 0.0, robot.mount_m)),
         _joint("mast_foot", "fixed", BASE_LINK, MAST_LINK),
     ]
 
@@ -392,10 +429,10 @@ def _lift(robot: Robot, *, visual: bool) -> tuple[ET.Element, ET.Element]:
     """Return the carriage that the mast guides and that carries the arm, and its joint."""
     carriage = ET.Element("link", name=LIFT_LINK)
     carriage.append(_inertial(_CARRIAGE_MASS_KG, 0.1, _numbers([0, 0, robot.mount_m - _BRACKET_M[2] / 2])))
-    x, y = _MAST_AXIS_M
+    x, y = _mast_axis_m(robot)
     side = _GUIDE_WIDTH_M + 0.02
     pieces = (
-        (_BRACKET_M, (*_BRACKET_MIDDLE_M, robot.mount_m - _BRACKET_M[2] / 2)),
+        (_BRACKET_M, (_BRACKET_MIDDLE_M[0], robot.mast_side * _BRACKET_MIDDLE_M[1], robot.mount_m - _BRACKET_M[2] / 2)),
         ((side, side, _GUIDED_M), (x, y, robot.mount_m - _BRACKET_M[2] + _GUIDED_M / 2)),
     )
     tags = (*(["visual"] if visual else []), "collision")
@@ -413,20 +450,55 @@ def _lift(robot: Robot, *, visual: bool) -> tuple[ET.Element, ET.Element]:
 
 def _mast(robot: Robot, *, visual: bool) -> ET.Element:
     """Return the mast of the head camera, from the top of the base up, in the base's frame; all of it collides."""
-    x, y = _MAST_AXIS_M
-    top = CAMERA_MOUNT_M[2]
+    x, y = _mast_axis_m(robot)
+    lens_x, lens_y, top = camera_mount_m(robot)
     width = _GUIDE_WIDTH_M if robot.lift_m else _MAST_WIDTH_M
     height = top - _HOUSING_M[2] / 2 - robot.chassis_m
-    lens_x, lens_y, lens_z = CAMERA_MOUNT_M
     pieces = (
         ((width, width, height), (x, y, robot.chassis_m + height / 2), (0.62, 0.64, 0.66)),
-        (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, lens_z), (0.10, 0.10, 0.12)),
+        (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, top), (0.10, 0.10, 0.12)),
     )
     mast = ET.Element("link", name=MAST_LINK)
     mast.append(_inertial(_MAST_MASS_KG, 0.15, _numbers([x, y, (robot.chassis_m + top) / 2])))
     for index, (size, middle, color) in enumerate(pieces):
         _add_box(mast, (*(["visual"] if visual else []), "collision"), size, middle, color, f"mast_{index}")
     return mast
+
+
+def _mast_axis_m(robot: Robot) -> tuple[float, float]:
+    return _MAST_AXIS_M[0], robot.mast_side * _MAST_AXIS_M[1]
+
+
+def _bolted(robot: Robot, hand: BoltedHand, *, visual: bool) -> list[ET.Element]:
+    """Return the links and joints of a gripper of boxes, with the frame between the fingertips."""
+    palm, tip = ET.Element("link", name=robot.hand_link), ET.Element("link", name=robot.tip_link)
+    tags = (*(["visual"] if visual else []), "collision")
+    depth_m = hand.palm_m[2]
+    palm.append(_box_inertial(hand.palm_kg, hand.palm_m, (0.0, 0.0, depth_m / 2)))
+    _add_box(palm, tags, hand.palm_m, (0.0, 0.0, depth_m / 2), (0.25, 0.26, 0.28), "palm")
+    tip.append(_inertial(0.03, 3e-5))
+    tip_m = depth_m + hand.finger_m[2] - robot.hand.fingertip_m
+    found = [
+        palm,
+        tip,
+        _joint("gripper_mount", "fixed", hand.flange, robot.hand_link, at_m=hand.position_m, rpy_rad=hand.rpy_rad),
+        _joint("gripper_tip_joint", "fixed", robot.hand_link, robot.tip_link, at_m=(0.0, 0.0, tip_m)),
+    ]
+    for name, link, side in zip(robot.finger_joints, robot.finger_links, (1.0, -1.0), strict=True):
+        finger = ET.Element("link", name=link)
+        middle_m = (0.0, side * hand.finger_m[1] / 2, hand.finger_m[2] / 2)
+        finger.append(_box_inertial(hand.finger_kg, hand.finger_m, middle_m))
+        _add_box(finger, tags, hand.finger_m, middle_m, (0.10, 0.10, 0.11), "finger")
+        joint = _joint(name, "prismatic", robot.hand_link, link, axis=f"0 {side:g} 0", at_m=(0.0, 0.0, depth_m))
+        upper, effort = _numbers([hand.travel_m]), _numbers([FINGER_DRIVE[2]])
+        ET.SubElement(joint, "limit", lower="0", upper=upper, effort=effort, velocity="0.2")
+        found += [finger, joint]
+    return found
+
+
+def _box_inertial(mass_kg: float, size_m: Vector, middle_m: Vector) -> ET.Element:
+    """Return mass and inertia of a box, by its longest side about every axis."""
+    return _inertial(mass_kg, mass_kg * max(size_m) ** 2 / 6, _numbers(middle_m))
 
 
 def _add_box(
@@ -454,14 +526,16 @@ def _joint(
     *,
     axis: str = "",
     bounds: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    height_m: float = 0.0,
+    at_m: Vector = (0.0, 0.0, 0.0),
+    rpy_rad: Vector = (0.0, 0.0, 0.0),
 ) -> ET.Element:
     joint = ET.Element("joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_numbers([0, 0, height_m]), rpy="0 0 0")
+    ET.SubElement(joint, "origin", xyz=_numbers(at_m), rpy=_numbers(rpy_rad))
     if axis:
         ET.SubElement(joint, "axis", xyz=axis)
+    if any(bounds):
         limit, velocity, effort = (_numbers([bound]) for bound in bounds)
         ET.SubElement(joint, "limit", lower=f"-{limit}", upper=limit, effort=effort, velocity=velocity)
     return joint
