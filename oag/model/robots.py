@@ -88,6 +88,8 @@ class Robot:
         home: The arm's posture for driving [rad].
         swing_deg: How far the arm turns on its mount from straight ahead, to either side.
         torques_nm: Of the arm's joints, at the description's size.
+        speeds_rad_s: Fastest that the maker lets the arm's joints turn, and those of its wrist.
+        turning_up_rad_s2: Acceleration that the maker allows the arm's slowest joint.
         wrist: How many of the arm's last joints are its wrist.
         chassis_m: Height of the base's top.
         mount_m: Height of the arm's mount on the base, the lift down.
@@ -128,6 +130,8 @@ class Robot:
     home: tuple[float, ...]
     swing_deg: float
     torques_nm: tuple[float, ...]
+    speeds_rad_s: tuple[float, float]
+    turning_up_rad_s2: float
     wrist: int
     chassis_m: float
     mount_m: float
@@ -227,6 +231,8 @@ PAPER_ROBOT = Robot(
     home=(0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785),
     swing_deg=166.0,
     torques_nm=(87.0,) * 4 + (12.0,) * 3,
+    speeds_rad_s=(2.175, 2.61),
+    turning_up_rad_s2=7.0,
     wrist=3,
     chassis_m=0.18,
     mount_m=0.30,
@@ -326,14 +332,16 @@ UR5 = Robot(
     elbow=4,
     forearm=3,
     home=(0.0, -1.91, 1.57, 0.75, 1.571, 1.571),
-    swing_deg=178.0,
+    swing_deg=180.0,
     torques_nm=(150.0,) * 3 + (28.0,) * 3,
+    speeds_rad_s=(3.15, 3.2),
+    turning_up_rad_s2=7.0,
     wrist=3,
     chassis_m=0.12,
     mount_m=0.30,
     lift_m=0.60,
     shoulder_m=0.089,
-    stretched_m=1.02,
+    stretched_m=1.05,
     comfort_m=(0.35, 0.35),
     wrist_m=0.205,
     reaches_m=(0.55, 0.60, 0.50, 0.65, 0.70, 0.45),
