@@ -56,7 +56,7 @@ def speed_limits(robot: Robot) -> Array:
 def acceleration_limits(robot: Robot) -> Array:
     """Return (Q,) the acceleration limits of base and arm, m/s2 and rad/s2; twice these at the end of a motion that has
     to end at once."""
-    return _of_joints(robot, (*_ACCELERATIONS, robot.turning_up_rad_s2))
+    return _of_joints(robot, (*_ACCELERATIONS, robot.acceleration_rad_s2))
 
 
 @cache

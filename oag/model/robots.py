@@ -49,7 +49,7 @@ class HandShape:
 
 
 @dataclass(frozen=True, slots=True)
-class BoltedHand:
+class BoxGripper:
     """A parallel gripper of boxes, for an arm whose description has no hand; lengths [m] as simulated.
 
     Attributes:
@@ -57,7 +57,6 @@ class BoltedHand:
         position_m, rpy_rad: Of the gripper's frame in that link: its approach is z, and its fingers close along y.
         palm_m: Sides of the housing, along x, y and z.
         finger_m: Sides of a finger.
-        travel_m: How far a finger opens.
         palm_kg, finger_kg: Masses.
     """
 
@@ -66,7 +65,6 @@ class BoltedHand:
     rpy_rad: tuple[float, float, float]
     palm_m: tuple[float, float, float]
     finger_m: tuple[float, float, float]
-    travel_m: float
     palm_kg: float
     finger_kg: float
 
@@ -89,7 +87,7 @@ class Robot:
         swing_deg: How far the arm turns on its mount from straight ahead, to either side.
         torques_nm: Of the arm's joints, at the description's size.
         speeds_rad_s: Fastest that the maker lets the arm's joints turn, and those of its wrist.
-        turning_up_rad_s2: Acceleration that the maker allows the arm's slowest joint.
+        acceleration_rad_s2: Of the arm's joints in planned motions: what a Panda's slowest one may do.
         wrist: How many of the arm's last joints are its wrist.
         chassis_m: Height of the base's top.
         mount_m: Height of the arm's mount on the base, the lift down.
@@ -105,11 +103,11 @@ class Robot:
         withdraw_m: How far the base backs out, until the arm has room to go home.
         mirrored: For each of the arm's joints the sign and the addition [rad] that mirror it in the plane of the base's
             x axis and the arm's first axis.
-            Empty where an arm has no mirror image: nothing is learned from mirrored episodes of it.
+            Empty where an arm has no mirror image; nothing is learned from mirrored episodes of it.
         leaning_rad: Of the arm's second joint, where the upper arm leans forward.
         mast_side: On which side the mast stands, 1 for left and -1 for right: not where the elbow folds back.
         hand: Lengths of the hand.
-        bolted: The gripper, where the arm's description has none.
+        box_gripper: The gripper, where the arm's description has none.
         keeps_order: Whether searches keep the order in which stored results of the robot were found. Those of another
             one ask the floor before postures, and begin with what a dry run chose.
     """
@@ -131,7 +129,7 @@ class Robot:
     swing_deg: float
     torques_nm: tuple[float, ...]
     speeds_rad_s: tuple[float, float]
-    turning_up_rad_s2: float
+    acceleration_rad_s2: float
     wrist: int
     chassis_m: float
     mount_m: float
@@ -148,7 +146,7 @@ class Robot:
     hand: HandShape
     leaning_rad: float = 0.5
     mast_side: int = 1
-    bolted: BoltedHand | None = None
+    box_gripper: BoxGripper | None = None
     keeps_order: bool = True
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -232,7 +230,7 @@ PAPER_ROBOT = Robot(
     swing_deg=166.0,
     torques_nm=(87.0,) * 4 + (12.0,) * 3,
     speeds_rad_s=(2.175, 2.61),
-    turning_up_rad_s2=7.0,
+    acceleration_rad_s2=7.0,
     wrist=3,
     chassis_m=0.18,
     mount_m=0.30,
@@ -300,8 +298,6 @@ LIFTED = replace(
 )
 """The arm is on a carriage, which the mast of the head camera guides: as low as level hands need it at a table."""
 
-_HOUSING_M, _FINGER_M = (0.05, 0.13, 0.075), (0.020, 0.012, 0.058)
-
 UR5 = Robot(
     name="ur5-lift",
     words="UR5 with a parallel gripper on a lift",
@@ -335,7 +331,7 @@ UR5 = Robot(
     swing_deg=180.0,
     torques_nm=(150.0,) * 3 + (28.0,) * 3,
     speeds_rad_s=(3.15, 3.2),
-    turning_up_rad_s2=7.0,
+    acceleration_rad_s2=7.0,
     wrist=3,
     chassis_m=0.12,
     mount_m=0.30,
@@ -362,19 +358,22 @@ UR5 = Robot(
     ),
     leaning_rad=-0.9,
     mast_side=-1,
-    bolted=BoltedHand(
+    box_gripper=BoxGripper(
         flange="wrist_3_link",
         position_m=(0.0, 0.0823, 0.0),
         rpy_rad=(-math.pi / 2, 0.0, 0.0),
-        palm_m=_HOUSING_M,
-        finger_m=_FINGER_M,
-        travel_m=0.0425,
+        palm_m=(0.05, 0.13, 0.075),
+        finger_m=(0.020, 0.012, 0.058),
         palm_kg=0.8,
         finger_kg=0.03,
     ),
     keeps_order=False,
 )
-"""Six joints, shoulder and elbow side by side: no arm of the others. The mast is where its elbow does not fold back."""
+"""Of the installed arms the least like a Panda: six joints, shoulder and elbow side by side, and no hand.
+
+Its description draws a gripper as three boxes that do not move. Here such boxes are a gripper of 85 mm, about as wide
+as those that such arms have. The upper arm leans back on the left, so the mast stands on the right.
+"""
 
 ROBOTS = {robot.name: robot for robot in (PAPER_ROBOT, FULL_SIZE, LIFTED, UR5)}
 """Every robot by its name."""

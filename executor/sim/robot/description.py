@@ -28,7 +28,7 @@ from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
 from executor.sim.robot.meshes import decimated_mesh
 from executor.system.files import cache_dir, content_key
-from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, BoltedHand, Robot
+from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, BoxGripper, Robot
 
 Vector = tuple[float, float, float]
 
@@ -179,7 +179,7 @@ def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
         mesh.set("scale", _numbers([scale] * 3))
     for index, element in enumerate(_base(robot, visual=visual)):
         root.insert(index, element)
-    root.extend([] if robot.bolted is None else _bolted(robot, robot.bolted, visual=visual))
+    root.extend([] if robot.box_gripper is None else _box_gripper(robot, robot.box_gripper, visual=visual))
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8")
 
@@ -193,9 +193,9 @@ def _keep_arm(root: ET.Element, robot: Robot) -> None:
             yield link
             link = parents.get(link, "")
 
-    hand = robot.hand_link if robot.bolted is None else robot.bolted.flange
+    hand = robot.hand_link if robot.box_gripper is None else robot.box_gripper.flange
     kept = set(way_up(hand)) - set(way_up(parents.get(robot.arm_links[0], "")))
-    if robot.bolted is None:
+    if robot.box_gripper is None:
         kept |= {name for link in root.findall("link") if hand in way_up(name := link.attrib["name"])}
     for element in list(root):
         ends = {_end(element, "parent"), _end(element, "child")}
@@ -325,7 +325,7 @@ def _mast_axis_m(robot: Robot) -> tuple[float, float]:
     return _MAST_AXIS_M[0], robot.mast_side * _MAST_AXIS_M[1]
 
 
-def _bolted(robot: Robot, hand: BoltedHand, *, visual: bool) -> list[ET.Element]:
+def _box_gripper(robot: Robot, hand: BoxGripper, *, visual: bool) -> list[ET.Element]:
     """Return the links and joints of a gripper of boxes, with the frame between the fingertips."""
     palm, tip = ET.Element("link", name=robot.hand_link), ET.Element("link", name=robot.tip_link)
     tags = (*(["visual"] if visual else []), "collision")
@@ -346,7 +346,7 @@ def _bolted(robot: Robot, hand: BoltedHand, *, visual: bool) -> list[ET.Element]
         finger.append(_box_inertial(hand.finger_kg, hand.finger_m, middle_m))
         _add_box(finger, tags, hand.finger_m, middle_m, (0.10, 0.10, 0.11), "finger")
         joint = _joint(name, "prismatic", robot.hand_link, link, axis=f"0 {side:g} 0", at_m=(0.0, 0.0, depth_m))
-        upper, effort = _numbers([hand.travel_m]), _numbers([FINGER_DRIVE[2]])
+        upper, effort = _numbers([robot.hand.opening_m / 2]), _numbers([FINGER_DRIVE[2]])
         ET.SubElement(joint, "limit", lower="0", upper=upper, effort=effort, velocity="0.2")
         found += [finger, joint]
     return found
