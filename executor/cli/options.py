@@ -67,10 +67,10 @@ FullSize = Annotated[
 ]
 # A test holds these against the records; reading them here would make every `--help` load the graph.
 RobotName = Annotated[
-    Maybe[Literal["paper", "panda", "panda-lift"]],
+    Maybe[Literal["paper", "panda", "panda-lift", "ur5-lift"]],
     option_help(
         "Which robot, by default the scene's, else the paper's: a Panda of 0.7 of its size, one of full size (what "
-        "--full-size says too), or that on a lift."
+        "--full-size says too), that on a lift, or a UR5 with a parallel gripper on one."
     ),
 ]
 RepairScene = Annotated[

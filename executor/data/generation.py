@@ -185,31 +185,31 @@ def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoS
     variation = Variation(**axes, distractors=wanted.distractors, noise_m=wanted.noise_m)
     recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
     episodes = wanted.episodes if "episodes" in wanted.model_fields_set else attempts_for(wanted.successes)
-    for origin in _origins(wanted, scene_folder):
+    for origin, robot in _origins(wanted, scene_folder):
         index = indices_of(origin.family)[0]
         flags = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
         yield DemoSeries(
-            DemoUnit(
-                origin, wanted.seed, index, variation, recording, *flags, robot=wanted.robot, repair=wanted.repair
-            ),
+            DemoUnit(origin, wanted.seed, index, variation, recording, *flags, robot=robot, repair=wanted.repair),
             episodes,
             wanted.successes,
         )
 
 
-def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[Origin]:
+def _origins(wanted: _SourceForm, scene_folder: Path) -> Iterator[tuple[Origin, str]]:
+    """Yield origins, each with the name of a robot that keeps no order, or of the chosen one."""
     if wanted.families:
-        yield from (Origin(family=family) for family in wanted.families)
+        yield from ((Origin(family=family), wanted.robot) for family in wanted.families)
         return
     file = scene_folder / wanted.scene
     name = str(file) if wanted.scene.endswith(".json") else wanted.scene
     if varies_with_seed(name):
         # Scenes drawn by seeds follow from the seeds and the program.
-        yield Origin(query=wanted.query, scene=name)
+        yield Origin(query=wanted.query, scene=name), wanted.robot
         return
     scene = scene_for(wanted.query, name, robot=chosen_robot(wanted.robot, full_size=wanted.full_size))
     require_valid(scene)
-    yield Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))
+    origin = Origin(query=wanted.query, scene=name, scene_key=scene_key(scene))
+    yield origin, wanted.robot if scene.robot.model.keeps_order else scene.robot.name
 
 
 WORKER = "executor.data.worker"

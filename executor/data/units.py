@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
 
+from executor.campaign.versions import UNORDERED_VERSION
 from executor.scenes.generators.families import HOUSEHOLD, LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.room import Draws, Perturbation
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
@@ -25,7 +26,7 @@ from executor.sim.robot.description import FINGER_FRICTION
 from executor.system.files import content_key, json_text, plain
 from oag import Scene, Task
 from oag.model.forms import adapter
-from oag.model.robots import FULL_SIZE, chosen_robot, known_robot
+from oag.model.robots import FULL_SIZE, PAPER_ROBOT, chosen_robot, known_robot, robot_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +184,8 @@ class DemoUnit:
         stances: Number of stances planned at each choice (`Session.stances`), so that the choice follows from
             observable state. 1 takes the one that the unit's seed gives.
         takeover: Policy that acted before the planner; None for an episode from its start.
-        robot: Name of the robot; empty for the scene's own, a family's is the paper's. `full_size` is another word for
-            the Panda of full size.
+        robot: Name of the robot; empty for a family's, the paper's, and for a scene's own that keeps the order of its
+            searches. `full_size` is another word for the Panda of full size.
         repair: "scene" where the scene is changed so that the task can be done (`executor.rollouts.scene_repairs`).
     """
 
@@ -237,13 +238,15 @@ class DemoUnit:
         data = self.to_json()
         if self.origin.scene_key:
             data["origin"]["scene"] = ""  # The content identifies the scene, wherever its file lies.
+        if not robot_named(self.robot_name or PAPER_ROBOT.name).keeps_order:
+            version = f"{version} unordered {UNORDERED_VERSION}"
         return _id_of(data, version)
 
     def ids(self, version: str) -> Iterator[str]:
         """Yield the unit's id, then the ids of earlier programs, under which a store may have it.
 
         Earlier programs treated 10 and 10.0 as different requests, as well as other orders of views and copies of a
-        scene's file.
+        scene's file. They had no version of their own for robots that keep no order.
 
         Args:
             version: Hash of the program.

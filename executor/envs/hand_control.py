@@ -1,6 +1,7 @@
 """Follow hand actions with the arm: distances to solids, elbow posture, and joint targets.
 
-Ten numbers of a hand action leave one of the arm's seven joints free: the null motion with the hand at its target.
+Ten numbers of a hand action leave one of an arm's seven joints free: the null motion with the hand at its target. An
+arm of six joints has none, and its elbow is where the hand puts it.
 Where nothing is near, the elbow goes a little towards home. Otherwise all postures that hold the hand are searched to
 either side, for the hand now and soon, and the arm moves towards the cheapest. Each link between shoulder and hand
 should keep `CLEAR_M` from everything solid, each joint `SPARE_RAD` from its limits; elbow motion itself costs, too. A
@@ -113,6 +114,7 @@ SPARE_RAD = 0.3
 FIRST_FREE_LINK = 3
 """Links from this one to the one before the last are moved by the null motion; each has as many joints before it."""
 
+_HAND_FREEDOMS = 6  # An arm of more joints moves its elbow with the hand in place.
 _POINTS = 16  # On each link: 3 to 5 cm apart.
 _HOMEWARD = 0.1  # Share of the distance home per action: within a second the elbow is on its home side.
 _SPARE, _CLEAR = 4.0, 1200.0  # Weights for rad and m, squared; elbow motion in rad has 1: 3 cm are worth a radian.
@@ -159,6 +161,8 @@ class Elbow:
             arm: (A,) the posture [rad].
             homeward: Whether the arm goes home where nothing is in the way.
         """
+        if len(arm) <= _HAND_FREEDOMS:
+            return np.zeros(len(arm))
         null_motions, back = _null_motions_and_inverses(hand.jacobian[None])
         home = _HOMEWARD * float(null_motions[0] @ (self._home - arm)) if homeward else 0.0
         arms = arm + _steps(back, hand.errors)
@@ -236,15 +240,14 @@ def _points(world: World, link: str) -> Array:
     return np.asarray(corners[farthest_points(corners, _POINTS, 0)])
 
 
-_ARM_SPEED_RAD_S, _WRIST_SPEED_RAD_S = 2.175, 2.61
-"""Joint speed limits of a Panda by Franka Robotics. With an elbow unlike the demonstration's, the same hand motion
-needs twice the speed in some joint; at the 1.2 rad/s of planned motions hands fell 5 cm behind."""
-
-
 def arm_speeds(robot: Robot) -> Array:
-    """Return (A,) the speed limits of a robot's arm that follows hand actions [rad/s]."""
-    wrist = robot.wrist
-    return np.array([_ARM_SPEED_RAD_S] * (len(robot.arm_joints) - wrist) + [_WRIST_SPEED_RAD_S] * wrist)
+    """Return (A,) the speed limits of a robot's arm that follows hand actions [rad/s]: its maker's.
+
+    With an elbow unlike the demonstration's, the same hand motion needs twice the speed in some joint. At the 1.2 rad/s
+    of planned motions hands fell 5 cm behind.
+    """
+    arm, wrist = robot.speeds_rad_s
+    return np.array([arm] * (len(robot.arm_joints) - robot.wrist) + [wrist] * robot.wrist)
 
 
 OWED_M, OWED_RAD = 0.05, 0.3

@@ -320,11 +320,15 @@ _MIRROR_POINT = np.append(_MIRROR_PLACE, 1).astype(np.float32)
 
 
 def mirror_columns(robot: Robot, columns: Columns) -> dict[str, NDArray] | None:
-    """Mirror an episode's columns (`executor.data.episode`); None where a joint would exceed its limits.
+    """Mirror an episode's columns (`executor.data.episode`).
+
+    None where a joint would exceed its limits, and where the arm has no mirror image.
 
     Args:
         columns: Columns of the episode; those that policies do not observe stay.
     """
+    if not robot.mirrored:
+        return None
     found = dict(columns)
     joints_count = len(robot.joint_names)
     signs = np.concatenate([np.ones(joints_count), _MIRROR_POSE, [1]]).astype(np.float32)

@@ -29,7 +29,6 @@ DRIVE_COST_RAD_PER_M = 0.15  # A metre less of driving makes up for 9 degrees of
 TURN_COST = 0.05  # For each radian that the base faces away.
 LIFT_COST = 0.5  # A metre of lifting, against a metre of driving.
 OTHER_LIFTS_M = (0.15, -0.15)  # Off the most comfortable height, where that leads nowhere.
-LEANING_FORWARD_RAD = 0.5  # Of the arm's second joint.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 TURN_M_PER_RAD = 0.1
 """How many metres off the place a radian off the direction is worth: about the length of the hand."""
@@ -196,7 +195,7 @@ def _room(planner: Planner, base: Array, margin_m: float) -> tuple[bool, float]:
         return False, min(hit.separation_m for hit in near if hit.mover in own)
     if not movers & shoulder:
         return True, 0.0
-    leaning = (robot.home[0], LEANING_FORWARD_RAD, *robot.home[2:])
+    leaning = (robot.home[0], robot.leaning_rad, *robot.home[2:])
     forward = planner.oracle.hits(np.concatenate([base, leaning]), margin_m=margin_m)
     return not {hit.mover for hit in forward} & shoulder, 0.0
 

@@ -24,9 +24,8 @@ from executor.geometry import Array
 from oag.model.robots import Robot
 
 _SPEEDS = (0.5, 1.0, 0.15, 1.2)  # m/s along the floor, rad/s of yaw, m/s of a lift, rad/s of the arm.
-_ACCELERATIONS = (2.5, 5.0, 0.75, 7.0)
-"""m/s2 and rad/s2, as above. Of the base what 170 N give its 66 kg; of the arm what Franka Robotics allows a Panda's
-slowest."""
+_ACCELERATIONS = (2.5, 5.0, 0.75)
+"""m/s2 and rad/s2 of base and lift: what 170 N give the 66 kg of the base. An arm's is in its record."""
 
 STOPS = 2.0
 """Accelerations at the end of a motion that has to end at once: about what the 350 N of the base give its 66 kg and the
@@ -57,7 +56,7 @@ def speed_limits(robot: Robot) -> Array:
 def acceleration_limits(robot: Robot) -> Array:
     """Return (Q,) the acceleration limits of base and arm, m/s2 and rad/s2; twice these at the end of a motion that has
     to end at once."""
-    return _of_joints(robot, _ACCELERATIONS)
+    return _of_joints(robot, (*_ACCELERATIONS, robot.acceleration_rad_s2))
 
 
 @cache

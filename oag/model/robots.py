@@ -48,6 +48,27 @@ class HandShape:
     press_tip_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class BoxGripper:
+    """A parallel gripper of boxes, for an arm whose description has no hand; lengths [m] as simulated.
+
+    Attributes:
+        flange: Link of the description that carries it.
+        position_m, rpy_rad: Of the gripper's frame in that link: its approach is z, and its fingers close along y.
+        palm_m: Sides of the housing, along x, y and z.
+        finger_m: Sides of a finger.
+        palm_kg, finger_kg: Masses.
+    """
+
+    flange: str
+    position_m: tuple[float, float, float]
+    rpy_rad: tuple[float, float, float]
+    palm_m: tuple[float, float, float]
+    finger_m: tuple[float, float, float]
+    palm_kg: float
+    finger_kg: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """A robot; two records are equal where they are the same one of `ROBOTS`.
@@ -65,6 +86,8 @@ class Robot:
         home: The arm's posture for driving [rad].
         swing_deg: How far the arm turns on its mount from straight ahead, to either side.
         torques_nm: Of the arm's joints, at the description's size.
+        speeds_rad_s: Fastest that the maker lets the arm's joints turn, and those of its wrist.
+        acceleration_rad_s2: Of the arm's joints in planned motions: what a Panda's slowest one may do.
         wrist: How many of the arm's last joints are its wrist.
         chassis_m: Height of the base's top.
         mount_m: Height of the arm's mount on the base, the lift down.
@@ -80,7 +103,11 @@ class Robot:
         withdraw_m: How far the base backs out, until the arm has room to go home.
         mirrored: For each of the arm's joints the sign and the addition [rad] that mirror it in the plane of the base's
             x axis and the arm's first axis.
+            Empty where an arm has no mirror image; nothing is learned from mirrored episodes of it.
+        leaning_rad: Of the arm's second joint, where the upper arm leans forward.
+        mast_side: On which side the mast stands, 1 for left and -1 for right: not where the elbow folds back.
         hand: Lengths of the hand.
+        box_gripper: The gripper, where the arm's description has none.
         keeps_order: Whether searches keep the order in which stored results of the robot were found. Those of another
             one ask the floor before postures, and begin with what a dry run chose.
     """
@@ -101,6 +128,8 @@ class Robot:
     home: tuple[float, ...]
     swing_deg: float
     torques_nm: tuple[float, ...]
+    speeds_rad_s: tuple[float, float]
+    acceleration_rad_s2: float
     wrist: int
     chassis_m: float
     mount_m: float
@@ -115,6 +144,9 @@ class Robot:
     withdraw_m: tuple[float, ...]
     mirrored: tuple[tuple[float, float], ...]
     hand: HandShape
+    leaning_rad: float = 0.5
+    mast_side: int = 1
+    box_gripper: BoxGripper | None = None
     keeps_order: bool = True
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -197,6 +229,8 @@ PAPER_ROBOT = Robot(
     home=(0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785),
     swing_deg=166.0,
     torques_nm=(87.0,) * 4 + (12.0,) * 3,
+    speeds_rad_s=(2.175, 2.61),
+    acceleration_rad_s2=7.0,
     wrist=3,
     chassis_m=0.18,
     mount_m=0.30,
@@ -264,7 +298,84 @@ LIFTED = replace(
 )
 """The arm is on a carriage, which the mast of the head camera guides: as low as level hands need it at a table."""
 
-ROBOTS = {robot.name: robot for robot in (PAPER_ROBOT, FULL_SIZE, LIFTED)}
+UR5 = Robot(
+    name="ur5-lift",
+    words="UR5 with a parallel gripper on a lift",
+    distribution="example-robot-data",
+    urdf="robots/ur_description/urdf/ur5_joint_limited_robot.urdf",
+    scale=1.0,
+    arm_joints=(
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    ),
+    finger_joints=("gripper_left_joint", "gripper_right_joint"),
+    arm_links=(
+        "base_link",
+        "shoulder_link",
+        "upper_arm_link",
+        "forearm_link",
+        "wrist_1_link",
+        "wrist_2_link",
+        "wrist_3_link",
+    ),
+    hand_link="gripper_palm",
+    finger_links=("gripper_left_finger", "gripper_right_finger"),
+    tip_link="gripper_tip",
+    elbow=4,
+    forearm=3,
+    home=(0.0, -1.91, 1.57, 0.75, 1.571, 1.571),
+    swing_deg=180.0,
+    torques_nm=(150.0,) * 3 + (28.0,) * 3,
+    speeds_rad_s=(3.15, 3.2),
+    acceleration_rad_s2=7.0,
+    wrist=3,
+    chassis_m=0.12,
+    mount_m=0.30,
+    lift_m=0.60,
+    shoulder_m=0.089,
+    stretched_m=1.05,
+    comfort_m=(0.35, 0.35),
+    wrist_m=0.205,
+    reaches_m=(0.55, 0.60, 0.50, 0.65, 0.70, 0.45),
+    close_reaches_m=(0.40, 0.35),
+    tucked_m=(0.40, 0.45, 0.36),
+    withdraw_m=(0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.95),
+    mirrored=(),
+    hand=HandShape(
+        opening_m=0.085,
+        aim_m=0.075,
+        least_m=0.05,
+        palm_room_m=0.046,
+        palm_half_m=0.027,
+        fingertip_m=0.010,
+        finger_half_m=0.010,
+        finger_thick_m=0.012,
+        press_tip_m=0.017,
+    ),
+    leaning_rad=-0.9,
+    mast_side=-1,
+    box_gripper=BoxGripper(
+        flange="wrist_3_link",
+        position_m=(0.0, 0.0823, 0.0),
+        rpy_rad=(-math.pi / 2, 0.0, 0.0),
+        palm_m=(0.05, 0.13, 0.075),
+        finger_m=(0.020, 0.012, 0.058),
+        palm_kg=0.8,
+        finger_kg=0.03,
+    ),
+    keeps_order=False,
+)
+"""Of the installed arms the least like a Panda: six joints, shoulder and elbow side by side, and no hand.
+
+Its description draws a gripper as three boxes that do not move. Here such boxes are a gripper of 85 mm, about as wide
+as those that such arms have. The upper arm leans back on the left, so the mast stands on the right.
+"""
+
+ROBOTS = {robot.name: robot for robot in (PAPER_ROBOT, FULL_SIZE, LIFTED, UR5)}
 """Every robot by its name."""
 
 

@@ -29,7 +29,7 @@ from executor.assets.library import asset_for
 from executor.assets.model import Asset
 from executor.assets.parameters import number
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.sim.robot.description import CAMERA_MOUNT_M, MAST_LINK
+from executor.sim.robot.description import MAST_LINK, camera_mount_m
 from oag import Scene, SceneObject, Task
 from oag.model.robots import Robot
 from oag.model.scene import FLOOR
@@ -187,9 +187,9 @@ def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.
     return transform(np.stack([forward, left, np.cross(forward, left)], axis=1), position)
 
 
-def head_camera() -> Camera:
+def head_camera(robot: Robot) -> Camera:
     """Return the camera on the robot's mast, which looks forward and down past the arm at the arm's workspace."""
-    pose = look_at(CAMERA_MOUNT_M, [0.55, -0.04, 0.62])
+    pose = look_at(camera_mount_m(robot), [0.55, -0.04 * robot.mast_side, 0.62])
     return Camera("head", MAST_LINK, pose, fov_y_rad=math.radians(68.0))
 
 
@@ -260,7 +260,7 @@ def cameras_for(
     """
     makers = {
         "global": lambda: global_camera(scene, aspect, task),
-        "head": head_camera,
+        "head": lambda: head_camera(scene.robot.model),
         "wrist": lambda: wrist_camera(scene.robot.model),
     }
     views = tuple(views)

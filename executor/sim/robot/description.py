@@ -10,172 +10,32 @@ fourth power of the size: masses with the third power of a length, levers with t
 the third and the second power of the Franka Hand's 70 N; a hand of full size presses no harder. The base's force is
 what its wheels hold, at every scale. The mast of the head camera is ours, and it collides. It stands on a corner of the
 base: there it meets neither the elbow, which folds back over the base's middle, nor an aisle that the base fits
-through.
-
-The Panda's visual meshes are Collada files with 135 thousand triangles together. Rendering time goes into vertices, so
-they are simplified part by part to a twentieth, every material with its colour, and cached as GLB files.
+through. An arm whose description has no hand gets a parallel gripper of boxes.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bddl.errors import Scene2DemoError
 from bddl.files import write_atomically
+from executor.sim.robot.meshes import decimated_mesh
 from executor.system.files import cache_dir, content_key
-from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, Robot
+from oag.model.robots import LIFT_JOINT, PAPER_ROBOT, BoxGripper, Robot
 
-KEPT_FRACTION = 0.05  # No difference shows at 224 pixels; pictures of 128 take a quarter less time than with 0.10.
-_FEWEST_TRIANGLES = 24
-_OUTLINE_TOLERANCE_M = 0.0015
-_AGGRESSION = 3.0  # The library's default of 7 merges across thin parts before it has looked at all edges.
-# Raised when the simplification changes, so that old cached files are not taken for new ones.
-_RECIPE = "3"
-_NAMESPACE = {"c": "http://www.collada.org/2005/11/COLLADASchema"}
-
-
-@dataclass(frozen=True, slots=True)
-class ColoredPart:
-    """One piece of a mesh with one colour.
-
-    Attributes:
-        vertices_m: (N, 3) positions in the link frame.
-        triangles: (M, 3) vertex indices.
-        color: RGBA in [0, 1].
-    """
-
-    vertices_m: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    color: tuple[float, ...]
-
-
-def decimated_mesh(source: Path) -> Path:
-    """Return the cached GLB of a Collada mesh at about a twentieth of its triangles, made where it is missing.
-
-    Args:
-        source: A `.dae` file of flat nodes that hold triangles with one material each.
-    """
-    path = cache_dir() / "meshes" / f"{source.stem}_{content_key(source.read_bytes(), _RECIPE)}.glb"
-    return path if path.is_file() else write_atomically(path, _to_glb(simplified(read_collada(source))))
-
-
-def read_collada(source: Path) -> list[ColoredPart]:
-    """Return the coloured parts of a Collada file, placed by their nodes.
-
-    Args:
-        source: File with a flat visual scene of triangle meshes, as Blender exports it.
-    """
-    root = ET.parse(source).getroot()
-    colors = {
-        effect.attrib["id"]: _element_floats(effect.find(".//c:diffuse/c:color", _NAMESPACE))
-        for effect in root.iterfind(".//c:library_effects/c:effect", _NAMESPACE)
-    }
-    effects = {
-        material.attrib["id"]: next(material.iterfind("c:instance_effect", _NAMESPACE)).attrib["url"][1:]
-        for material in root.iterfind(".//c:library_materials/c:material", _NAMESPACE)
-    }
-    geometries = {g.attrib["id"]: g for g in root.iterfind(".//c:library_geometries/c:geometry", _NAMESPACE)}
-    parts: list[ColoredPart] = []
-    for node in root.iterfind(".//c:visual_scene/c:node", _NAMESPACE):
-        T_link_node = _element_floats(node.find("c:matrix", _NAMESPACE)).reshape(4, 4)
-        for instance in node.iterfind("c:instance_geometry", _NAMESPACE):
-            geometry = geometries[instance.attrib["url"][1:]]
-            targets = {
-                bound.attrib["symbol"]: bound.attrib["target"][1:]
-                for bound in instance.iterfind(".//c:instance_material", _NAMESPACE)
-            }
-            for triangles in geometry.iterfind(".//c:triangles", _NAMESPACE):
-                color = colors[effects[targets[triangles.attrib["material"]]]]
-                points, faces = _triangles(geometry, triangles)
-                placed = points @ T_link_node[:3, :3].T + T_link_node[:3, 3]
-                parts.append(ColoredPart(placed, faces, tuple(float(value) for value in color)))
-    return parts
-
-
-def simplified(parts: list[ColoredPart]) -> list[ColoredPart]:
-    """Return the parts with about a twentieth of their triangles; a part that would lose its outline keeps more."""
-    import fast_simplification
-
-    result = []
-    for part in parts:
-        points, triangles = _merged(part.vertices_m, part.triangles)
-        outline = _outline(points, triangles)
-        wanted = max(_FEWEST_TRIANGLES, int(KEPT_FRACTION * len(triangles)))
-        while wanted < len(triangles):
-            fewer = fast_simplification.simplify(
-                points.astype(np.float32), triangles.astype(np.int32), target_count=wanted, agg=_AGGRESSION
-            )
-            if np.abs(_outline(*fewer) - outline).max() <= _OUTLINE_TOLERANCE_M:
-                points, triangles = np.asarray(fewer[0], float), np.asarray(fewer[1], np.int64)
-                break
-            wanted *= 2
-        result.append(ColoredPart(points, triangles, part.color))
-    return result
-
-
-def _outline(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the corners (2, 3) of the box around the vertices that triangles use."""
-    used = points[triangles.reshape(-1)]
-    return np.stack([used.min(axis=0), used.max(axis=0)])
-
-
-def _merged(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Join vertices that lie within 10 micrometres: simplification opens cracks along unjoined seams."""
-    _, first, inverse = np.unique(np.round(points, 5), axis=0, return_index=True, return_inverse=True)
-    joined = inverse.reshape(-1)[triangles]
-    a, b, c = joined.T
-    return points[first], joined[(a != b) & (b != c) & (c != a)]
-
-
-def _triangles(geometry: ET.Element, triangles: ET.Element) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return vertex positions (N, 3) and indices (M, 3) of one `<triangles>` element."""
-    inputs = triangles.findall("c:input", _NAMESPACE)
-    stride = 1 + max(int(entry.attrib["offset"]) for entry in inputs)
-    vertex = next(entry for entry in inputs if entry.attrib["semantic"] == "VERTEX")
-    by_id = {element.attrib["id"]: element for element in geometry.iter() if "id" in element.attrib}
-    vertices = by_id[vertex.attrib["source"][1:]]
-    position = next(
-        entry for entry in vertices.iterfind("c:input", _NAMESPACE) if entry.attrib["semantic"] == "POSITION"
-    )
-    source = by_id[position.attrib["source"][1:]]
-    points = _element_floats(source.find("c:float_array", _NAMESPACE)).reshape(-1, 3)
-    indices = _element_floats(triangles.find("c:p", _NAMESPACE)).astype(np.int64).reshape(-1, 3, stride)
-    return points, indices[:, :, int(vertex.attrib["offset"])]
-
-
-def _element_floats(element: ET.Element | None) -> NDArray[np.float64]:
-    text = "" if element is None else element.text or ""
-    return np.array(text.split(), dtype=np.float64)
-
-
-def _to_glb(parts: list[ColoredPart]) -> bytes:
-    import trimesh
-
-    scene = trimesh.Scene()
-    for part in parts:
-        material = trimesh.visual.material.PBRMaterial(
-            baseColorFactor=np.array(part.color), metallicFactor=0.0, roughnessFactor=0.5
-        )
-        mesh = trimesh.Trimesh(part.vertices_m, part.triangles, process=False)
-        mesh.visual = trimesh.visual.TextureVisuals(material=material)
-        scene.add_geometry(mesh)
-    return bytes(scene.export(file_type="glb"))
-
+Vector = tuple[float, float, float]
 
 BASE_LINK = "base_body"
 MAST_LINK = "base_mast"
 LIFT_LINK = "lift_carriage"
-CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
-"""The lens of the head camera in the base's frame: the front of the housing on top of the mast."""
+_CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
 
 _PACKAGE = "package://"
 BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
@@ -184,7 +44,7 @@ BASE_SIDE_M, BASE_BOTTOM_M = 0.34, 0.03
 _BASE_MASS_KG = 60.0
 _PEDESTAL_WIDTH_M = 0.16
 _MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
-_MAST_AXIS_M = (-0.150, 0.146)
+_MAST_AXIS_M = (-0.150, 0.146)  # Of a mast on the left.
 _MAST_MASS_KG = 1.2  # 1.2 m of profile at 0.8 kg/m, and a camera.
 _HOUSING_M = (0.05, 0.046, 0.03)
 _GUIDE_WIDTH_M = 0.06  # Of a mast that guides a lift: a profile of 60 by 60 mm.
@@ -260,6 +120,12 @@ def armatures(robot: Robot) -> tuple[float, ...]:
     return (0.0,) * base + (ROTOR * robot.scale**5,) * arm + (ROTOR * robot.scale**3,) * 2
 
 
+def camera_mount_m(robot: Robot) -> Vector:
+    """Return the lens of the head camera in the base's frame [m]: the front of the housing on top of the mast."""
+    x, y, z = _CAMERA_MOUNT_M
+    return x, robot.mast_side * y, z
+
+
 def base_links(robot: Robot) -> frozenset[str]:
     """Return the links that drive or lift, and do nothing else."""
     return frozenset((BASE_LINK, MAST_LINK, *([LIFT_LINK] if robot.lift_m else [])))
@@ -303,6 +169,7 @@ def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
     folder = description.parents[robot.urdf.count("/")]
     root = ET.parse(description).getroot()
     root.set("name", _family(robot))
+    _keep_arm(root, robot)
     _strip(root, visual=visual)
     _scale(root, scale)
     for mesh in root.iter("mesh"):
@@ -312,8 +179,34 @@ def robot_xml(robot: Robot = PAPER_ROBOT, *, visual: bool) -> bytes:
         mesh.set("scale", _numbers([scale] * 3))
     for index, element in enumerate(_base(robot, visual=visual)):
         root.insert(index, element)
+    root.extend([] if robot.box_gripper is None else _box_gripper(robot, robot.box_gripper, visual=visual))
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8")
+
+
+def _keep_arm(root: ET.Element, robot: Robot) -> None:
+    """Remove what is neither on the way from the arm's first link to its hand nor a part of its hand."""
+    parents = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+
+    def way_up(link: str) -> Iterator[str]:
+        while link:
+            yield link
+            link = parents.get(link, "")
+
+    hand = robot.hand_link if robot.box_gripper is None else robot.box_gripper.flange
+    kept = set(way_up(hand)) - set(way_up(parents.get(robot.arm_links[0], "")))
+    if robot.box_gripper is None:
+        kept |= {name for link in root.findall("link") if hand in way_up(name := link.attrib["name"])}
+    for element in list(root):
+        ends = {_end(element, "parent"), _end(element, "child")}
+        stays = {"link": element.get("name") in kept, "joint": ends <= kept, "material": True}
+        if not stays.get(element.tag, False):
+            root.remove(element)
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.attrib["link"]
 
 
 def _strip(root: ET.Element, *, visual: bool) -> None:
@@ -383,7 +276,7 @@ def _base(robot: Robot, *, visual: bool) -> list[ET.Element]:
         _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
         # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
         _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", bounds=(100.0, 2.0, YAW_TORQUE_NM)),
-        _joint("arm_mount", "fixed", mount_link(robot), robot.arm_links[0], height_m=robot.mount_m),
+        _joint("arm_mount", "fixed", mount_link(robot), robot.arm_links[0], at_m=(0.0, 0.0, robot.mount_m)),
         _joint("mast_foot", "fixed", BASE_LINK, MAST_LINK),
     ]
 
@@ -392,10 +285,10 @@ def _lift(robot: Robot, *, visual: bool) -> tuple[ET.Element, ET.Element]:
     """Return the carriage that the mast guides and that carries the arm, and its joint."""
     carriage = ET.Element("link", name=LIFT_LINK)
     carriage.append(_inertial(_CARRIAGE_MASS_KG, 0.1, _numbers([0, 0, robot.mount_m - _BRACKET_M[2] / 2])))
-    x, y = _MAST_AXIS_M
+    x, y = _mast_axis_m(robot)
     side = _GUIDE_WIDTH_M + 0.02
     pieces = (
-        (_BRACKET_M, (*_BRACKET_MIDDLE_M, robot.mount_m - _BRACKET_M[2] / 2)),
+        (_BRACKET_M, (_BRACKET_MIDDLE_M[0], robot.mast_side * _BRACKET_MIDDLE_M[1], robot.mount_m - _BRACKET_M[2] / 2)),
         ((side, side, _GUIDED_M), (x, y, robot.mount_m - _BRACKET_M[2] + _GUIDED_M / 2)),
     )
     tags = (*(["visual"] if visual else []), "collision")
@@ -413,20 +306,55 @@ def _lift(robot: Robot, *, visual: bool) -> tuple[ET.Element, ET.Element]:
 
 def _mast(robot: Robot, *, visual: bool) -> ET.Element:
     """Return the mast of the head camera, from the top of the base up, in the base's frame; all of it collides."""
-    x, y = _MAST_AXIS_M
-    top = CAMERA_MOUNT_M[2]
+    x, y = _mast_axis_m(robot)
+    lens_x, lens_y, top = camera_mount_m(robot)
     width = _GUIDE_WIDTH_M if robot.lift_m else _MAST_WIDTH_M
     height = top - _HOUSING_M[2] / 2 - robot.chassis_m
-    lens_x, lens_y, lens_z = CAMERA_MOUNT_M
     pieces = (
         ((width, width, height), (x, y, robot.chassis_m + height / 2), (0.62, 0.64, 0.66)),
-        (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, lens_z), (0.10, 0.10, 0.12)),
+        (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, top), (0.10, 0.10, 0.12)),
     )
     mast = ET.Element("link", name=MAST_LINK)
     mast.append(_inertial(_MAST_MASS_KG, 0.15, _numbers([x, y, (robot.chassis_m + top) / 2])))
     for index, (size, middle, color) in enumerate(pieces):
         _add_box(mast, (*(["visual"] if visual else []), "collision"), size, middle, color, f"mast_{index}")
     return mast
+
+
+def _mast_axis_m(robot: Robot) -> tuple[float, float]:
+    return _MAST_AXIS_M[0], robot.mast_side * _MAST_AXIS_M[1]
+
+
+def _box_gripper(robot: Robot, hand: BoxGripper, *, visual: bool) -> list[ET.Element]:
+    """Return the links and joints of a gripper of boxes, with the frame between the fingertips."""
+    palm, tip = ET.Element("link", name=robot.hand_link), ET.Element("link", name=robot.tip_link)
+    tags = (*(["visual"] if visual else []), "collision")
+    depth_m = hand.palm_m[2]
+    palm.append(_box_inertial(hand.palm_kg, hand.palm_m, (0.0, 0.0, depth_m / 2)))
+    _add_box(palm, tags, hand.palm_m, (0.0, 0.0, depth_m / 2), (0.25, 0.26, 0.28), "palm")
+    tip.append(_inertial(0.03, 3e-5))
+    tip_m = depth_m + hand.finger_m[2] - robot.hand.fingertip_m
+    found = [
+        palm,
+        tip,
+        _joint("gripper_mount", "fixed", hand.flange, robot.hand_link, at_m=hand.position_m, rpy_rad=hand.rpy_rad),
+        _joint("gripper_tip_joint", "fixed", robot.hand_link, robot.tip_link, at_m=(0.0, 0.0, tip_m)),
+    ]
+    for name, link, side in zip(robot.finger_joints, robot.finger_links, (1.0, -1.0), strict=True):
+        finger = ET.Element("link", name=link)
+        middle_m = (0.0, side * hand.finger_m[1] / 2, hand.finger_m[2] / 2)
+        finger.append(_box_inertial(hand.finger_kg, hand.finger_m, middle_m))
+        _add_box(finger, tags, hand.finger_m, middle_m, (0.10, 0.10, 0.11), "finger")
+        joint = _joint(name, "prismatic", robot.hand_link, link, axis=f"0 {side:g} 0", at_m=(0.0, 0.0, depth_m))
+        upper, effort = _numbers([robot.hand.opening_m / 2]), _numbers([FINGER_DRIVE[2]])
+        ET.SubElement(joint, "limit", lower="0", upper=upper, effort=effort, velocity="0.2")
+        found += [finger, joint]
+    return found
+
+
+def _box_inertial(mass_kg: float, size_m: Vector, middle_m: Vector) -> ET.Element:
+    """Return mass and inertia of a box, by its longest side about every axis."""
+    return _inertial(mass_kg, mass_kg * max(size_m) ** 2 / 6, _numbers(middle_m))
 
 
 def _add_box(
@@ -454,14 +382,16 @@ def _joint(
     *,
     axis: str = "",
     bounds: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    height_m: float = 0.0,
+    at_m: Vector = (0.0, 0.0, 0.0),
+    rpy_rad: Vector = (0.0, 0.0, 0.0),
 ) -> ET.Element:
     joint = ET.Element("joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_numbers([0, 0, height_m]), rpy="0 0 0")
+    ET.SubElement(joint, "origin", xyz=_numbers(at_m), rpy=_numbers(rpy_rad))
     if axis:
         ET.SubElement(joint, "axis", xyz=axis)
+    if any(bounds):
         limit, velocity, effort = (_numbers([bound]) for bound in bounds)
         ET.SubElement(joint, "limit", lower=f"-{limit}", upper=limit, effort=effort, velocity=velocity)
     return joint

@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from executor.campaign.engine import pending
+from executor.data.generation import series_of
 from executor.data.store import INDEX, META, EpisodeStore, NotADataset
 from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation
 from executor.data.work import Made, Prepared, meta_of
 from executor.records import Detour
 from executor.rollouts.run_record import with_open_numbers
+from executor.scenes.file import scene_for
 from executor.system.files import content_key, json_text
 from oag import Task, compose
+from oag.model.robots import LIFTED, UR5
 from tests.executor.recordings import invented_rollout
 
 FIRST = DemoUnit(Origin("T1"), 7)
@@ -142,6 +145,20 @@ def test_equal_units_have_equal_ids_and_texts_whatever_python_made_them_of() -> 
     for other in ({"evolve": 1}, {"recording": {"rate_hz": True}}, {"seed": 7.0}, {"variation": {"noise_m": True}}):
         with pytest.raises(ValueError):
             DemoUnit.from_json({**FIRST.to_json(), **other})
+
+
+def test_units_of_a_robot_that_keeps_no_order_name_it_and_have_a_version_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scene_for("open the refrigerator", "kitchen_t1", robot=LIFTED.name)
+    (tmp_path / "own.json").write_text(json.dumps(scene.to_json()))
+    wanted = {"query": "open the refrigerator", "scene": "own.json", "episodes": 1}
+    (own,) = (series.first for series in series_of({"sources": [wanted]}, scene_folder=tmp_path))
+    units = (FIRST, replace(FIRST, robot="panda"), replace(FIRST, robot=UR5.name), own)
+    assert [unit.robot_name for unit in units] == ["", "panda", "ur5-lift", "panda-lift"]
+    before = [unit.id("v") for unit in units]
+    monkeypatch.setattr("executor.data.units.UNORDERED_VERSION", 3)
+    assert [unit.id("v") == was for unit, was in zip(units, before, strict=True)] == [True, True, False, False]
 
 
 def test_another_recording_is_another_unit() -> None:

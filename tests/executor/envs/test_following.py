@@ -10,11 +10,11 @@ import pytest
 from executor.envs.hand_control import OWED_M, Elbow, HandFollower, arm_speeds
 from executor.envs.scene_environment import target_speeds
 from executor.geometry import Array
-from executor.sim.robot.actions import arm_chain, hand_actions, joint_limits
+from executor.sim.robot.actions import OPENING, arm_chain, hand_actions, hand_numbers, joint_limits
 from executor.sim.robot.description import FINGER_DRIVE
 from executor.sim.world import World
 from oag import Scene
-from oag.model.robots import PAPER_ROBOT
+from oag.model.robots import PAPER_ROBOT, ROBOTS, Robot
 from oag.model.scene import RobotPose
 
 pytestmark = pytest.mark.physics
@@ -78,6 +78,20 @@ def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way(elbow: E
         assert (after[3:10] >= low).all() and (after[3:10] <= high).all()
         target = after
     assert np.allclose(_hand(target), _hand(START) + ways[-1] - ways[0], atol=2e-3)
+
+
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+def test_the_arm_of_every_robot_follows_a_hand(robot: Robot) -> None:
+    with World(Scene("bare", RobotPose(name=robot.name), {}, (), frozenset())) as world:
+        target = np.array([*robot.start(0.3, -0.2, 0.5), 0.02, 0.02])
+        follower = HandFollower(robot, target, PERIOD_S, Elbow(world))
+        action = np.zeros(hand_numbers(robot))
+        action[2], action[OPENING] = -0.01, 1.0
+        before = arm_chain(robot).forward(target[None, robot.arm])[0]
+        for _ in range(10):
+            target = follower.joint_target(target, action)
+        before[2, 3] -= 0.1
+        assert np.allclose(arm_chain(robot).forward(target[None, robot.arm])[0], before, atol=2e-3)
 
 
 def test_a_hand_that_is_told_nothing_leaves_the_arm_alone(elbow: Elbow) -> None:

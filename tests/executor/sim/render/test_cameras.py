@@ -121,7 +121,7 @@ def test_what_lies_behind_is_not_in_the_picture() -> None:
 
 
 def test_a_moving_mount_moves_the_picture() -> None:
-    camera = head_camera()
+    camera = head_camera(PAPER_ROBOT)
     driven = transform(np.eye(3), [0.3, -0.7, 0.0])
     point = np.array([[0.6, 0.0, 0.5]])
     assert project(camera, driven, point + [0.3, -0.7, 0.0], SIZE) == pytest.approx(
@@ -131,7 +131,7 @@ def test_a_moving_mount_moves_the_picture() -> None:
 
 def test_head_and_wrist_look_where_the_hand_works() -> None:
     workspace = [[0.45, 0.0, 0.65], [0.45, 0.25, 0.65], [0.45, -0.25, 0.65]]
-    assert in_picture(project(head_camera(), np.eye(4), workspace, (100, 100)), (100, 100)).all()
+    assert in_picture(project(head_camera(PAPER_ROBOT), np.eye(4), workspace, (100, 100)), (100, 100)).all()
     between_the_fingers = [[0.0, 0.0, 0.09], [0.0, 0.0, 0.3]]
     assert in_picture(project(wrist_camera(PAPER_ROBOT), np.eye(4), between_the_fingers, (100, 100)), (100, 100)).all()
 

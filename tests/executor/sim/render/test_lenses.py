@@ -137,7 +137,7 @@ def test_the_overview_sees_most_of_what_is_inside_of_what_is_opened() -> None:
 )
 def test_head_and_wrist_camera_stay_outside_of_everything_over_an_episode(unit: Unit) -> None:
     done, _ = execute(unit, *prepare(unit))
-    assert lens_gap_m(done, head_camera()) >= HEAD_GAP_M
+    assert lens_gap_m(done, head_camera(PAPER_ROBOT)) >= HEAD_GAP_M
     assert lens_gap_m(done, wrist_camera(PAPER_ROBOT), every=2) >= 0.0
 
 
@@ -148,7 +148,7 @@ def test_over_a_hundred_episodes_of_all_families_no_camera_is_in_anything() -> N
     wrong = {}
     for unit in drawn:
         done, _ = execute(unit, *prepare(unit))
-        head, above = lens_gap_m(done, head_camera()), overview_gap_m(done)
+        head, above = lens_gap_m(done, head_camera(PAPER_ROBOT)), overview_gap_m(done)
         if head < HEAD_GAP_M or above < LENS_GAP_M:
             wrong[unit.name] = {"head": round(head, 4), "overview": round(above, 4)}
     assert wrong == {}

@@ -11,21 +11,19 @@ import pytest
 
 from executor.sim.robot import description
 from executor.sim.robot.description import (
-    ColoredPart,
     RobotDataMissing,
     mount_link,
-    read_collada,
     robot_urdf,
     robot_xml,
-    simplified,
 )
 from executor.sim.robot.kinematics import ArmChain
+from executor.sim.robot.meshes import ColoredPart, read_collada, simplified
 from oag import Primitive
-from oag.model.robots import FULL_SIZE, LIFTED, PAPER_ROBOT, Robot
+from oag.model.robots import PAPER_ROBOT, ROBOTS, Robot
 from oag.model.scene import RobotPose
 from oag.sizes import Gripper
 
-every_robot = pytest.mark.parametrize("robot", [PAPER_ROBOT, FULL_SIZE, LIFTED], ids=lambda robot: robot.name)
+every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +113,7 @@ def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_it
     for piece in (profile, housing):
         assert (piece[0][:2] >= low[:2] - 1e-9).all() and (piece[1][:2] <= high[:2] + 1e-9).all()
     assert profile[0][2] == pytest.approx(base[0][1][2]) and profile[1][2] == pytest.approx(housing[0][2])
-    lens = np.array(description.CAMERA_MOUNT_M)
+    lens = np.array(description.camera_mount_m(PAPER_ROBOT))
     assert lens[0] == pytest.approx(housing[1][0]) and (lens[1:] > housing[0][1:]).all()
     assert (lens[1:] < housing[1][1:]).all()
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import oag
 from executor.cli.options import RobotName
 from executor.data.units import DemoUnit, Origin
+from executor.planning.collision import CollisionOracle
 from executor.planning.paths import segment
 from executor.planning.stances import HandGoal, base_candidates
 from executor.sim.robot.actions import hand_actions, hand_numbers, joint_limits
@@ -44,7 +45,19 @@ def test_joints_and_links_are_those_of_the_loaded_robot(robot: Robot) -> None:
         assert np.allclose(world.robot.get_qpos()[: robot.movers], robot.start(0.4, -0.3, 0.7))
         limits = joint_limits(robot)[robot.arm]
         assert (limits[:, 0] < robot.home).all() and (robot.home < limits[:, 1]).all()
-        assert len(robot.mirrored) == len(robot.home) == len(robot.torques_nm) == len(robot.arm_joints)
+        assert len(robot.home) == len(robot.torques_nm) == len(robot.arm_joints)
+        assert not robot.mirrored or len(robot.mirrored) == len(robot.arm_joints)
+
+
+@pytest.mark.physics
+@every_robot
+def test_the_arm_at_home_is_free_of_base_and_mast_wherever_the_lift_is(robot: Robot) -> None:
+    with World(bare(robot), oracle=True) as world:
+        low = np.array(robot.start(0.4, -0.3, 0.7))
+        high = low.copy()
+        high[robot.base][3:] = robot.lift_m
+        oracle = CollisionOracle(world)
+        assert oracle.hits(low, margin_m=0.01) == oracle.hits(high, margin_m=0.01) == []
 
 
 @pytest.mark.physics
