@@ -17,6 +17,7 @@ from bddl.grounding import count_ground_parts
 from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
+from oag.model.domain import Own, own_of
 from oag.model.scene import FREE_PARAMETERS, ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
@@ -105,7 +106,7 @@ class _Findings:
 
     def _sound_atom(self, atom: bddl.Atom) -> bool:
         """Decide whether an atom has a known predicate and arguments of the right number and kind."""
-        spec = bddl.PREDICATES.get(atom.predicate)
+        spec = self.scene.domain.predicates.get(atom.predicate)
         if spec is None or spec.arity != len(atom.args):
             return False
         for name, parameter in zip(atom.args, spec.parameters, strict=True):
@@ -226,9 +227,10 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     bound = frozenset(binder.variable for binder in binders)
     affirmed = frozenset(affirmed_in(formula))
     for atom in sorted(bddl.atoms(formula), key=str):
-        spec = bddl.PREDICATES.get(atom.predicate)
+        predicates = found.scene.domain.predicates
+        spec = predicates.get(atom.predicate)
         if spec is None:
-            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, predicates)
             cause = ("predicate", atom.predicate)
             found.add("bddl/unknown-predicate", message, place, index, hint=hint or None, field=field, cause=cause)
         elif spec.arity != len(atom.args):
@@ -329,6 +331,8 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
     target = found.scene.objects.get(subtask.target)
     kind = None if target is None else target.kind
     for position, action in enumerate(subtask.flow):
+        if (own := own_of(action.primitive)) is not None or not found.scene.domain.inherits:
+            _check_own(found, (index, position), subtask, action.primitive, own)
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
             found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
@@ -351,6 +355,20 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if action.primitive in ARTICULATIONS:
             message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
+
+
+def _check_own(
+    found: _Findings, at: tuple[int, int], subtask: SimpleTask, primitive: Primitive, own: Own | None
+) -> None:
+    """Report a primitive of an own domain that cannot act on its objects, and one of the 21 in a domain without."""
+    domain = found.scene.domain
+    problem: str | None = f"is no primitive of the domain {domain.name}"
+    if own is not None:
+        things = {key: (thing.category, thing.kind) for key, thing in found.scene.objects.items()}
+        problem = domain.problem(own, subtask.target, subtask.support_goal, things)
+    if problem is not None:
+        hint = f"its primitives are {', '.join(domain.rows)}"
+        found.add_step("flow/kind", f"{primitive.name} {problem}", at, hint=hint)
 
 
 def _check_motion(found: _Findings, at: tuple[int, int], action: Action, longest_m: float) -> None:
