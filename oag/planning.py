@@ -185,6 +185,14 @@ def repair(task: Task, state: Scene | Iterable[bddl.Formula | str], *, sizing: S
     return _Planning(replace(given, scene=scene), scene, sizing).run()
 
 
+def scales_of(subtasks: Iterable[SimpleTask], scene: Scene, sizing: Sizing = TO_THE_AIM) -> dict[str, float]:
+    """Return the factors of the sizes of what some subtasks take."""
+    gripper = Gripper.of(scene.robot)
+    taken = (scene.objects[subtask.target] for subtask in subtasks)
+    factors = ((thing.id, sizing.factor(thing, gripper)) for thing in taken if thing.kind is Kind.ITEM)
+    return {key: factor for key, factor in factors if factor != 1.0}
+
+
 class _Operator(NamedTuple):
     """A subtask that the search may use, ready for progression; `number` tells operators apart."""
 
@@ -476,12 +484,7 @@ class _Planning:
 
     def _task(self, subtasks: tuple[SimpleTask, ...]) -> Task:
         """Return the plan as a task, with the factors of what the hand takes."""
-        gripper, scales = Gripper.of(self.scene.robot), dict(self.task.scales)
-        for subtask in subtasks:
-            thing = self.scene.objects[subtask.target]
-            factor = self.sizing.factor(thing, gripper)
-            if thing.kind is Kind.ITEM and factor != 1.0:
-                scales.setdefault(thing.id, factor)
+        scales = {**scales_of(subtasks, self.scene, self.sizing), **self.task.scales}
         return replace(self.task, subtasks=subtasks, scales=scales, goal_given=True, source=None)
 
     def _refused(self, refusal: NoPlan, report: Report | None = None) -> Planned:

@@ -341,7 +341,7 @@ class Task:
         document = load(source, TaskError)
         form = document.read(TaskForm)
         places = subtask_places(document, form)
-        domain = BUILT_IN if scene is None else scene.domain
+        domain = scene.domain if isinstance(scene, Scene) else BUILT_IN
         subtasks = tuple(_read_subtask(index, document, place, domain) for index, place in enumerate(places))
         issues: tuple[Diagnostic, ...] = ()
         if form.goal is None:

@@ -16,7 +16,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from itertools import product
 from os import PathLike
@@ -131,23 +131,23 @@ class Row:
         span = self.number
         return {
             "objects": [[f"?{variable}", what] for variable, what in self.objects],
-            "needs": [_marked(each) for each in self.needs],
-            "writes": [_marked(each.formula) for each in self.writes],
-            "unknown": [_marked(each) for each in self.unknown],
+            "needs": [marked(each) for each in self.needs],
+            "writes": [marked(each.formula) for each in self.writes],
+            "unknown": [marked(each) for each in self.unknown],
             "number": None if span is None else [span.least, span.most, span.unit],
             "failures": list(self.failures),
             "flow": list(self.flow),
         }
 
 
-def _marked(formula: bddl.Formula) -> str:
+def marked(formula: bddl.Formula) -> str:
     """Return a formula's text with a question mark before each name but the gripper."""
     if isinstance(formula, bddl.Atom):
         return f"({' '.join((formula.predicate, *(n if n == GRIPPER else f'?{n}' for n in formula.args)))})"
     if isinstance(formula, bddl.Not):
-        return f"(not {_marked(formula.body)})"
+        return f"(not {marked(formula.body)})"
     parts = formula.parts if isinstance(formula, bddl.Or) else ()
-    return f"(or {' '.join(map(_marked, parts))})"
+    return f"(or {' '.join(map(marked, parts))})"
 
 
 class Own(NamedTuple):
@@ -262,6 +262,10 @@ class Domain:
 
     def __hash__(self) -> int:
         return hash(self.name)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what is sent to other processes; the rest is computed again."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def __repr__(self) -> str:
         base = "the 21 primitives and " if self.inherits else ""
@@ -490,6 +494,7 @@ class _Reading:
         if not bddl_name(name) or name != name.lower():
             raise self._fail(f"{shown(name)} is no name of a predicate: lower case, a letter first", place)
         taken = {*bddl.PREDICATES, *_ROBOT} if inherits else {*WITH_INVARIANTS}
+        taken |= {"holding"} if inherits else set()
         taken |= {fact[0] for fact in ROBOT_FACTS}
         if name in taken:
             why = "is part of what is inherited" if inherits else "has a meaning that rows cannot give it"
@@ -499,7 +504,7 @@ class _Reading:
     def _row(self, name: str, given: object) -> Row:
         place = f"primitives.{name}"
         data = self._table(given, place, "objects needs writes unknown number failures flow")
-        if not name.isidentifier() or name != name.upper() or name in Primitive.__members__:
+        if not name.isidentifier() or name != name.upper() or (self._robot and name in Primitive.__members__):
             raise self._fail("expected a name in capitals, none of the 21, such as PUSH", place)
         objects = self._objects(data.get("objects"), f"{place}.objects")
         variables = [variable for variable, _ in objects]
@@ -559,13 +564,13 @@ class _Reading:
     def _check_write(self, formula: bddl.Formula, unknown: bool, place: str) -> None:
         literals = bddl.literals(formula)
         if literals is None or (unknown and not isinstance(formula, bddl.Atom)):
-            raise self._fail(f"{_marked(formula)} is no {'atom' if unknown else 'literal'}", place)
+            raise self._fail(f"{marked(formula)} is no {'atom' if unknown else 'literal'}", place)
         for atom, value in ((each.atom, each.value) for each in literals):
             if value and not unknown and _ANY_WORD in atom.args:
-                raise self._fail(f"{_marked(atom)} would hold for every object", place, "?any is for denials")
+                raise self._fail(f"{marked(atom)} would hold for every object", place, "?any is for denials")
             about_robot = self._robot and (atom.predicate in _ROBOT or GRIPPER in atom.args)
             if about_robot and (unknown or not value):
-                raise self._fail(f"{_marked(formula)} leaves the robot open", place, "write what is so: (handempty)")
+                raise self._fail(f"{marked(formula)} leaves the robot open", place, "write what is so: (handempty)")
 
     def _number(self, given: object, place: str) -> Span | None:
         if given is None:
