@@ -21,12 +21,19 @@ def acting(domain: Domain, own: Own, target: str, support: str | None) -> Simple
     """
     row = bound(own, target, support)
     needs = [choice for clause in row.needs if (choice := _choice(clause)) is not None]
-    writes = [known_as(fact, value) for fact, value in row.writes if value is not None and ANY not in fact]
-    goal = [formula for condition in writes if (formula := condition.literal()) is not None]
     words = " ".join((own.row.name.lower(), target, *(() if support is None else (support,)), *own.args))
-    init, end = (bddl.And(tuple(parts)) if len(parts) != 1 else parts[0] for parts in (needs, goal))
+    init, end = (
+        bddl.And(tuple(parts)) if len(parts) != 1 else parts[0] for parts in (needs, left_by(own, target, support))
+    )
     flow = _flow(domain, own, target, support)
     return SimpleTask(words.replace(" ", "_"), f"{words.capitalize()}.", target, None, support, init, end, flow)
+
+
+def left_by(own: Own, target: str, support: str | None) -> list[bddl.Formula]:
+    """Return the literals that hold after an own primitive, as far as BDDL has them."""
+    writes = bound(own, target, support).writes
+    known = (known_as(fact, value) for fact, value in writes if value is not None and ANY not in fact)
+    return [formula for condition in known if (formula := condition.literal()) is not None]
 
 
 def _choice(clause: tuple[Condition, ...]) -> bddl.Formula | None:

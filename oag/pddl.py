@@ -15,11 +15,11 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import chain, count, product
 from typing import Any, NamedTuple
 
 import bddl
-from oag.acting import acting, all_acting
+from oag.acting import acting, all_acting, left_by
 from oag.compilation import articulated_ids
 from oag.model.actions import Action
 from oag.model.diagnostics import OagError
@@ -151,8 +151,7 @@ def _subtask(group: list[Part]) -> SimpleTask:
         if primitive in ARTICULATIONS:
             wanted = {is_open if primitive is Primitive.ARTICULATE_OPEN else bddl.Not(is_open): None}
         elif own is not None:
-            literals = bddl.literals(acting(Domain(""), own, target, support).goal) or ()
-            wanted |= dict.fromkeys(each.formula for each in literals if each.value)
+            wanted |= dict.fromkeys(each for each in left_by(own, target, support) if isinstance(each, bddl.Atom))
         elif primitive is Primitive.UNGRASP and placement is not None:
             wanted = {bddl.Atom(placement.relation, (target, placement.support)): None}
         elif primitive is Primitive.LIFT_EEF_UP:
@@ -310,15 +309,19 @@ class _Export:
         """Return the texts of the domain and of the problem."""
         bodies = []
         for part, (needs, writes) in self._rows.items():
-            for conditions in self._variants(part, needs):
-                name = "_".join(map(_pddl_name, (part.primitive.name, *filter(None, part[1:3]))))
-                name = f"{name}_{len(self.actions)}"
+            after = self._effect(part, writes)
+            # What changes nothing that is read is no action.
+            for conditions in self._variants(part, needs) if after else ():
+                relation = () if part.placement is None else (part.placement.relation,)
+                words = (part.primitive.name, *filter(None, part[1:3]), *relation)
+                base = "_".join(map(_pddl_name, words))
+                name = next(n for n in chain((base,), (f"{base}_{k}" for k in count(2))) if n not in self.actions)
                 self.actions[name] = part
                 before = [] if part.hand is None else [self._literal(Condition(HAND, part.hand))]
                 before += [text for each in conditions if (text := self._literal(each)) not in before]
-                bodies.append(_action(name, "", before, self._effect(part, writes)))
-                if len(bodies) > _MOST_ACTIONS:
-                    raise PddlError([f"more than {_MOST_ACTIONS} actions of this scene"])
+                bodies.append(_action(name, "", before, after))
+            if len(bodies) > _MOST_ACTIONS:
+                raise PddlError([f"more than {_MOST_ACTIONS} actions of this scene"])
         goal = [text for each in self._goal for text in [self._goal_text(each)] if text]
         world = {fact[0]: len(fact) - 1 for fact in self._facts}
         arities = {**_ROBOT_WORDS, **world, **{f"not-{name}": world[name] for name in self._open if name in world}}
@@ -491,9 +494,11 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
         >>> scene.domain, scene.facts
         (<Domain 'd': GO>, ())
     """
+    refused = [part for part in _SECTIONS if re.search(rf"\(\s*{part}\b", domain_text, re.IGNORECASE)]
+    if refused:
+        raise PddlError(refused)
     pddl = bddl.parse_domain(domain_text)
     refused = [need for need in pddl.requirements if need not in REQUIREMENTS]
-    refused += [part for part in _SECTIONS if re.search(rf"\(\s*{part}\b", domain_text, re.IGNORECASE)]
     if refused:
         raise PddlError(refused)
     problem = bddl.parse(f"{domain_text}\n{problem_text}", profile="auto")

@@ -204,7 +204,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
         # A condition that puts the target onto itself is reported as what it is.
         onto_itself = any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
-        if name == subtask.target and not onto_itself:
+        if name == subtask.target and not onto_itself and found.scene.domain.inherits:
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", str(index)))
     if placement is None or placement.support in (target, supports[1]) or placement.support not in found.names:
         return

@@ -211,7 +211,7 @@ def bound(own: Own, target: str, support: str | None) -> Bound:
         tuple(_condition(literal, names, row.robot) for literal in _alternatives(formula)) for formula in row.needs
     )
     writes: dict[Fact, Value] = {_fact(atom, names): None for atom in row.unknown}
-    for literal in sorted(row.writes, key=lambda each: each.value):
+    for literal in row.writes:
         condition = _condition(literal, names, row.robot)
         writes[condition.fact] = condition.value if condition.positive else False
         if literal.value and row.robot and condition.fact[0] in WITH_INVARIANTS[1:] and len(condition.fact) == 3:
@@ -374,6 +374,8 @@ class Domain:
         if self.rows.get(row.name) != row:
             return f"is no primitive of the domain {self.name}"
         wanted, names = [what for _, what in row.objects], own.names(target, support)
+        if self.inherits and support == target:
+            return f"has {target} as its target and as its support"
         if len(wanted) > 1 and support is None:
             return f"is about {_list(f'?{variable}' for variable, _ in row.objects)}, and support_goal is null"
         if len(own.args) != max(0, len(wanted) - 2):
@@ -521,7 +523,8 @@ class _Reading:
             name,
             objects,
             needs,
-            tuple(literal for formula in writes for literal in bddl.literals(formula) or ()),
+            # Denials first, as they are written.
+            tuple(sorted((each for one in writes for each in bddl.literals(one) or ()), key=lambda each: each.value)),
             tuple(formula for formula in unknown if isinstance(formula, bddl.Atom)),
             self._number(data.get("number"), f"{place}.number"),
             tuple(self._texts(data.get("failures", ()), f"{place}.failures")),
