@@ -25,8 +25,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import bddl
-from oag.model.codec import did_you_mean, expected, shown
-from oag.model.diagnostics import InputError
+from bddl.errors import Scene2DemoError
 from oag.model.symbols import (
     ANY,
     EEF,
@@ -71,10 +70,28 @@ _ROBOT: Mapping[str, tuple[int, Fact, str]] = {
 WITH_INVARIANTS = ("open", "ontop", "inside")
 
 
-class DomainError(InputError):
-    """A domain cannot be used: a name, a row or a kind is not as documented."""
+class DomainError(Scene2DemoError):
+    """A domain cannot be used: a name, a row or a kind is not as documented.
 
-    what = "domain"
+    Attributes:
+        source: The file's name, or "(mapping)".
+        place: Where in it, such as `primitives.PUSH.needs`.
+    """
+
+    def __init__(self, problem: str, *, source: str = "(mapping)", place: str = "", hint: str = "") -> None:
+        self.source, self.place, self.problem, self.hint = source, place, problem, hint
+        where = f"{source}: {place}" if place else source
+        super().__init__(f"domain {where}: {problem}" + (f" ({hint})" if hint else ""))
+
+
+# The checker of certificates reads domains, and shares no codec with the verifier.
+def _expected(what: str, value: object) -> str:
+    return f"expected {what}, got {value!r:.60}"
+
+
+def _near(name: str, legal: Iterable[str], otherwise: str = "") -> str:
+    near = bddl.near_names(name, tuple(legal))
+    return f"did you mean {' or '.join(near)}?" if near else otherwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +112,7 @@ class Span:
         """Decide whether a number is in the range: None when it is, else what is wrong."""
         if isinstance(parameter, float | int) and self.least <= parameter <= self.most:
             return None
-        return f"takes one number from {self.least:g} to {self.most:g} {self.unit}, got {shown(parameter)}"
+        return f"takes one number from {self.least:g} to {self.most:g} {self.unit}, got {parameter!r:.60}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -444,15 +461,15 @@ class _Reading:
         data = self._data
         name, inherits = data.get("name"), data.get("inherits", True)
         if not isinstance(name, str) or not bddl_name(name):
-            raise self._fail(expected("a name, such as pushing", name), "name")
+            raise self._fail(_expected("a name, such as pushing", name), "name")
         if not isinstance(inherits, bool):
-            raise self._fail(expected("true or false", inherits), "inherits")
+            raise self._fail(_expected("true or false", inherits), "inherits")
         own = {key: self._predicate(key, names, inherits) for key, names in self._part(data, "predicates").items()}
         types = {key: self._word(what, f"types.{key}") for key, what in self._part(data, "types").items()}
         kinds = {}
         for key, word in self._part(data, "kinds").items():
             if word not in KINDS:
-                raise self._fail(expected(f"one of {_list(KINDS)}", word), f"kinds.{key}")
+                raise self._fail(_expected(f"one of {_list(KINDS)}", word), f"kinds.{key}")
             kinds[key] = KINDS[word]
         named = {
             key: bddl.PredicateSpec(key, names, "")
@@ -471,11 +488,11 @@ class _Reading:
 
     def _table(self, given: object, place: str, legal: str = "") -> Mapping[str, Any]:
         if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-            raise self._fail(expected("a table", given), place)
+            raise self._fail(_expected("a table", given), place)
         for key in given if legal else ():
             if key not in legal.split():
                 at = f"{place}.{key}" if place else key
-                raise self._fail("there is no such field", at, did_you_mean(key, legal.split(), f"fields are {legal}"))
+                raise self._fail("there is no such field", at, _near(key, legal.split(), f"fields are {legal}"))
         return given
 
     def _part(self, data: Mapping[str, Any], name: str, place: str = "") -> Mapping[str, Any]:
@@ -483,18 +500,18 @@ class _Reading:
 
     def _word(self, given: object, place: str) -> str:
         if not isinstance(given, str) or not given:
-            raise self._fail(expected("a word", given), place)
+            raise self._fail(_expected("a word", given), place)
         return given
 
     def _texts(self, given: object, place: str) -> list[str]:
         if not isinstance(given, list | tuple):
-            raise self._fail(expected("a list of texts", given), place)
+            raise self._fail(_expected("a list of texts", given), place)
         return [self._word(one, f"{place}[{index}]") for index, one in enumerate(given)]
 
     def _predicate(self, name: str, names: object, inherits: bool) -> tuple[str, ...]:
         place = f"predicates.{name}"
         if not bddl_name(name) or name != name.lower():
-            raise self._fail(f"{shown(name)} is no name of a predicate: lower case, a letter first", place)
+            raise self._fail(f"{name!r:.60} is no name of a predicate: lower case, a letter first", place)
         taken = {*bddl.PREDICATES, *_ROBOT} if inherits else {*WITH_INVARIANTS}
         taken |= {"holding"} if inherits else set()
         taken |= {fact[0] for fact in ROBOT_FACTS}
@@ -518,7 +535,7 @@ class _Reading:
                 self._check_write(formula, part == "unknown", f"{place}.{part}")
         flow = data.get("flow", ())
         if not isinstance(flow, list | tuple):
-            raise self._fail(expected('a list, such as [17, "PUSH", 6]', flow), f"{place}.flow")
+            raise self._fail(_expected('a list, such as [17, "PUSH", 6]', flow), f"{place}.flow")
         return Row(
             name,
             objects,
@@ -535,12 +552,12 @@ class _Reading:
     def _objects(self, given: object, place: str) -> tuple[tuple[str, str], ...]:
         pairs: Any = list(given.items()) if isinstance(given, Mapping) else given
         if not isinstance(pairs, list | tuple) or not pairs:
-            raise self._fail(expected('at least the target, as in [["?puck", "item"]]', given), place)
+            raise self._fail(_expected('at least the target, as in [["?puck", "item"]]', given), place)
         found = []
         for index, pair in enumerate(pairs):
             at = f"{place}[{index}]"
             if not isinstance(pair, list | tuple) or len(pair) != 2:
-                raise self._fail(expected('a variable and what it is, as in ["?puck", "item"]', pair), at)
+                raise self._fail(_expected('a variable and what it is, as in ["?puck", "item"]', pair), at)
             variable = self._word(pair[0], at).removeprefix("?")
             if not bddl_name(variable) or variable in (_ANY_WORD, GRIPPER, *(name for name, _ in found)):
                 raise self._fail(f"?{variable} cannot name an object here", at)
@@ -556,12 +573,12 @@ class _Reading:
             parts = formula.parts if isinstance(formula, bddl.Or) else ()
             if not parts or any(isinstance(part, bddl.And) or bddl.literals(part) is None for part in parts):
                 hint = "write a conjunction as several literals"
-                raise self._fail(f"{shown(text)} is no literal and no choice of literals", place, hint)
+                raise self._fail(f"{text!r:.60} is no literal and no choice of literals", place, hint)
         for atom in bddl.atoms(formula):
             for name in atom.args:
                 if name not in variables and name != GRIPPER:
                     problem = f"?{name} is none of the objects {_list(f'?{each}' for each in variables)}"
-                    raise self._fail(problem, place, did_you_mean(name, variables))
+                    raise self._fail(problem, place, _near(name, variables))
         return formula
 
     def _check_write(self, formula: bddl.Formula, unknown: bool, place: str) -> None:
@@ -582,7 +599,7 @@ class _Reading:
             low, high = given[0], given[1]
             if all(type(each) in (int, float) and math.isfinite(each) for each in (low, high)) and low <= high:
                 return Span(float(low), float(high), given[2])
-        raise self._fail(expected('[least, most, "unit"], such as [0.01, 0.5, "m"]', given), place)
+        raise self._fail(_expected('[least, most, "unit"], such as [0.01, 0.5, "m"]', given), place)
 
 
 def bddl_name(text: str) -> bool:
