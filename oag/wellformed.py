@@ -17,7 +17,7 @@ from bddl.grounding import count_ground_parts
 from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
-from oag.model.domain import Own, own_of
+from oag.model.domain import LAST_BUILT_IN, Own, own_of
 from oag.model.scene import FREE_PARAMETERS, ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
@@ -330,9 +330,10 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         return
     target = found.scene.objects.get(subtask.target)
     kind = None if target is None else target.kind
+    inherits = found.scene.domain.inherits
     for position, action in enumerate(subtask.flow):
-        if (own := own_of(action.primitive)) is not None or not found.scene.domain.inherits:
-            _check_own(found, (index, position), subtask, action.primitive, own)
+        if action.primitive > LAST_BUILT_IN or not inherits:
+            _check_own(found, (index, position), subtask, action.primitive, own_of(action.primitive))
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
             found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))

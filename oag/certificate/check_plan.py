@@ -621,6 +621,7 @@ def check_flow(
         illegal[Primitive.GRASP] = "furniture"
     if subtask["support_goal"] is None:
         illegal[Primitive.NAVIGATE_TO_SUPPORT] = "no support"
+    rows, inherits = domain.rows, domain.inherits
     for action in subtask["flow"] or ():
         ((key, value),) = action.items() if type(action) is dict else ((action, None),)
         _check_parameter(primitive := primitive_of(key, domain), value)

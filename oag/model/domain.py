@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
@@ -53,6 +52,8 @@ Effect = tuple[tuple[Fact, Value], ...]
 TARGET, SUPPORT, THING = "target", "support", "object"
 KINDS = {"item": Kind.ITEM, "support": Kind.SUPPORT, "fixture": Kind.ARTICULATED}
 """Words for kinds in a domain's data."""
+LAST_BUILT_IN = len(Primitive)
+"""Primitives of own domains have larger numbers."""
 MOST_BOUND = 5_000
 """Choices of objects that a search may try for one subtask."""
 _ANY_WORD = "any"
@@ -193,7 +194,7 @@ def _primitive(own: Own) -> Primitive:
     # A member beyond the 21, as combinations of flags are: it is listed by its domain alone.
     name = " ".join((own.row.name, *own.args))
     text = json.dumps([name, own.row.to_json()], sort_keys=True)
-    number = len(Primitive) + 1 + int(hashlib.sha256(text.encode()).hexdigest()[:13], 16)
+    number = LAST_BUILT_IN + 1 + int(hashlib.sha256(text.encode()).hexdigest()[:13], 16)
     made = int.__new__(Primitive, number)
     made.__dict__.update(_name_=name, _value_=number, own=own)
     return made
@@ -291,6 +292,8 @@ class Domain:
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Self:
         """Return the domain of a TOML file; raises DomainError for anything that is not as documented."""
+        import tomllib
+
         try:
             data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
@@ -331,7 +334,7 @@ class Domain:
     @property
     def built_in(self) -> bool:
         """True when it is the domain without anything of its own."""
-        return self == BUILT_IN
+        return self is BUILT_IN or self == BUILT_IN
 
     @property
     def binary(self) -> bool:

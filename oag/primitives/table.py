@@ -20,7 +20,7 @@ from itertools import product
 from typing import NamedTuple
 
 import bddl
-from oag.model.domain import BUILT_IN, Domain, Own, bound, own_of
+from oag.model.domain import BUILT_IN, LAST_BUILT_IN, Domain, Own, bound, own_of
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -209,7 +209,7 @@ def effect(primitive: Primitive, context: Context, hand: Value, parameter: Param
 
 
 def _row(primitive: Primitive, context: Context, hand: Value, parameter: Parameter) -> Row:
-    if primitive > _LAST:
+    if primitive > LAST_BUILT_IN:
         own = own_of(primitive)
         assert own is not None
         return _own_row(own, context)
@@ -414,7 +414,7 @@ def _released(context: Context, hand: Value) -> Effect:
 
 def cargo(primitive: Primitive, context: Context, hand: Value, parameter: Parameter, read: Reader) -> Effect:
     """Return what a primitive writes about cargo, by what is known of who carries whom."""
-    if primitive > _LAST:
+    if primitive > LAST_BUILT_IN:
         own = own_of(primitive)
         return () if own is None or not own.row.robot else _own_cargo(own, context, read)
     item = held_by(hand)
@@ -435,8 +435,6 @@ def cargo(primitive: Primitive, context: Context, hand: Value, parameter: Parame
     return tuple(load.carried_off(kept).items())
 
 
-# Primitives of own domains have larger numbers.
-_LAST = len(Primitive)
 # By the number of the primitive; the default is plain motion, and 0 is no primitive.
 _TABLE: list[Callable[[Context, Value], Row]] = [_move] * (len(Primitive) + 1)
 _TABLE[Primitive.APPROACH] = _approach
