@@ -624,10 +624,9 @@ def check_flow(
     rows, inherits = domain.rows, domain.inherits
     for action in subtask["flow"] or ():
         ((key, value),) = action.items() if type(action) is dict else ((action, None),)
-        _check_parameter(primitive := primitive_of(key, domain), value)
-        require(
-            domain.inherits or own_of(primitive) is not None, f"{primitive.name} is not in the certificate's domain"
-        )
+        _check_parameter(primitive := primitive_of(key, domain) if rows else PRIMITIVES[key], value)
+        if not inherits and own_of(primitive) is None:
+            raise Rejected(f"{primitive.name} is not in the domain")
         if primitive in illegal:
             raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
 

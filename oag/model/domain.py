@@ -56,9 +56,9 @@ LAST_BUILT_IN = len(Primitive)
 """Primitives of own domains have larger numbers."""
 MOST_BOUND = 5_000
 """Choices of objects that a search may try for one subtask."""
-_ANY_WORD = "any"
+ANY_WORD = "any"
 # The robot's variables as predicates of rows: number of names, fact, and value.
-_ROBOT: Mapping[str, tuple[int, Fact, str]] = {
+ROBOT_WORDS: Mapping[str, tuple[int, Fact, str]] = {
     "near": (1, NEAR, "{}"),
     "before": (1, EEF, "before {}"),
     "at": (1, EEF, "at {}"),
@@ -83,16 +83,6 @@ class DomainError(Scene2DemoError):
         self.source, self.place, self.problem, self.hint = source, place, problem, hint
         where = f"{source}: {place}" if place else source
         super().__init__(f"domain {where}: {problem}" + (f" ({hint})" if hint else ""))
-
-
-# The checker of certificates reads domains, and shares no codec with the verifier.
-def _expected(what: str, value: object) -> str:
-    return f"expected {what}, got {value!r:.60}"
-
-
-def _near(name: str, legal: Iterable[str], otherwise: str = "") -> str:
-    near = bddl.near_names(name, tuple(legal))
-    return f"did you mean {' or '.join(near)}?" if near else otherwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,13 +235,13 @@ def _alternatives(formula: bddl.Formula) -> tuple[bddl.Literal, ...]:
 
 
 def _fact(atom: bddl.Atom, names: Mapping[str, str]) -> Fact:
-    return (atom.predicate, *(ANY if name == _ANY_WORD else names.get(name, name) for name in atom.args))
+    return (atom.predicate, *(ANY if name == ANY_WORD else names.get(name, name) for name in atom.args))
 
 
 def _condition(literal: bddl.Literal, names: Mapping[str, str], robot: bool) -> Condition:
     fact = _fact(literal.atom, names)
-    if robot and fact[0] in _ROBOT:
-        _, variable, value = _ROBOT[fact[0]]
+    if robot and fact[0] in ROBOT_WORDS:
+        _, variable, value = ROBOT_WORDS[fact[0]]
         return Condition(variable, value.format(*fact[1:]), literal.value)
     if ANY in fact:
         return Condition(fact, True, literal.value)
@@ -312,7 +302,9 @@ class Domain:
             >>> Domain.from_json({"name": "lamps", "predicates": {"lit": ["lamp"]}, "primitives": {"LIGHT": row}})
             <Domain 'lamps': the 21 primitives and LIGHT>
         """
-        return cls(**_Reading(data, source).parts())
+        from oag.model.domain_form import Reading
+
+        return cls(**Reading(data, source).parts())
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal domain."""
@@ -355,7 +347,7 @@ class Domain:
         """The dialect of its formulas."""
         if self.built_in:
             return "scene"
-        return _dialect(self.name, self.predicates)
+        return dialect(self.name, self.predicates)
 
     def formula(self, text: str) -> bddl.Formula:
         """Return the formula of a text in the domain's predicates; raises `bddl.BDDLError`."""
@@ -447,167 +439,10 @@ def _list(names: Iterable[str]) -> str:
     return ", ".join(names)
 
 
-def _dialect(name: str, predicates: Mapping[str, bddl.PredicateSpec]) -> bddl.Profile:
+def dialect(name: str, predicates: Mapping[str, bddl.PredicateSpec]) -> bddl.Profile:
+    """Return the dialect of formulas in some predicates."""
     profile = bddl.PROFILES["scene"]
     return replace(profile, name=f"{profile.name} of the domain {name}", predicates=predicates)
-
-
-class _Reading:
-    """The reading of a domain from a mapping; a mistake ends it."""
-
-    def __init__(self, data: object, source: str) -> None:
-        self._source = source
-        self._data = self._table(data, "", "name inherits predicates kinds types primitives")
-
-    def parts(self) -> dict[str, Any]:
-        """Return the fields of the domain."""
-        data = self._data
-        name, inherits = data.get("name"), data.get("inherits", True)
-        if not isinstance(name, str) or not bddl_name(name):
-            raise self._fail(_expected("a name, such as pushing", name), "name")
-        if not isinstance(inherits, bool):
-            raise self._fail(_expected("true or false", inherits), "inherits")
-        own = {key: self._predicate(key, names, inherits) for key, names in self._part(data, "predicates").items()}
-        types = {key: self._word(what, f"types.{key}") for key, what in self._part(data, "types").items()}
-        kinds = {}
-        for key, word in self._part(data, "kinds").items():
-            if word not in KINDS:
-                raise self._fail(_expected(f"one of {_list(KINDS)}", word), f"kinds.{key}")
-            kinds[key] = KINDS[word]
-        named = {
-            key: bddl.PredicateSpec(key, names, "")
-            for key, names in {
-                **({key: spec.parameters for key, spec in bddl.PREDICATES.items()} if inherits else {}),
-                **({key: ("x",) * count for key, (count, _, _) in _ROBOT.items()} if inherits else {}),
-                **own,
-            }.items()
-        }
-        self._profile, self._robot, self._named = _dialect(name, MappingProxyType(named)), inherits, named
-        rows = {key: self._row(key, row) for key, row in self._part(data, "primitives").items()}
-        return {"name": name, "inherits": inherits, "own_predicates": own, "kinds": kinds, "types": types, "rows": rows}
-
-    def _fail(self, problem: str, place: str, hint: str = "") -> DomainError:
-        return DomainError(problem, source=self._source, place=place, hint=hint)
-
-    def _table(self, given: object, place: str, legal: str = "") -> Mapping[str, Any]:
-        if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-            raise self._fail(_expected("a table", given), place)
-        for key in given if legal else ():
-            if key not in legal.split():
-                at = f"{place}.{key}" if place else key
-                raise self._fail("there is no such field", at, _near(key, legal.split(), f"fields are {legal}"))
-        return given
-
-    def _part(self, data: Mapping[str, Any], name: str, place: str = "") -> Mapping[str, Any]:
-        return self._table(data.get(name, {}), f"{place}{name}")
-
-    def _word(self, given: object, place: str) -> str:
-        if not isinstance(given, str) or not given:
-            raise self._fail(_expected("a word", given), place)
-        return given
-
-    def _texts(self, given: object, place: str) -> list[str]:
-        if not isinstance(given, list | tuple):
-            raise self._fail(_expected("a list of texts", given), place)
-        return [self._word(one, f"{place}[{index}]") for index, one in enumerate(given)]
-
-    def _predicate(self, name: str, names: object, inherits: bool) -> tuple[str, ...]:
-        place = f"predicates.{name}"
-        if not bddl_name(name) or name != name.lower():
-            raise self._fail(f"{name!r:.60} is no name of a predicate: lower case, a letter first", place)
-        taken = {*bddl.PREDICATES, *_ROBOT} if inherits else {*WITH_INVARIANTS}
-        taken |= {"holding"} if inherits else set()
-        taken |= {fact[0] for fact in ROBOT_FACTS}
-        if name in taken:
-            why = "is part of what is inherited" if inherits else "has a meaning that rows cannot give it"
-            raise self._fail(f"{name} {why}", place, "name it otherwise")
-        return tuple(self._texts(names, place))
-
-    def _row(self, name: str, given: object) -> Row:
-        place = f"primitives.{name}"
-        data = self._table(given, place, "objects needs writes unknown number failures flow")
-        if not name.isidentifier() or name != name.upper() or (self._robot and name in Primitive.__members__):
-            raise self._fail("expected a name in capitals, none of the 21, such as PUSH", place)
-        objects = self._objects(data.get("objects"), f"{place}.objects")
-        variables = [variable for variable, _ in objects]
-        needs = tuple(self._formula(text, f"{place}.needs", variables) for text in data.get("needs", ()))
-        writes = [self._formula(text, f"{place}.writes", [*variables, _ANY_WORD]) for text in data.get("writes", ())]
-        unknown = [self._formula(text, f"{place}.unknown", [*variables, _ANY_WORD]) for text in data.get("unknown", ())]
-        for part, formulas in (("writes", writes), ("unknown", unknown)):
-            for formula in formulas:
-                self._check_write(formula, part == "unknown", f"{place}.{part}")
-        flow = data.get("flow", ())
-        if not isinstance(flow, list | tuple):
-            raise self._fail(_expected('a list, such as [17, "PUSH", 6]', flow), f"{place}.flow")
-        return Row(
-            name,
-            objects,
-            needs,
-            # Denials first, as they are written.
-            tuple(sorted((each for one in writes for each in bddl.literals(one) or ()), key=lambda each: each.value)),
-            tuple(formula for formula in unknown if isinstance(formula, bddl.Atom)),
-            self._number(data.get("number"), f"{place}.number"),
-            tuple(self._texts(data.get("failures", ()), f"{place}.failures")),
-            tuple(flow),
-            self._robot,
-        )
-
-    def _objects(self, given: object, place: str) -> tuple[tuple[str, str], ...]:
-        pairs: Any = list(given.items()) if isinstance(given, Mapping) else given
-        if not isinstance(pairs, list | tuple) or not pairs:
-            raise self._fail(_expected('at least the target, as in [["?puck", "item"]]', given), place)
-        found = []
-        for index, pair in enumerate(pairs):
-            at = f"{place}[{index}]"
-            if not isinstance(pair, list | tuple) or len(pair) != 2:
-                raise self._fail(_expected('a variable and what it is, as in ["?puck", "item"]', pair), at)
-            variable = self._word(pair[0], at).removeprefix("?")
-            if not bddl_name(variable) or variable in (_ANY_WORD, GRIPPER, *(name for name, _ in found)):
-                raise self._fail(f"?{variable} cannot name an object here", at)
-            found.append((variable, self._word(pair[1], at)))
-        return tuple(found)
-
-    def _formula(self, text: object, place: str, variables: list[str]) -> bddl.Formula:
-        try:
-            formula = bddl.parse_formula(self._word(text, place).replace("?", ""), self._profile)
-        except bddl.BDDLError as problem:
-            raise self._fail(problem.first_messages, place) from problem
-        if bddl.literals(formula) is None or isinstance(formula, bddl.And):
-            parts = formula.parts if isinstance(formula, bddl.Or) else ()
-            if not parts or any(isinstance(part, bddl.And) or bddl.literals(part) is None for part in parts):
-                hint = "write a conjunction as several literals"
-                raise self._fail(f"{text!r:.60} is no literal and no choice of literals", place, hint)
-        for atom in bddl.atoms(formula):
-            for name in atom.args:
-                if name not in variables and name != GRIPPER:
-                    problem = f"?{name} is none of the objects {_list(f'?{each}' for each in variables)}"
-                    raise self._fail(problem, place, _near(name, variables))
-        return formula
-
-    def _check_write(self, formula: bddl.Formula, unknown: bool, place: str) -> None:
-        literals = bddl.literals(formula)
-        if literals is None or (unknown and not isinstance(formula, bddl.Atom)):
-            raise self._fail(f"{marked(formula)} is no {'atom' if unknown else 'literal'}", place)
-        for atom, value in ((each.atom, each.value) for each in literals):
-            if value and not unknown and _ANY_WORD in atom.args:
-                raise self._fail(f"{marked(atom)} would hold for every object", place, "?any is for denials")
-            about_robot = self._robot and (atom.predicate in _ROBOT or GRIPPER in atom.args)
-            if about_robot and (unknown or not value):
-                raise self._fail(f"{marked(formula)} leaves the robot open", place, "write what is so: (handempty)")
-
-    def _number(self, given: object, place: str) -> Span | None:
-        if given is None:
-            return None
-        if isinstance(given, list | tuple) and len(given) == 3 and isinstance(given[2], str):
-            low, high = given[0], given[1]
-            if all(type(each) in (int, float) and math.isfinite(each) for each in (low, high)) and low <= high:
-                return Span(float(low), float(high), given[2])
-        raise self._fail(_expected('[least, most, "unit"], such as [0.01, 0.5, "m"]', given), place)
-
-
-def bddl_name(text: str) -> bool:
-    """Decide whether a text can name a predicate or a domain."""
-    return text.replace("-", "_").isidentifier() and text.isascii()
 
 
 BUILT_IN = Domain("household")

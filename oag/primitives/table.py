@@ -231,14 +231,15 @@ def _own_row(own: Own, context: Context) -> Row:
     return needs, writes
 
 
-def own_places(primitives: Iterable[Primitive], target: str, support: str | None) -> tuple[Fact, ...]:
+def own_places(primitives: Iterable[Primitive], target: str, support: str | None) -> tuple[tuple[str, str, str], ...]:
     """Return where primitives of an own domain put things in a subtask."""
     rows = [own for own in map(own_of, primitives) if own is not None and own.row.robot]
     return tuple(fact for own in rows for fact in _places(bound(own, target, support).writes))
 
 
-def _places(writes: Effect) -> tuple[Fact, ...]:
-    return tuple(fact for fact, value in writes if value is True and len(fact) == 3 and fact[0] in RESTING)
+def _places(writes: Effect) -> tuple[tuple[str, str, str], ...]:
+    put = (fact for fact, value in writes if value is True and len(fact) == 3 and fact[0] in RESTING)
+    return tuple((relation, thing, place) for relation, thing, place in put)
 
 
 def _own_cargo(own: Own, context: Context, read: Reader) -> Effect:

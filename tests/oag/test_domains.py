@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import bddl
 import oag
 from oag import pddl
 from oag.model.domain import DomainError
@@ -31,8 +32,9 @@ def kitchen(domain: oag.Domain = BESIDE) -> oag.Scene:
     return oag.scene(things, ["(ontop cup_0 table_0)", "(inside apple_0 drawer_0)"], "all", domain=domain)
 
 
-def confirmed(report: oag.Report) -> bool:
+def confirmed(report: oag.Report | None) -> bool:
     """The recheck of a report, against its own task and scene."""
+    assert report is not None
     return bool(oag.recheck(report.certificate, task=report.task, scene=report.scene))
 
 
@@ -56,15 +58,17 @@ def test_a_declared_primitive_is_proved_planned_mended_and_searched() -> None:
 
 
 def test_a_flow_that_no_row_allows_is_refuted_with_a_proof() -> None:
-    here = replace(kitchen(), facts=("(inside apple_0 drawer_0)",))
-    subtask = oag.SimpleTask("", "", "apple_0", None, "table_0", "(inside apple_0 drawer_0)", "(nextto apple_0 cup_0)")
-    report = oag.compose(oag.Task("", "", "(nextto apple_0 cup_0)", True, (subtask,), scene=here)).verify()
+    here = replace(kitchen(), facts=(bddl.parse_formula("(inside apple_0 drawer_0)"),))
+    goal = bddl.parse_formula("(nextto apple_0 cup_0)")
+    subtask = oag.SimpleTask("", "", "apple_0", None, "table_0", here.facts[0], goal)
+    report = oag.compose(oag.Task("", "", goal, True, (subtask,), scene=here)).verify()
     assert report.verdict is oag.Verdict.REFUTED and report.no_flow is not None and confirmed(report)
 
 
 def test_a_certificate_is_of_its_domain_alone() -> None:
     here = kitchen()
     report = oag.compose(oag.task(here, goal="(nextto apple_0 cup_0)", steps=STEPS)).verify()
+    assert report.certificate is not None
     data = json.loads(json.dumps(report.certificate.to_json()))
     assert oag.recheck(data, scene=here)
     row = data["domain"]["primitives"]["PLACE_NEXT_TO"]
@@ -261,6 +265,6 @@ def test_what_the_exported_actions_reach_is_proved(choices: list[int]) -> None:
         state = (state - deleted) | {each for each in after if not each.startswith("(not ")}
     told = [each for each in sorted(state) if each.split()[0] in ("(nextto", "(ontop", "(inside", "(open")]
     denied = ["(not (open drawer_0))"] if "(open drawer_0)" not in state else []
-    reached = replace(exported, goal=oag.Task("", "", f"(and {' '.join(told + denied)})", True, ()).goal)
+    reached = replace(exported, goal=bddl.parse_formula(f"(and {' '.join(told + denied)})"))
     report = oag.compose(reached.task(plan)).verify()
     assert report, f"{plan}\n{report}"
