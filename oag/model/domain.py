@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
+from importlib import import_module
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -277,7 +278,8 @@ class Domain:
 
     def __repr__(self) -> str:
         base = "the 21 primitives and " if self.inherits else ""
-        return f"<Domain {self.name!r}: {base}{', '.join(self.rows) or 'nothing of its own'}>"
+        line = f"<Domain {self.name!r}: {base}{', '.join(self.rows) or 'nothing of its own'}>"
+        return line if len(line) <= 200 else f"{line[:196]}...>"
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Self:
@@ -302,9 +304,8 @@ class Domain:
             >>> Domain.from_json({"name": "lamps", "predicates": {"lit": ["lamp"]}, "primitives": {"LIGHT": row}})
             <Domain 'lamps': the 21 primitives and LIGHT>
         """
-        from oag.model.domain_form import Reading
-
-        return cls(**Reading(data, source).parts())
+        # It makes rows and errors of this module.
+        return cls(**import_module("oag.model.domain_form").Reading(data, source).parts())
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal domain."""
