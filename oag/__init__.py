@@ -26,6 +26,7 @@ from oag.flows import complete
 from oag.graph import ObjectActionGraph, compose
 from oag.model.actions import Action
 from oag.model.diagnostics import Diagnostic, OagError, SceneError, TaskError
+from oag.model.domain import Domain
 from oag.model.scene import Scene, SceneObject
 from oag.model.symbols import Primitive
 from oag.task_definition import SimpleTask, Task
@@ -33,7 +34,7 @@ from oag.verify.edits import Fix
 from oag.verify.verify import Report, Verdict
 
 if TYPE_CHECKING:
-    from oag.decompositions import Stability, stability
+    from oag.decompositions import stability
     from oag.normal_form import canonical, canonical_digest
     from oag.planning import plan, repair
     from oag.wish_list import tasks
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Action",
     "Diagnostic",
+    "Domain",
     "Fix",
     "OagError",
     "ObjectActionGraph",
@@ -50,7 +52,6 @@ __all__ = [
     "SceneError",
     "SceneObject",
     "SimpleTask",
-    "Stability",
     "Task",
     "TaskError",
     "Verdict",
@@ -73,7 +74,6 @@ __all__ = [
 
 # What verifying a plan does not need is loaded when it is first asked for.
 _PLACES = {
-    "Stability": "oag.decompositions",
     "canonical": "oag.normal_form",
     "canonical_digest": "oag.normal_form",
     "plan": "oag.planning",
@@ -87,6 +87,7 @@ _MOVED = {
     for module, names in {
         "oag.certificate.check": "RecheckResult",
         "oag.certificate.write": "Certificate",
+        "oag.decompositions": "Stability",
         "oag.flows": "Completion",
         "oag.graph": "Edge Node feasible to_dot to_drawing to_graphml to_mermaid",
         "oag.measurements": "clopper_pearson",

@@ -16,11 +16,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bddl
+from oag.acting import read_acting
 from oag.compilation import compile_plan
 from oag.flows import CLOSE, OPEN, PLACE, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief, expected, shown
 from oag.model.diagnostics import SceneError, TaskError
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject, id_problem
 from oag.model.symbols import GRIPPER, Kind, Primitive, is_known
 from oag.primitives.cargo import RESTING
@@ -40,6 +42,7 @@ def scene(
     *,
     name: str = "scene",
     robot: RobotPose | None = None,
+    domain: Domain = BUILT_IN,
 ) -> Scene:
     """Return a scene from categories and facts alone; objects have no boxes unless they are given.
 
@@ -49,6 +52,7 @@ def scene(
         closed: Closed-world predicates, of which everything that holds is stated, or "all"; no door is meant.
         name: For people and records.
         robot: Where the robot starts, and how large it is; by default the paper's at the origin.
+        domain: The predicates, kinds and primitives of the scene and of plans in it.
 
     Raises:
         SceneError: An id, a category or a fact cannot be used. A category that is no household noun needs a box, from
@@ -66,14 +70,15 @@ def scene(
         if closed != "all":
             problem = f'expected "all" or a list of predicates, got {shown(closed)}'
             raise SceneError(problem, source=_ARGUMENT, place="closed")
-        closed = bddl.PREDICATES
-    things = {key: _object(key, given) for key, given in objects.items()}
+        closed = domain.predicates
+    things = {key: _object(key, given, domain) for key, given in objects.items()}
     # A scene reads the texts of its facts.
     stated: Any = tuple(facts)
-    return Scene(name, RobotPose() if robot is None else robot, things, stated, frozenset(closed))
+    pose = RobotPose() if robot is None else robot
+    return Scene(name, pose, things, stated, frozenset(closed), domain=domain)
 
 
-def _object(key: str, given: object) -> SceneObject:
+def _object(key: str, given: object, domain: Domain) -> SceneObject:
     place = f"objects.{key}"
     if isinstance(given, SceneObject):
         return given
@@ -81,7 +86,7 @@ def _object(key: str, given: object) -> SceneObject:
         raise SceneError(expected("a category, such as water_glass", given), source=_ARGUMENT, place=place)
     if problem := id_problem(key, given):
         raise SceneError(problem, source=_ARGUMENT, place=place)
-    if not is_known(given):
+    if domain.kind_of(given) is None and not is_known(given):
         hint = "give a SceneObject with a bbox_extent [m], or a category that ends in a known noun, such as toy_box"
         problem = f"the category {shown(given)} is no known noun, so its kind is not known without a box"
         raise SceneError(problem, source=_ARGUMENT, place=place, hint=hint)
@@ -175,7 +180,7 @@ def _step(verb: Verb, target: str, placement: Placement | None, init: Condition,
 def task(
     scene: Scene,
     *,
-    steps: Iterable[Step | SimpleTask] = (),
+    steps: Iterable[Step | SimpleTask | str] = (),
     goal: Condition = None,
     name: str = "task",
     detail: str = "",
@@ -185,7 +190,8 @@ def task(
 
     Args:
         scene: The scene that the plan is for.
-        steps: From `open`, `close`, `pick` and `place`; a `SimpleTask` is taken as it is.
+        steps: From `open`, `close`, `pick` and `place`; a `SimpleTask` is taken as it is. A text such as
+            `"PUSH puck_0 cup_0"` is a primitive of the scene's domain with its objects.
         goal: The task goal, as a formula or its text; by default what the steps leave behind, which cannot show that
             a step is missing.
         name: For people and records.
@@ -203,12 +209,12 @@ def task(
         <Verdict.PROVED: 'PROVED'>
     """
     required_scene(scene)
-    given = tuple(steps)
+    given = tuple(_own_step(one, scene) for one in steps)
     drafts = [_draft(index, one, scene) for index, one in enumerate(given)]
     state = start_state(scene, drafts[0].target if drafts else None)
     subtasks, time = [], START
     for one, draft, compiled in zip(given, drafts, compile_plan(drafts, scene), strict=True):
-        written = draft if isinstance(one, SimpleTask) else _written(one, draft, state, scene)
+        written = _written(one, draft, state, scene) if isinstance(one, Step) else draft
         subtasks.append(written)
         for action in written.flow or ():
             time += 1
@@ -216,8 +222,12 @@ def task(
         # A step that cannot work is reported by `verify`; those after it are written as if it had.
         time += 1
         state = assume_true(state, compiled.goal, time)
-    wanted = default_goal(subtasks) if goal is None else formula_of(goal, "goal")
+    wanted = default_goal(subtasks) if goal is None else formula_of(goal, "goal", scene.domain)
     return Task(name, detail, wanted, goal is not None, tuple(subtasks), dict(scales or {}), scene)
+
+
+def _own_step(one: Step | SimpleTask | str, scene: Scene) -> Step | SimpleTask | str:
+    return read_acting(one, scene) or one if isinstance(one, str) else one
 
 
 def _draft(index: int, one: object, scene: Scene) -> SimpleTask:

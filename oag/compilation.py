@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import bddl
 from oag.model.actions import ActionFlow
+from oag.model.domain import bound, own_of
 from oag.model.infeasible import Infeasible
 from oag.model.scene import Scene
-from oag.model.symbols import Fact, Kind
+from oag.model.symbols import Fact, Kind, Primitive
 from oag.primitives.state import Start, carriage_in, facts_of, scene_facts
 from oag.primitives.table import (
     Context,
@@ -24,6 +25,7 @@ from oag.primitives.table import (
     guarded,
     needed,
     open_at_top,
+    own_places,
     placement_of,
 )
 from oag.task_definition import SimpleTask
@@ -31,12 +33,17 @@ from oag.task_definition import SimpleTask
 
 @dataclass(frozen=True, slots=True)
 class CompiledSubtask:
-    """A subtask prepared for progression: the primitives' table for its objects, its needs, and its actions."""
+    """A subtask prepared for progression: the primitives' table for its objects, its needs, and its actions.
+
+    Attributes:
+        own: Primitives of an own domain that its flow has, or that a search may give it.
+    """
 
     rows: Rows
     init: Needed
     goal: Needed
     flow: ActionFlow | None
+    own: tuple[Primitive, ...] = ()
 
     @property
     def context(self) -> Context:
@@ -57,9 +64,14 @@ def compile_plan(
     goals = [needed(subtask.goal) for subtask in subtasks]
     placements = [placement_of(subtask.goal, subtask.target) for subtask in subtasks]
     placed = {(p.relation, s.target, p.support) for s, p in zip(subtasks, placements, strict=True) if p is not None}
+    own: list[tuple[Primitive, ...]] = [()] * len(subtasks)
+    if scene.domain.rows:
+        own = [usable(each, scene) for each in subtasks]
+        for subtask in subtasks:
+            placed.update(own_places(own_primitives(subtask, scene), subtask.target, subtask.support_goal))
     carriage = carriage_in(scene, items, scene_facts(scene) if stated is None else stated, placed)
     compiled = []
-    for subtask, goal, placement in zip(subtasks, goals, placements, strict=True):
+    for subtask, goal, placement, extra in zip(subtasks, goals, placements, own, strict=True):
         # Subtasks with the same objects share their table.
         key = (subtask.target, subtask.support_goal, placement)
         rows = tables.get(key)
@@ -69,7 +81,7 @@ def compile_plan(
         if scene.known:
             found = known_impossible(subtask, scene)
             init = guarded(init, (clauses_of(literals_in(each.given)) for each in found if each.given))
-        compiled.append(CompiledSubtask(rows, init, goal, subtask.flow))
+        compiled.append(CompiledSubtask(rows, init, goal, subtask.flow, extra))
     return tuple(compiled)
 
 
@@ -85,6 +97,30 @@ def known_impossible(subtask: SimpleTask, scene: Scene) -> tuple[Infeasible, ...
 def literals_in(formulas: Iterable[bddl.Formula]) -> Iterator[bddl.Literal]:
     """Yield the literals of conjunctions."""
     return (literal for formula in formulas for literal in bddl.literals(formula) or ())
+
+
+def own_primitives(subtask: SimpleTask, scene: Scene) -> tuple[Primitive, ...]:
+    """Return the primitives of the scene's domain that a subtask's flow has, or may have where it lacks one."""
+    if subtask.flow is not None:
+        return tuple(dict.fromkeys(each.primitive for each in subtask.flow if own_of(each.primitive) is not None))
+    return choices(subtask, scene)
+
+
+def usable(subtask: SimpleTask, scene: Scene) -> tuple[Primitive, ...]:
+    """Return the primitives of the scene's domain that a search may use in a subtask.
+
+    Where rows have further objects, of which there are many choices, a given flow is changed only in those it has.
+    """
+    own = own_primitives(subtask, scene)
+    return tuple(dict.fromkeys((*own, *choices(subtask, scene)))) if scene.domain.binary else own
+
+
+def choices(subtask: SimpleTask, scene: Scene) -> tuple[Primitive, ...]:
+    """Return the primitives of the scene's domain that some flow of a subtask may have."""
+    if not scene.domain.rows:
+        return ()
+    things = {key: (thing.category, thing.kind) for key, thing in scene.objects.items()}
+    return tuple(scene.domain.choices(subtask.target, subtask.support_goal, things))
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
@@ -104,6 +140,9 @@ def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mappi
                 facts.setdefault(("inside", context.target, fixture))
         if not context.target_is_item:
             facts.setdefault(("open", context.target))
+        for primitive in subtask.own:
+            if (own := own_of(primitive)) is not None:
+                facts.update(dict.fromkeys(bound(own, context.target, context.support_goal).facts))
         for thing, places in context.carriage.places:
             facts.update(dict.fromkeys((relation, thing, place) for relation, place in places))
     facts.update(dict.fromkeys(facts_of(goal, objects)))

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import bddl
 from bddl.ast import Quantified
 from bddl.terminal import pluralize
-from oag.compilation import CompiledSubtask, compile_plan, facts_read
+from oag.compilation import CompiledSubtask, compile_plan, facts_read, usable
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import short_repr
 from oag.model.diagnostics import Diagnostic
@@ -33,7 +33,6 @@ from oag.model.symbols import (
     HAND,
     NEAR,
     Fact,
-    Kind,
     Parameter,
     Primitive,
     applicable,
@@ -100,13 +99,14 @@ class Leave(IntEnum):
     GOALS = 2
 
 
-def legal_primitives(kind: Kind, support_goal: str | None) -> PrimitiveFlow:
-    """Return the primitives that a well-formed flow may use on a target of this kind, in the order of preference."""
+def legal_primitives(subtask: SimpleTask, scene: Scene) -> PrimitiveFlow:
+    """Return the primitives that a well-formed flow of a subtask may use, in the order of preference."""
+    kind, domain = scene.objects[subtask.target].kind, scene.domain
     return tuple(
         primitive
-        for primitive in map(Primitive, ORDER)
-        if applicable(primitive, kind) and not (primitive is NAVIGATION[1] and support_goal is None)
-    )
+        for primitive in (map(Primitive, ORDER) if domain.inherits else ())
+        if applicable(primitive, kind) and not (primitive is NAVIGATION[1] and subtask.support_goal is None)
+    ) + usable(subtask, scene)
 
 
 def flows(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, leave: Leave = Leave.NOTHING) -> Iterator[Found]:
@@ -352,9 +352,7 @@ class PlanSearch:
         self.goal: Needed = needed(task.goal)
         window = Window(facts_read(self.subtasks, self.goal, objects), objects)
         self.start: View = window.view(start_state(scene, task.subtasks[0].target))
-        self.legal = tuple(
-            legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
-        )
+        self.legal = tuple(legal_primitives(subtask, scene) for subtask in task.subtasks)
 
     def through(self, leave: Leave) -> list[PrimitiveFlow]:
         """Return flows with which the whole plan succeeds within the allowed unknowns; an empty list if there are none.
@@ -501,7 +499,7 @@ def prove_no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     compiled, objects = compile_plan(task.subtasks, scene)[index], scene.categories
     window = Window(facts_read((compiled,), compiled.goal, objects), objects)
     start = window.view(trace.state)
-    legal = legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal)
+    legal = legal_primitives(subtask, scene)
     try:
         states = reachable(start, compiled, legal)
     except TooManyStates:

@@ -20,11 +20,13 @@ from itertools import chain, count, islice
 from typing import Any, Literal, NamedTuple
 
 import bddl
+from oag.acting import relevant
 from oag.compilation import CompiledSubtask, compile_plan, facts_read, literals_in
 from oag.flows import complete, taking
 from oag.model.actions import Action, ActionFlow
 from oag.model.codec import brief
 from oag.model.diagnostics import TaskError
+from oag.model.domain import own_of
 from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import (
     GRIPPER,
@@ -155,7 +157,7 @@ def plan(
         ['open_box_0']
     """
     required_scene(scene)
-    wanted = formula_of(goal, "goal")
+    wanted = formula_of(goal, "goal", scene.domain)
     return _Planning(Task(name, "", wanted, True, (), scene=scene), scene, sizing).run()
 
 
@@ -181,6 +183,14 @@ def repair(task: Task, state: Scene | Iterable[bddl.Formula | str], *, sizing: S
     scene = state if isinstance(state, Scene) else replace(chosen_scene(task, None), facts=facts)
     given = complete(task, scene if task.scene is None else task.scene).task
     return _Planning(replace(given, scene=scene), scene, sizing).run()
+
+
+def scales_of(subtasks: Iterable[SimpleTask], scene: Scene, sizing: Sizing = TO_THE_AIM) -> dict[str, float]:
+    """Return the factors of the sizes of what some subtasks take."""
+    gripper = Gripper.of(scene.robot)
+    taken = (scene.objects[subtask.target] for subtask in subtasks)
+    factors = ((thing.id, sizing.factor(thing, gripper)) for thing in taken if thing.kind is Kind.ITEM)
+    return {key: factor for key, factor in factors if factor != 1.0}
 
 
 class _Operator(NamedTuple):
@@ -303,6 +313,8 @@ class _Planning:
         """Return why no primitive can make a literal hold that does not hold at the start; "" where one may."""
         predicate, *names = literal.atom.label
         objects = self.scene.objects
+        if predicate in self.scene.domain.written:
+            return ""
         if predicate == "open":
             return "" if objects[names[0]].kind is Kind.ARTICULATED else f"{names[0]} has no joint"
         if predicate not in RESTING:
@@ -319,6 +331,9 @@ class _Planning:
     def _operators(self, goals: Sequence[tuple[Condition, ...]], start: dict[bddl.Atom, bool]) -> tuple[_Operator, ...]:
         """Return the simple tasks that may help: about doors and things of the goals, and what is in the way."""
         state, objects = start_state(self.scene, None), self.scene.objects
+        unmet_parts = [each for each in chain.from_iterable(goals) if not each.grade(state.value(each.fact))]
+        own, needs = relevant(self.scene, unmet_parts) if self.scene.domain.rows else ([], [])
+        goals = [*goals, tuple(each for each in needs if len(each.fact) > 1 or each.fact == HAND)]
         resting = [(fact, entry.value) for fact, entry in state.entries() if len(fact) == 3 and fact[0] in RESTING]
         places: dict[str, dict[Placement, None]] = {}
         unmet: dict[str, None] = {}
@@ -339,24 +354,24 @@ class _Planning:
             if subtask.target in objects and objects[subtask.target].kind is Kind.ITEM:
                 unmet.setdefault(subtask.target)
         movable = [item for item in unmet if item in objects and item not in self.unfit]
-        parts: list[SimpleTask] = []
+        parts = own
         doors = [key for key, thing in objects.items() if thing.kind is Kind.ARTICULATED]
         asked = {name for condition in chain.from_iterable(goals) for name in condition.fact[1:]}
         asked |= {fact[2] for fact, value in resting if value is True and fact[1] in movable}
         asked |= {key for key in doors for item in movable if state.value(("inside", item, key)) is None}
         asked |= {subtask.target for subtask in self.task.subtasks}
         asked |= {name for fact in self._circumstances() for name in fact[1:]}
-        for door in doors:
+        for door in doors if self.scene.domain.inherits else ():
             if door in asked:
                 parts += [opening(door), closing(door)]
                 if state.value(("open", door)) is None:
                     # Pulling an open door open does no harm.
                     parts[-2:] = [replace(part, init=_NOTHING) for part in parts[-2:]]
-        for item in movable:
-            own = [Placement(fact[0], fact[2]) for fact, value in resting if value is True and fact[1] == item]
+        for item in movable if self.scene.domain.inherits else ():
+            now = [Placement(fact[0], fact[2]) for fact, value in resting if value is True and fact[1] == item]
             parked = [Placement("ontop", key) for key in self._surfaces() if key != item]
-            ends = dict.fromkeys((*places.get(item, {}), *(p for p in own if p.support in objects)))
-            ends |= dict.fromkeys(parked[: max(_MOST_PARKED - len(own), 1)])
+            ends = dict.fromkeys((*places.get(item, {}), *(p for p in now if p.support in objects)))
+            ends |= dict.fromkeys(parked[: max(_MOST_PARKED - len(now), 1)])
             parts += [placing(item, place) for place in ends]
             sources = [place for place in ends if place.support in objects]
             parts += [self._picking(item, place) for place in sources]
@@ -475,12 +490,7 @@ class _Planning:
 
     def _task(self, subtasks: tuple[SimpleTask, ...]) -> Task:
         """Return the plan as a task, with the factors of what the hand takes."""
-        gripper, scales = Gripper.of(self.scene.robot), dict(self.task.scales)
-        for subtask in subtasks:
-            thing = self.scene.objects[subtask.target]
-            factor = self.sizing.factor(thing, gripper)
-            if thing.kind is Kind.ITEM and factor != 1.0:
-                scales.setdefault(thing.id, factor)
+        scales = {**scales_of(subtasks, self.scene, self.sizing), **self.task.scales}
         return replace(self.task, subtasks=subtasks, scales=scales, goal_given=True, source=None)
 
     def _refused(self, refusal: NoPlan, report: Report | None = None) -> Planned:
@@ -533,7 +543,7 @@ def _variants(subtask: SimpleTask) -> Iterator[tuple[ActionFlow, int]]:
     """Yield a given flow, and the same after a drive to the target; with the number of steps that are changed."""
     flow = subtask.flow or ()
     yield flow, 0
-    if not flow or flow[0].primitive is not Primitive.NAVIGATE_TO_TARGET:
+    if not flow or (flow[0].primitive is not Primitive.NAVIGATE_TO_TARGET and own_of(flow[0].primitive) is None):
         yield (Action(Primitive.NAVIGATE_TO_TARGET), *flow), 1
 
 

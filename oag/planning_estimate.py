@@ -41,7 +41,7 @@ class Estimate:
         put: dict[str, int] = {}
         ends: dict[str, bool] = {}
         behind: set[str] = set()
-        redo = 0
+        redo = others = 0
         for condition in goal:
             fact, value, positive = condition
             if fact[0] == "open":
@@ -66,6 +66,9 @@ class Estimate:
                         behind.add(fact[2])
                         # The hand has to put down what it holds, open the door, and pick it up again.
                         redo = 2 if item == held and self._shut(state, (fact[2],)) else redo
+            else:
+                # By a primitive of an own domain.
+                others += 1
         shut = self._shut(state, behind)
         left_in_hand = 0
         taken_from: set[str] = set()
@@ -81,7 +84,7 @@ class Estimate:
         shut |= self._shut(state, taken_from)
         doors = sum(1 + (ends.get(door) is False) for door in shut if door not in moved) + len(moved)
         picks = sum(item != held for item in put)
-        total = doors + picks + sum(put.values()) + redo + max(0, left_in_hand - 1)
+        total = doors + picks + sum(put.values()) + redo + others + max(0, left_in_hand - 1)
         if held is not None and held not in put and total:
             total += 1
         return total

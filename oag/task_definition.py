@@ -17,6 +17,7 @@ from bddl.terminal import pluralize
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json, flow_to_json
 from oag.model.codec import Document, ReadBy, Source, brief, load, missing, number, shown
 from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene, SceneError, TaskError
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.scene import SCALES, Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, overlap
 from oag.primitives.cargo import RESTING
@@ -81,35 +82,35 @@ def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, 
     return [("sub_tasks", index) for index in range(len(form.sub_tasks))]
 
 
-def read_formula(text: str, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+def read_formula(text: str, place: str, domain: Domain = BUILT_IN) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
     """Return a formula and no issue, or a stand-in and what is wrong with the text."""
     if len(text) > LONGEST_CONDITION:
         message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
         return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, field=_FIELDS[place]),)
     try:
-        return bddl.parse_formula(text), ()
+        return domain.formula(text), ()
     except bddl.BDDLError as problem:
         return UNREADABLE, syntax_issues(problem, place)
 
 
-def formula_of(given: object, place: str) -> bddl.Formula:
+def formula_of(given: object, place: str, domain: Domain = BUILT_IN) -> bddl.Formula:
     """Return a formula, or the formula of a text, where a task is built in memory; raises TaskError for others."""
     if isinstance(given, bddl.Formula):
         return given
     if not isinstance(given, str):
         raise TaskError(f"expected a formula or its text, got {shown(given)}", source="(argument)", place=place)
     try:
-        return bddl.parse_formula(given)
+        return domain.formula(given)
     except bddl.BDDLError as problem:
         raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
 
 
-def flow_of(given: object) -> ActionFlow:
+def flow_of(given: object, domain: Domain = BUILT_IN) -> ActionFlow:
     """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory."""
     if not isinstance(given, list | tuple):
         return flow_from_json(given)
     return tuple(
-        item if isinstance(item, Action) else action_from_json(item, index) for index, item in enumerate(given)
+        item if isinstance(item, Action) else action_from_json(item, index, domain) for index, item in enumerate(given)
     )
 
 
@@ -137,7 +138,9 @@ def unreadable_step(problem: FlowError, place: str, subtask: int | None, step: i
     return Diagnostic(problem.code, "error", problem.problem, place, subtask, step, hint=hint, meant=problem.meant)
 
 
-def read_flow(items: list[object] | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+def read_flow(
+    items: list[object] | None, domain: Domain = BUILT_IN
+) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
     """Return the actions that can be read, and one issue for each that cannot; None for a missing flow."""
     if items is None:
         return None, ()
@@ -145,7 +148,7 @@ def read_flow(items: list[object] | None) -> tuple[ActionFlow | None, tuple[Diag
     issues: list[Diagnostic] = []
     for index, item in enumerate(items):
         try:
-            actions.append(action_from_json(item))
+            actions.append(action_from_json(item, None, domain))
         except FlowError as problem:
             issues.append(unreadable_step(problem, f"step {index + 1}", None, index))
     return tuple(actions), tuple(issues)
@@ -329,7 +332,7 @@ class Task:
 
         Args:
             source: Path or mapping; subtasks under `sub_tasks` (a list) or `sub_task_1`, `sub_task_2`, ...
-            scene: The scene it is for; its objects serve to suggest near names later.
+            scene: The scene it is for; formulas and flows are read in its domain.
 
         Raises:
             TaskError: Malformed JSON, a missing field or a wrong type. Mistakes of the plan itself (an unknown
@@ -338,12 +341,13 @@ class Task:
         document = load(source, TaskError)
         form = document.read(TaskForm)
         places = subtask_places(document, form)
-        subtasks = tuple(_read_subtask(index, document, place) for index, place in enumerate(places))
+        domain = scene.domain if isinstance(scene, Scene) else BUILT_IN
+        subtasks = tuple(_read_subtask(index, document, place, domain) for index, place in enumerate(places))
         issues: tuple[Diagnostic, ...] = ()
         if form.goal is None:
             goal = default_goal(subtasks)
         else:
-            goal, issues = read_formula(form.goal, TASK_GOAL)
+            goal, issues = read_formula(form.goal, TASK_GOAL, domain)
         broken = bool(issues) or any(subtask.issues for subtask in subtasks)
         return cls(
             name="task" if form.task_activity_name is None else form.task_activity_name,
@@ -373,12 +377,12 @@ class Task:
         return written
 
 
-def _read_subtask(index: int, document: Document, place: Sequence[str | int]) -> SimpleTask:
+def _read_subtask(index: int, document: Document, place: Sequence[str | int], domain: Domain) -> SimpleTask:
     form = document.read(SubtaskForm, *place)
     given = document.at(*place)
-    init, init_issues = read_formula(form.init, "init")
-    goal, goal_issues = read_formula(form.goal, "goal")
-    flow, flow_issues = read_flow(form.flow)
+    init, init_issues = read_formula(form.init, "init", domain)
+    goal, goal_issues = read_formula(form.goal, "goal", domain)
+    flow, flow_issues = read_flow(form.flow, domain)
     roles = infer_roles(init, goal, form.target)
     role_issues = () if init_issues or goal_issues else _role_issue(roles)
     return SimpleTask(

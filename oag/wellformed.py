@@ -18,6 +18,7 @@ from oag.compilation import known_impossible
 from oag.model.actions import Action
 from oag.model.codec import did_you_mean
 from oag.model.diagnostics import SCALES, TASK_GOAL, Diagnostic, Severity
+from oag.model.domain import LAST_BUILT_IN, Own, own_of
 from oag.model.scene import FREE_PARAMETERS, ROBOT, Scene, SceneObject
 from oag.model.symbols import (
     ANY,
@@ -110,7 +111,7 @@ class _Findings:
 
     def _sound_atom(self, atom: bddl.Atom) -> bool:
         """Decide whether an atom has a known predicate and arguments of the right number and kind."""
-        spec = bddl.PREDICATES.get(atom.predicate)
+        spec = self.scene.domain.predicates.get(atom.predicate)
         if spec is None or spec.arity != len(atom.args):
             return False
         for name, parameter in zip(atom.args, spec.parameters, strict=True):
@@ -208,7 +209,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
         # A condition that puts the target onto itself is reported as what it is.
         onto_itself = any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
-        if name == subtask.target and not onto_itself:
+        if name == subtask.target and not onto_itself and found.scene.domain.inherits:
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", str(index)))
     if placement is None or placement.support in (target, supports[1]) or placement.support not in found.names:
         return
@@ -231,9 +232,10 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     bound = frozenset(binder.variable for binder in binders)
     affirmed = frozenset(affirmed_in(formula))
     for atom in sorted(bddl.atoms(formula), key=str):
-        spec = bddl.PREDICATES.get(atom.predicate)
+        predicates = found.scene.domain.predicates
+        spec = predicates.get(atom.predicate)
         if spec is None:
-            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, predicates)
             cause = ("predicate", atom.predicate)
             found.add("bddl/unknown-predicate", message, place, index, hint=hint or None, field=field, cause=cause)
         elif spec.arity != len(atom.args):
@@ -333,7 +335,10 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         return
     target = found.scene.objects.get(subtask.target)
     kind = None if target is None else target.kind
+    inherits = found.scene.domain.inherits
     for position, action in enumerate(subtask.flow):
+        if action.primitive > LAST_BUILT_IN or not inherits:
+            _check_own(found, (index, position), subtask, action.primitive, own_of(action.primitive))
         if action.parameter is not None:
             _check_number(found, (index, position), action)
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
@@ -353,6 +358,20 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if action.primitive in ARTICULATIONS:
             message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
         found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
+
+
+def _check_own(
+    found: _Findings, at: tuple[int, int], subtask: SimpleTask, primitive: Primitive, own: Own | None
+) -> None:
+    """Report a primitive of an own domain that cannot act on its objects, and one of the 21 in a domain without."""
+    domain = found.scene.domain
+    problem: str | None = f"is no primitive of the domain {domain.name}"
+    if own is not None:
+        things = {key: (thing.category, thing.kind) for key, thing in found.scene.objects.items()}
+        problem = domain.problem(own, subtask.target, subtask.support_goal, things)
+    if problem is not None:
+        hint = f"its primitives are {', '.join(domain.rows)}"
+        found.add_step("flow/kind", f"{primitive.name} {problem}", at, hint=hint)
 
 
 def _check_number(found: _Findings, at: tuple[int, int], action: Action) -> None:

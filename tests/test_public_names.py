@@ -136,7 +136,7 @@ def test_records_of_the_core_show_themselves_in_two_hundred_characters() -> None
         report.counterexample, right.certificate, right.state_after(2), oag.recheck(right.certificate),
         oag.complete(task), oag.plan(scene, f"(open {long}_d)"), oag.plan(scene, f"(open {long}_table)"),
         attempt, revision, history, stable, *stable.runs, *stable.forms, stable.runs[0].setting,
-        oag.Action(oag.Primitive.GRASP), oag.Primitive.GRASP, report.verdict,
+        oag.Action(oag.Primitive.GRASP), oag.Primitive.GRASP, report.verdict, oag.Domain(long * 2),
     ]  # fmt: skip
     assert {type(record).__name__ for record in records} >= {
         name for name in oag.__all__ if isinstance(getattr(oag, name), type) and not name.endswith("Error")

@@ -26,6 +26,7 @@ from oag.certificate.check_plan import (
     Reader,
     Rejected,
     check_contents,
+    domain_of,
     is_link,
     require,
     schema_check,
@@ -33,8 +34,8 @@ from oag.certificate.check_plan import (
     truth_of,
     with_values,
 )
-from oag.model.symbols import ARTICULATIONS, HAND, ROBOT_FACTS, Fact, Primitive, Value, fact_text, generalisations
-from oag.primitives.table import Clause, Context, Effect, Needed, Rows, library_sha, requirements, with_consequences
+from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, generalisations
+from oag.primitives.table import Clause, Effect, Needed, Rows, library_sha, requirements, with_consequences
 
 # Kind of the place where a plan without a flow ends.
 _NO_FLOW = "no-flow"
@@ -83,7 +84,7 @@ def check_refutation(data: Mapping[str, Any], stop: Place) -> None:
     require(not assumed, f"nothing that the plan needs forces what is assumed: {assumed}")
     if stop[0] == _NO_FLOW:
         require(search["subtask"] == stop[1], "the search is of another subtask")
-        check_search(search, run.context, wanted, run.value, data["scene"]["objects"])
+        check_search(search, run, wanted, data["scene"]["objects"])
         return
     shown = truth_of(wanted, run.value, data["scene"]["objects"])
     require(search is None and shown is False, f"{stop} is not shown to be false")
@@ -154,9 +155,7 @@ def _check_links(data: Mapping[str, Any], run: PlanRun, stop: Place) -> None:
 _State = tuple[Value, ...]
 
 
-def check_search(
-    search: Mapping[str, Any], context: Context, goal: Needed, read: Reader, objects: Mapping[str, str]
-) -> None:
+def check_search(search: Mapping[str, Any], run: PlanRun, goal: Needed, objects: Mapping[str, str]) -> None:
     """Check that no flow of a subtask reaches its goal.
 
     A state gives a value, or null for unknown, to every fact listed; it stands for all complete states that agree. The
@@ -166,9 +165,9 @@ def check_search(
     states = {tuple(state) for state in search["states"]}
     require(set(ROBOT_FACTS) <= set(facts), "a search leaves out a variable of the robot")
     require(all(len(state) == len(facts) for state in states), "a state of a search has too few or too many values")
-    start = tuple(map(read, facts))
+    start = tuple(map(run.value, facts))
     require(start == tuple(search["start"]) and start in states, "the start is not among the states of the search")
-    legal, rows = _legal(context, objects), Rows(context)
+    context, legal, rows = run.context, run.legal(), Rows(run.context)
     for state in states:
         known = dict(zip(facts, state, strict=True))
         require(truth_of(goal, known.get, objects) is False, f"a state of the search may meet the goal: {known}")
@@ -176,16 +175,6 @@ def check_search(
             if truth_of(requirements(primitive, context, known[HAND]), known.get, objects) is not False:
                 after = _after(known, rows.written(primitive, known[HAND], None, known.get))
                 require(after in states, f"{primitive.name} leads out of the states of the search")
-
-
-def _legal(context: Context, objects: Mapping[str, str]) -> tuple[Primitive, ...]:
-    fixture = context.target in context.articulated
-    illegal = set[Primitive]() if fixture else set(ARTICULATIONS)
-    if not (fixture or context.target_is_item):
-        illegal.add(Primitive.GRASP)
-    if context.support_goal not in objects:
-        illegal.add(Primitive.NAVIGATE_TO_SUPPORT)
-    return tuple(primitive for primitive in Primitive if primitive not in illegal)
 
 
 def _after(known: dict[Fact, Value], written: Effect) -> _State:
@@ -280,7 +269,8 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
     # Reasons are written only where they are needed: they would take a tenth of the time.
     if data["schema"] != SCHEMA:
         raise Rejected(f"it is written as {data['schema']!r}, and this checker reads {SCHEMA!r}")
-    known = data["library_sha"] == library_sha() or data["library_sha"] in EARLIER
+    earlier = data["library_sha"] in EARLIER and "domain" not in data
+    known = earlier or data["library_sha"] == library_sha(domain_of(data))
     require(known, "it was made with another table of primitives")
     for key, part in (("task_hash", data["plan"]), ("scene_sha", data["scene"])):
         digest = hashlib.sha256(_CANONICAL.encode(part).encode()).hexdigest()

@@ -16,7 +16,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 import bddl
 from bddl.grounding import count_ground_parts
 from oag.certificate.formulas import read_formula
+from oag.model.domain import BUILT_IN, Domain, DomainError, own_of
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -34,11 +35,13 @@ from oag.model.symbols import (
     NEAR,
     ROBOT_FACTS,
     Fact,
+    Kind,
     Parameter,
     Primitive,
     Value,
     condition_of,
     condition_on,
+    generalisations,
     gripping,
     holding,
     parameter_problem,
@@ -56,6 +59,7 @@ from oag.primitives.table import (
     impossible,
     needed,
     open_at_top,
+    own_places,
     placement_among,
     placement_of,
     with_consequences,
@@ -243,32 +247,32 @@ def with_values(read: Reader, case: Mapping[Fact, Value]) -> Reader:
 MOST_PARTS = 20_000
 
 
-def needed_of(condition: Any) -> Needed:
+def needed_of(condition: Any, domain: Domain = BUILT_IN) -> Needed:
     """Return the clauses of a list of [atom, value], or the formula of a text.
 
     Raises Rejected for a pattern, or a variable of the robot as an atom.
     """
     if isinstance(condition, str):
-        formula = read_formula(condition)
+        formula = read_formula(condition, domain.predicates)
         require(all((atom.predicate, *atom.args) not in ROBOT_FACTS for atom in bddl.atoms(formula)), "no formula")
         return needed(formula)
     clauses: list[Clause] = []
     for names, value in condition:
         fact = tuple(names)
-        # The robot's variables alone are about nothing.
-        if type(value) is not bool or len(fact) < 2 or ANY in "".join(fact):
+        # The robot's variables alone are about nothing, and predicates of own domains that have no arguments.
+        if type(value) is not bool or (len(fact) < 2 and fact[0] not in domain.own_predicates) or ANY in "".join(fact):
             raise Rejected(f"{names} is no literal")
         clauses.append((condition_on(fact, value),))
     return tuple(clauses)
 
 
-def check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
+def check_size(plan: Mapping[str, Any], objects: Mapping[str, str], domain: Domain) -> None:
     """Check that the plan's formulas, spelled out over the objects, are not too large to be evaluated."""
     left = MOST_PARTS
     for condition in (plan["goal"], *(s[field] for s in plan["subtasks"] for field in ("init", "goal"))):
         # Without a variable there is no quantifier.
         if isinstance(condition, str) and "?" in condition:
-            left -= count_ground_parts(read_formula(condition), objects, left)
+            left -= count_ground_parts(read_formula(condition, domain.predicates), objects, left)
             require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
 
 
@@ -289,6 +293,8 @@ def _last(latest: Mapping[Fact, tuple[int, Value]], fact: Fact) -> tuple[int, Va
                 best = latest[pattern]
     elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
         best = latest[fact[0], ANY]
+    elif len(fact) > 3 and latest.get(generalisations(fact)[-1], NEVER)[0] > best[0]:
+        best = latest[generalisations(fact)[-1]]
     return best
 
 
@@ -321,6 +327,7 @@ class PlanRun:
         self.time = 1
         self.before: dict[tuple[Fact, int], Value] = {}
         self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
+        self.domain = domain_of(data)
         self.latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
         for fact in [fact for fact, (_, value) in self.latest.items() if value is True]:
             for stated, known in with_consequences(fact, True):
@@ -360,11 +367,31 @@ class PlanRun:
     def _carriage_of(self) -> Carriage:
         placed = set[Fact]()
         for subtask in self._plan["subtasks"]:
-            place = _placement(needed_of(subtask["goal"]), subtask["target"])
+            place = _placement(needed_of(subtask["goal"], self.domain), subtask["target"])
             if place is not None:
                 placed.add((place.relation, subtask["target"], place.support))
+            if self.domain.rows:
+                placed.update(own_places(self._own(subtask), subtask["target"], subtask["support_goal"]))
         stated = {**self._start, **{fact: value for fact, (_, value) in self.latest.items()}}
         return carriage_of(self._scene["objects"], frozenset(self._scene["items"]), stated, placed)
+
+    def _own(self, subtask: Mapping[str, Any]) -> tuple[Primitive, ...]:
+        """Return the own primitives of a subtask's flow, all that it may have where it lacks one."""
+        if subtask["flow"] is None:
+            return tuple(self.domain.choices(subtask["target"], subtask["support_goal"], things_of(self._scene)))
+        return tuple(action_of(item, self.domain)[0] for item in subtask["flow"])
+
+    def legal(self) -> tuple[Primitive, ...]:
+        """Return the primitives that a flow of the current subtask may have."""
+        context, own = self.context, tuple[Primitive, ...]()
+        if self.domain.rows:
+            own = tuple(self.domain.choices(context.target, context.support_goal, things_of(self._scene)))
+        illegal = set[Primitive]() if context.target in context.articulated else set(ARTICULATIONS)
+        if not (context.target in context.articulated or context.target_is_item):
+            illegal.add(Primitive.GRASP)
+        if context.support_goal not in self._scene["objects"]:
+            illegal.add(Primitive.NAVIGATE_TO_SUPPORT)
+        return (*(p for p in Primitive if self.domain.inherits and p not in illegal), *own)
 
     def sure(self, fact: Fact) -> Value:
         """Return what the start and the steps so far make of a fact, without anything assumed."""
@@ -390,23 +417,23 @@ class PlanRun:
         articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
         vessels = tuple(key for key in self._scene["items"] if open_at_top(self._scene["objects"][key]))
         latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
-        carriage = self._carriage
+        carriage, domain = self._carriage, self.domain
         for index, subtask in enumerate(self._plan["subtasks"]):
-            target, goal = subtask["target"], needed_of(subtask["goal"])
+            target, goal = subtask["target"], needed_of(subtask["goal"], domain)
             key = (target, subtask["support_goal"], _placement(goal, target))
             context = Context(*key, target in items, articulated, vessels, carriage)
             rows = tables.setdefault(key, Rows(context))
             self.context = context
             if given:
                 self._take()
-            yield ("init", index, -1), self._init(subtask, key[2])
+            yield ("init", index, -1), self._init(subtask, key[2], domain)
             if subtask["flow"] is None:
                 yield ("no-flow", index, -1), goal
                 raise Rejected(f"subtask {index} has no flow, and nothing shows that it can have none")
             for position, item in enumerate(subtask["flow"]):
                 if given:
                     self._take()
-                primitive, parameter = (PRIMITIVES[item], None) if type(item) is int else action_of(item)
+                primitive, parameter = (PRIMITIVES[item], None) if type(item) is int else action_of(item, domain)
                 wanted, written = rows.row(primitive, latest[HAND][1], parameter)
                 if wanted:
                     yield ("precondition", index, position), wanted
@@ -421,13 +448,13 @@ class PlanRun:
                 self._take()
             yield ("goal", index, -1), goal
         self._take()
-        yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
+        yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"], domain)
 
-    def _init(self, subtask: Mapping[str, Any], placement: Placement | None) -> Needed:
+    def _init(self, subtask: Mapping[str, Any], placement: Placement | None, domain: Domain) -> Needed:
         """Return a subtask's initial condition, with what was found impossible left out."""
-        init, primitives = needed_of(subtask["init"]), {action_of(item)[0] for item in subtask["flow"] or ()}
+        init, primitives = needed_of(subtask["init"], domain), {action_of(item)[0] for item in subtask["flow"] or ()}
         found = [
-            needed_of(each["given"])
+            needed_of(each["given"], domain)
             for each in self._scene.get("known", ())
             if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives)
         ]
@@ -504,7 +531,7 @@ def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
 
 def check_contents(data: Mapping[str, Any]) -> None:
     """Check that a plan can be read to its end, beyond a failure, and that its objects exist and have one kind."""
-    plan, scene = data["plan"], data["scene"]
+    plan, scene, domain = data["plan"], data["scene"], domain_of(data)
     objects, items, articulated = scene["objects"], set(scene["items"]), set(scene["articulated"])
     require(ANY not in "".join(objects.keys()), "the objects have no names")
     require(items | articulated <= objects.keys() and not items & articulated, "an object is of two kinds, or of none")
@@ -512,13 +539,49 @@ def check_contents(data: Mapping[str, Any]) -> None:
         support = subtask["support_goal"]
         if subtask["target"] not in objects or (support is not None and support not in objects):
             raise Rejected(f"subtask {index} is about something that the scene does not have")
-        check_flow(index, subtask, items, articulated)
-    check_size(plan, objects)
+        check_flow(index, subtask, items, articulated, domain)
+        if domain.rows:
+            _check_own(index, subtask, scene, domain)
+    check_size(plan, objects, domain)
     if data["failure"] is None:
         return
-    needed_of(plan["goal"])
+    needed_of(plan["goal"], domain)
     for subtask in plan["subtasks"]:
-        needed_of(subtask["init"]), needed_of(subtask["goal"])
+        needed_of(subtask["init"], domain), needed_of(subtask["goal"], domain)
+
+
+def domain_of(data: Mapping[str, Any]) -> Domain:
+    """Return the domain of a certificate, which it repeats; without one, the built-in one."""
+    if "domain" not in data:
+        return BUILT_IN
+    try:
+        return _domain(json.dumps(data["domain"], sort_keys=True))
+    except DomainError as problem:
+        raise Rejected(f"its domain cannot be used: {problem}") from problem
+
+
+@lru_cache(maxsize=64)
+def _domain(text: str) -> Domain:
+    return Domain.from_json(json.loads(text), "(certificate)")
+
+
+def things_of(scene: Mapping[str, Any]) -> dict[str, tuple[str, Kind]]:
+    """Return the category and the kind of each object of a certificate's scene."""
+    items, articulated = set(scene["items"]), set(scene["articulated"])
+    return {
+        name: (category, Kind.ITEM if name in items else Kind.ARTICULATED if name in articulated else Kind.SUPPORT)
+        for name, category in scene["objects"].items()
+    }
+
+
+def _check_own(index: int, subtask: Mapping[str, Any], scene: Mapping[str, Any], domain: Domain) -> None:
+    """Check that the own primitives of a subtask's flow fit its objects."""
+    for item in subtask["flow"] or ():
+        own = own_of(action_of(item, domain)[0])
+        problem = (
+            None if own is None else domain.problem(own, subtask["target"], subtask["support_goal"], things_of(scene))
+        )
+        require(problem is None, f"subtask {index}: {'' if own is None else own.row.name} {problem}")
 
 
 # Kind, subtask and step; a fact, its value, and whether it is that; and when it was written.
@@ -542,13 +605,25 @@ def given_of(entry: Any) -> Given:
 PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
 
 
-def action_of(item: Any) -> tuple[Primitive, Parameter]:
+def action_of(item: Any, domain: Domain = BUILT_IN) -> tuple[Primitive, Parameter]:
     """Return the primitive of an action of a flow, with its number."""
-    ((key, value),) = ((item, None),) if type(item) is int else item.items()
-    return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
+    ((key, value),) = item.items() if type(item) is dict else ((item, None),)
+    return primitive_of(key, domain), (value[0], value[1]) if isinstance(value, list) else value
 
 
-def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], articulated: Collection[str]) -> None:
+def primitive_of(key: Any, domain: Domain) -> Primitive:
+    """Return the primitive of a flow's key: a number, or the name of an own one with its further objects."""
+    own = domain.primitive(key) if domain.rows and type(key) is str and not key.isdecimal() else None
+    return PRIMITIVES[key] if own is None else own
+
+
+def check_flow(
+    index: int,
+    subtask: Mapping[str, Any],
+    items: Collection[str],
+    articulated: Collection[str],
+    domain: Domain = BUILT_IN,
+) -> None:
     """Check that every action of a subtask's flow fits the kinds of its objects and has a valid parameter.
 
     `items` can be taken, and `articulated` objects have a joint; the `index` is for the reason.
@@ -559,9 +634,12 @@ def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], a
         illegal[Primitive.GRASP] = "furniture"
     if subtask["support_goal"] is None:
         illegal[Primitive.NAVIGATE_TO_SUPPORT] = "no support"
+    rows, inherits = domain.rows, domain.inherits
     for action in subtask["flow"] or ():
-        ((key, value),) = ((action, None),) if type(action) is int else action.items()
-        _check_parameter(primitive := PRIMITIVES[key], value)
+        ((key, value),) = action.items() if type(action) is dict else ((action, None),)
+        _check_parameter(primitive := primitive_of(key, domain) if rows else PRIMITIVES[key], value)
+        if not inherits and own_of(primitive) is None:
+            raise Rejected(f"{primitive.name} is not in the domain")
         if primitive in illegal:
             raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
 

@@ -8,6 +8,7 @@ Source: docs/bddl.md.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import bddl
@@ -23,8 +24,8 @@ _QUANTIFIERS: dict[str, Any] = {
 }
 
 
-def read_formula(text: str) -> bddl.Formula:
-    """Return the formula of a text of any depth.
+def read_formula(text: str, predicates: Mapping[str, bddl.PredicateSpec] = bddl.PREDICATES) -> bddl.Formula:
+    """Return the formula of a text of any depth, in the predicates of a domain.
 
     Raises:
         ValueError: The text is not the printed form of any formula.
@@ -41,7 +42,7 @@ def read_formula(text: str) -> bddl.Formula:
                 open_forms.append([])
             elif word == ")":
                 form = open_forms.pop()
-                open_forms[-1].append(_built(form))
+                open_forms[-1].append(_built(form, predicates))
             else:
                 open_forms[-1].append(word)
         ((formula,),) = open_forms
@@ -52,7 +53,7 @@ def read_formula(text: str) -> bddl.Formula:
     return formula
 
 
-def _built(form: list[Any]) -> Any:
+def _built(form: list[Any], predicates: Mapping[str, bddl.PredicateSpec]) -> Any:
     """Return the formula of a form whose operands are formulas; parenthesised variables and numbers are kept."""
     word, *rest = form
     if word.startswith("?") or word.isdecimal():
@@ -66,7 +67,7 @@ def _built(form: list[Any]) -> Any:
         *binders, body = rest
         names = [name.removeprefix("?") for variable, _, category in binders for name in (variable, category)]
         return _QUANTIFIERS[word](*names, body, **count)
-    spec = bddl.PREDICATES.get(word)
+    spec = predicates.get(word)
     if spec is None or spec.arity != len(rest):
         raise ValueError(f"{word!r} is no predicate of {len(rest)} arguments")
     return bddl.Atom(word, tuple(name.removeprefix("?") for name in rest))

@@ -22,6 +22,7 @@ from oag.model.codec import Source, shown
 from oag.model.scene import Scene
 from oag.model.symbols import Kind
 from oag.primitives.state import scene_facts
+from oag.primitives.table import library_sha
 from oag.task_definition import Task
 from oag.wellformed import check as form_of
 
@@ -107,6 +108,9 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
     difference = _other_task(data["plan"], asked)
     if place is not None and not difference:
         difference = _difference("scene", scene_json(place), data["scene"])
+        own = not place.domain.built_in or "domain" in data
+        if not difference and own and data["library_sha"] != library_sha(place.domain):
+            difference = f"it is about another domain than {place.domain.name}"
         # Certificates do not contain sizes, for example.
         malformed = form_of(asked, place) if asked is not None and not difference else ()
         if malformed:

@@ -21,6 +21,7 @@ from oag.certificate.recheck import digest, plan_json, scene_json
 from oag.compilation import CompiledSubtask, compile_plan
 from oag.exact import given_run, unknown_since
 from oag.flows import NoFlow
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.scene import Scene
 from oag.model.symbols import HAND, ROBOT_FACTS, Fact, Value, fact_text, satisfying_value
 from oag.primitives.cargo import NOTHING_CARRIED, Starts, is_place
@@ -222,6 +223,7 @@ class Certificate:
     Attributes:
         verdict: "PROVED", "CONDITIONAL" or "REFUTED".
         scene_sha: SHA-256 of the objects and the start knowledge.
+        domain: What the plan is described in.
         body: Everything else, as JSON values; `to_json` has all of it.
     """
 
@@ -229,6 +231,7 @@ class Certificate:
     task_hash: str
     scene_sha: str
     body: dict[str, object]
+    domain: Domain = BUILT_IN
 
     def __repr__(self) -> str:
         return f"<Certificate {self.verdict} of task {self.task_hash[:12]}, scene {self.scene_sha[:12]}>"
@@ -249,7 +252,8 @@ class Certificate:
         """Return the certificate as JSON values."""
         return {
             "schema": SCHEMA,
-            "library_sha": library_sha(),
+            "library_sha": library_sha(self.domain),
+            **({} if self.domain.built_in else {"domain": self.domain.to_json()}),
             "verdict": self.verdict,
             "task_hash": self.task_hash,
             "scene_sha": self.scene_sha,
@@ -294,7 +298,7 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow
         "counterexample": None if shown.run is None else [[time, list(fact), value] for time, fact, value in shown.run],
         "search": None if search is None else search.to_json(),
     }
-    return Certificate(verdict, digest(plan), digest(start), body)
+    return Certificate(verdict, digest(plan), digest(start), body, scene.domain)
 
 
 class _Shown(NamedTuple):

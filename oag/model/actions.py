@@ -13,9 +13,10 @@ from difflib import SequenceMatcher
 import bddl
 from oag.model.codec import as_number, shown
 from oag.model.diagnostics import FlowError
+from oag.model.domain import BUILT_IN, Domain, own_of
 from oag.model.symbols import Parameter, ParameterKind, Primitive, parameter_kind
 
-JsonAction = int | dict[str, float | list[float] | None]
+JsonAction = int | str | dict[str, float | list[float] | None]
 
 # Zeros before an ID do no harm, but Python refuses to read thousands of digits.
 _MOST_DIGITS = 20
@@ -46,11 +47,12 @@ class Action:
         return f"{self.primitive.name}({', '.join(f'{value:g}' for value in values)})"
 
     def to_json(self) -> JsonAction:
-        """Return the paper's form: a bare ID, or `{"ID": parameter}` (null for an unfilled one)."""
+        """Return the paper's form: a bare ID, or `{"ID": parameter}` (null for an unfilled one); own ones by name."""
+        own = own_of(self.primitive) is not None
         if parameter_kind(self.primitive) is ParameterKind.NONE and self.parameter is None:
-            return int(self.primitive)
+            return self.primitive.name if own else int(self.primitive)
         value = list(self.parameter) if isinstance(self.parameter, tuple) else self.parameter
-        return {str(int(self.primitive)): value}
+        return {self.primitive.name if own else str(int(self.primitive)): value}
 
 
 ActionFlow = tuple[Action, ...]
@@ -61,31 +63,36 @@ def flow_to_json(flow: Iterable[Action]) -> list[JsonAction]:
     return [action.to_json() for action in flow]
 
 
-def flow_from_json(items: object) -> ActionFlow:
+def flow_from_json(items: object, domain: Domain = BUILT_IN) -> ActionFlow:
     """Return the flow that a JSON list describes; parameters out of range are kept, since `verify` reports them.
+
+    Own primitives of a domain stand by their names.
 
     Raises FlowError when the value is no list, an item has another form, or an ID is unknown.
     """
     if not isinstance(items, list):
         raise FlowError(f"expected a list such as [17, 1, 2, 3], got {shown(items)}", code="flow/parameter")
-    return tuple(action_from_json(item, index) for index, item in enumerate(items))
+    return tuple(action_from_json(item, index, domain) for index, item in enumerate(items))
 
 
-def action_from_json(item: object, index: int | None = None) -> Action:
+def action_from_json(item: object, index: int | None = None, domain: Domain = BUILT_IN) -> Action:
     """Return the action that one JSON item describes; `index` is only for the message of a FlowError."""
     if isinstance(item, dict):
         if len(item) != 1:
             problem = f'expected one primitive a mapping, such as {{"15": 0.3}}, got {shown(item)}'
             raise FlowError(problem, code="flow/parameter", index=index)
         key, value = next(iter(item.items()))
-        primitive = _primitive(key, index)
+        primitive = _primitive(key, index, domain)
         return Action(primitive, _parameter(primitive, value, index))
-    return Action(_primitive(item, index))
+    return Action(_primitive(item, index, domain))
 
 
-def _primitive(identifier: object, index: int | None) -> Primitive:
+def _primitive(identifier: object, index: int | None, domain: Domain) -> Primitive:
     number = identifier
     if isinstance(identifier, str):
+        own = domain.primitive(identifier) if identifier.strip() and domain.rows else None
+        if own is not None:
+            return own
         digits = identifier.strip()
         number = int(digits) if digits.isdecimal() and len(digits) <= _MOST_DIGITS else identifier
         named = Primitive.__members__.get(_name(identifier))
@@ -94,6 +101,7 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
     if isinstance(number, int) and not isinstance(number, bool) and number in _IDS:
         return Primitive(number)
     legal = f"primitives are the integers {_IDS.start} to {_IDS.stop - 1}, or their names"
+    legal += f", or those of the domain {domain.name}: {', '.join(domain.rows)}" if domain.rows else ""
     problem, meant = f"unknown primitive {shown(identifier)}; {legal}", _near_primitives(identifier)
     raise FlowError(problem, code="flow/unknown-primitive", index=index, meant=meant)
 

@@ -21,6 +21,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from bddl.ast import NAME_RULE, is_name
 from oag.model.codec import Document, did_you_mean, expected, missing, number, place_of, shown
 from oag.model.diagnostics import InputError
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.infeasible import Infeasible, InfeasibleKind
 from oag.model.robots import FULL_SIZE, PAPER_ROBOT, ROBOTS
 from oag.model.scene import (
@@ -380,7 +381,7 @@ def read_scene(document: Document) -> SceneForm:
     return form
 
 
-def scene_in(document: Document, kind: type[Scene]) -> Scene:
+def scene_in(document: Document, kind: type[Scene], domain: Domain = BUILT_IN) -> Scene:
     """Return the scene of a file; raises a SceneError with the place of the first thing that is malformed."""
     form = read_scene(document)
     bare = not any(map(_has_geometry, form.objects.values()))
@@ -389,10 +390,11 @@ def scene_in(document: Document, kind: type[Scene]) -> Scene:
         name="scene" if form.name is None else form.name,
         robot=RobotPose() if form.robot is None else robot_of(form.robot),
         objects=objects,
-        facts=read_facts(form.facts or (), objects, document.source),
-        closed=read_closed(form.closed or (), document.source),
+        facts=read_facts(form.facts or (), objects, document.source, domain),
+        closed=read_closed(form.closed or (), document.source, domain),
         variation=dict(form.variation or {}),
         known=infeasible_of(form.known),
+        domain=domain,
     )
 
 

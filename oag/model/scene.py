@@ -17,6 +17,7 @@ import bddl
 from bddl.terminal import pluralize
 from oag.model.codec import Source, as_json, brief, did_you_mean, expected, fields_json, load, shown
 from oag.model.diagnostics import SceneError
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.infeasible import Infeasible
 from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, robot_named
 from oag.model.symbols import GRIPPER, Kind, Role, kind_of
@@ -84,6 +85,7 @@ class SceneObject:
         bbox_extent: Size of its bounding box [m] along its own axes, before `scale`; `NO_BOX` where it is not known.
         scale: Factor along each of its own axes.
         parameters: Geometry of the asset, not read by this package.
+        domain_kind: The kind that an own domain gives its category, or None; scenes fill it in.
     """
 
     id: str
@@ -94,6 +96,7 @@ class SceneObject:
     bbox_extent: Vector3
     scale: Vector3 = (1.0, 1.0, 1.0)
     parameters: Mapping[str, object] = field(default_factory=dict)
+    domain_kind: Kind | None = None
 
     @property
     def extent_m(self) -> Vector3:
@@ -111,6 +114,8 @@ class SceneObject:
     @property
     def kind(self) -> Kind:
         """Articulated fixture, support or item, from the category."""
+        if self.domain_kind is not None:
+            return self.domain_kind
         (x, y, _), (along_x, along_y, _) = self.bbox_extent, self.scale
         return kind_of(self.category, min(x * along_x, y * along_y))
 
@@ -145,6 +150,7 @@ class Scene:
         closed: Predicates known completely: what no fact states of them is false at the start.
         variation: Ranges for randomisation, not read by this package.
         known: What geometry found impossible in it.
+        domain: Its predicates, the kinds of its categories, and the primitives that plans in it may use.
     """
 
     name: str
@@ -154,6 +160,7 @@ class Scene:
     closed: frozenset[str] = frozenset()
     variation: Mapping[str, object] = field(default_factory=dict)
     known: tuple[Infeasible, ...] = ()
+    domain: Domain = BUILT_IN
 
     def __post_init__(self) -> None:
         """Read facts given as texts, and check them as in a file: an ignored mistake would prove too much."""
@@ -165,15 +172,19 @@ class Scene:
             if not isinstance(thing, SceneObject):
                 hint = f"{key} is no file's mapping here"
                 raise refused(f"expected a SceneObject, got {shown(thing)}", place=f"objects.{key}", hint=hint)
-        object.__setattr__(self, "facts", read_facts(self.facts, self.objects, "(Scene)"))
+        if self.domain.kinds:
+            kinds = {key: self.domain.kind_of(thing.category) for key, thing in given.items()}
+            things = {key: replace(thing, domain_kind=kinds[key]) for key, thing in given.items()}
+            object.__setattr__(self, "objects", things)
+        object.__setattr__(self, "facts", read_facts(self.facts, self.objects, "(Scene)", self.domain))
         self._check_held()
-        object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
+        object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)", self.domain))
         for number, found in enumerate(self.known):
             for name in filter(None, (found.thing, found.place)):
                 if name not in self.objects:
                     hint = did_you_mean(name, self.objects)
                     raise refused(f"unknown object {name!r}", place=f"known[{number}]", hint=hint)
-        read = (replace(found, given=read_facts(found.given, self.objects, "(Scene)")) for found in self.known)
+        read = (replace(found, given=read_facts(found.given, self.objects, "(Scene)", self.domain)) for found in self.known)
         object.__setattr__(self, "known", tuple(read))
 
     def __repr__(self) -> str:
@@ -184,25 +195,26 @@ class Scene:
         """Refuse a fact that puts something into the gripper that it cannot hold."""
         for number, fact in enumerate(self.facts):
             for literal in bddl.literals(fact) or ():
-                predicate, first, *rest = literal.atom.label
-                held = literal.value and predicate == "inside" and rest == [GRIPPER]
+                predicate, *names = literal.atom.label
+                held = literal.value and predicate == "inside" and names[1:] == [GRIPPER]
+                first = names[0] if names else ""
                 if held and (first not in self.objects or self.objects[first].kind is not Kind.ITEM):
                     problem = f"the gripper cannot hold {first}; expected an item of the scene"
                     raise SceneError(problem, source=self.name, place=f"facts[{number}]")
 
     @classmethod
-    def from_json(cls, source: Source) -> Self:
-        """Return the scene that a JSON file, or a mapping of the same form, describes.
+    def from_json(cls, source: Source, domain: Domain = BUILT_IN) -> Self:
+        """Return the scene that a JSON file, or a mapping of the same form, describes in a domain.
 
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
         # Loads pydantic, which takes as long as this package.
-        found: Self = import_module("oag.model.forms").scene_in(load(source, SceneError), cls)
+        found: Self = import_module("oag.model.forms").scene_in(load(source, SceneError), cls, domain)
         return found
 
     def to_json(self) -> dict[str, object]:
-        """Return the mapping that `from_json` reads back into an equal scene."""
+        """Return the mapping that `from_json` reads back into an equal scene, with the same domain."""
         return {
             "name": self.name,
             "robot": _write_robot(self.robot),
@@ -258,7 +270,9 @@ def _write_robot(robot: RobotPose) -> dict[str, object]:
 def _write_object(thing: SceneObject) -> dict[str, object]:
     if not thing.has_box:
         return {"category": thing.category}
-    written = {key: value for key, value in fields_json(thing).items() if key not in ("id", "parameters")}
+    written = {
+        key: value for key, value in fields_json(thing).items() if key not in ("id", "parameters", "domain_kind")
+    }
     return written | ({"parameters": dict(thing.parameters)} if thing.parameters else {})
 
 
@@ -280,18 +294,20 @@ def about_z(turn_rad: float) -> tuple[float, float, float, float]:
     return (math.cos(turn_rad / 2), 0.0, 0.0, math.sin(turn_rad / 2)) if turn_rad else (1.0, 0.0, 0.0, 0.0)
 
 
-def read_closed(given: object, source: str) -> frozenset[str]:
+def read_closed(given: object, source: str, domain: Domain = BUILT_IN) -> frozenset[str]:
     """Return the predicates that a scene declares to know completely; raises SceneError for anything else."""
     names = _listed(given, "closed", source)
     for index, name in enumerate(names):
-        if not isinstance(name, str) or name not in bddl.PREDICATES:
+        if not isinstance(name, str) or name not in domain.predicates:
             reason = f"unknown predicate {name!r}" if isinstance(name, str) else expected("a string", name)
-            hint = did_you_mean(name, bddl.PREDICATES) if isinstance(name, str) else ""
+            hint = did_you_mean(name, domain.predicates) if isinstance(name, str) else ""
             raise SceneError(reason, source=source, place=f"closed[{index}]", hint=hint)
     return frozenset(map(str, names))
 
 
-def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl.Formula, ...]:
+def read_facts(
+    given: object, objects: Iterable[str], source: str, domain: Domain = BUILT_IN
+) -> tuple[bddl.Formula, ...]:
     """Return the literals that hold at the start, from formulas or their texts.
 
     Each must be ground, of this scene, and not contradicted; raises SceneError otherwise. The source is for messages.
@@ -305,7 +321,7 @@ def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl
             formula = text
         elif isinstance(text, str):
             try:
-                formula = bddl.parse_formula(text)
+                formula = domain.formula(text)
             except bddl.BDDLError as problem:
                 raise refused(problem.first_messages) from problem
         else:
@@ -314,7 +330,7 @@ def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl
         if literals is None:
             raise refused("a fact must be a literal, such as (ontop glass_0 table_0) or (not (open fridge_0))")
         for literal in literals:
-            reason, hint = _unfit_fact(literal.atom, known)
+            reason, hint = _unfit_fact(literal.atom, known, domain)
             if not reason and values.setdefault(literal.atom, literal.value) is not literal.value:
                 reason = f"contradicts an earlier fact about {bddl.format(literal.atom)}"
             if reason:
@@ -329,11 +345,11 @@ def _listed(given: object, place: str, source: str) -> Collection[object]:
     return given
 
 
-def _unfit_fact(atom: bddl.Atom, known: tuple[str, ...]) -> tuple[str, str]:
+def _unfit_fact(atom: bddl.Atom, known: tuple[str, ...], domain: Domain) -> tuple[str, str]:
     """Return the problem of a fact and a hint: an unknown predicate or object, or a wrong arity."""
-    spec = bddl.PREDICATES.get(atom.predicate)
+    spec = domain.predicates.get(atom.predicate)
     if spec is None:
-        return f"unknown predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+        return f"unknown predicate {atom.predicate!r}", did_you_mean(atom.predicate, domain.predicates)
     if len(atom.args) != spec.arity:
         return f"{atom.predicate} takes {spec.arity} arguments, got {len(atom.args)}", ""
     for name, parameter in zip(atom.args, spec.parameters, strict=True):

@@ -24,7 +24,7 @@ import math
 from collections.abc import Iterable, Iterator
 from enum import Enum, IntEnum
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import bddl
 
@@ -191,6 +191,11 @@ class Primitive(IntEnum):
     TURN_BASE_LEFT = 20
     TURN_BASE_RIGHT = 21
 
+    def __reduce_ex__(self, _protocol: object) -> tuple[Any, ...]:
+        """Copy by number; a primitive of an own domain (`oag.model.domain`) by its row."""
+        own = self.__dict__.get("own")
+        return (Primitive, (int(self),)) if own is None else (type(own).primitive, (own,))
+
 
 class ParameterKind(Enum):
     """What a primitive's parameter means; the value describes it for a person."""
@@ -199,6 +204,7 @@ class ParameterKind(Enum):
     DISTANCE_M = f"one distance from 0 to {MAX_DISTANCE_M:g} m"
     ANGLE_DEG = f"one angle from 0 to {MAX_ANGLE_DEG:g} degrees"
     JOINT_LIMITS = "joint limits [min, max] with min <= max"
+    OWN = "one number in the range that its domain gives"
 
 
 Parameter = float | tuple[float, float] | None
@@ -238,7 +244,10 @@ def applicable(primitive: Primitive, kind: Kind) -> bool:
 
 def parameter_kind(primitive: Primitive) -> ParameterKind:
     """Return which kind of parameter a primitive takes."""
-    return _KINDS[primitive]
+    known = _KINDS.get(primitive)
+    if known is None:
+        known = primitive.__dict__["own"].parameter_kind
+    return known
 
 
 def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
@@ -253,6 +262,9 @@ def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
         return f"takes no parameter, got {parameter!r}"
     if kind is ParameterKind.JOINT_LIMITS:
         return _limits_problem(parameter)
+    if kind is ParameterKind.OWN:
+        problem: str | None = primitive.__dict__["own"].row.number.problem(parameter)
+        return problem
     if isinstance(parameter, tuple):
         return f"takes {kind.value}, got {list(parameter)!r}"
     if not math.isfinite(parameter):
@@ -384,7 +396,7 @@ def generalisations(fact: Fact) -> tuple[Fact, ...]:
         return (fact, (predicate, first, ANY), (predicate, ANY, second), (predicate, ANY, ANY))
     if len(fact) == 2:
         return (fact, (fact[0], ANY))
-    return (fact,)
+    return (fact,) if len(fact) < 2 else (fact, (fact[0], *(ANY,) * (len(fact) - 1)))
 
 
 def overlap(first: Fact, second: Fact) -> bool:

@@ -76,7 +76,7 @@ def scene_facts(scene: Scene) -> Start:
     """
     values: dict[Fact, Value] = {}
     for predicate in sorted(scene.closed):
-        arity = bddl.PREDICATES[predicate].arity
+        arity = scene.domain.predicates[predicate].arity
         values[(predicate, *(ANY,) * arity)] = False
     for formula in scene.facts:
         for literal in bddl.literals(formula) or ():
@@ -113,7 +113,7 @@ def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
         atom = literal.atom
         if values.setdefault(atom, literal.value) is not literal.value:
             return f"{bddl.format(atom)} is said to hold and not to hold"
-        if not literal.value or atom.predicate not in ("ontop", "inside"):
+        if not literal.value or atom.predicate not in ("ontop", "inside") or len(atom.args) != 2:
             continue
         first, second = atom.args
         if first == second:

@@ -20,6 +20,7 @@ from itertools import product
 from typing import NamedTuple
 
 import bddl
+from oag.model.domain import BUILT_IN, LAST_BUILT_IN, Domain, Own, bound, own_of
 from oag.model.symbols import (
     ANY,
     ARTICULATIONS,
@@ -218,7 +219,7 @@ def open_at_top(category: str) -> bool:
 
 def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[Clause, ...]:
     """Return the clauses that must all hold before a primitive runs; only UNGRASP depends on the hand."""
-    return _TABLE[primitive](context, hand)[0]
+    return _row(primitive, context, hand, None)[0]
 
 
 def carries(primitive: Primitive, parameter: Parameter = None) -> bool:
@@ -236,12 +237,51 @@ def effect(primitive: Primitive, context: Context, hand: Value, parameter: Param
 
 
 def _row(primitive: Primitive, context: Context, hand: Value, parameter: Parameter) -> Row:
+    if primitive > LAST_BUILT_IN:
+        own = own_of(primitive)
+        assert own is not None
+        return _own_row(own, context)
     if parameter is None:
         return _TABLE[primitive](context, hand)
     if primitive in ARTICULATIONS and isinstance(parameter, tuple):
         return _TABLE[primitive](context, hand)[0], _articulated(primitive, context.target, *parameter)
     # A motion by 0 moves nothing.
     return _TABLE[primitive](context, hand) if parameter != 0.0 or primitive in _IN_PLACE else ((), ())
+
+
+def _own_row(own: Own, context: Context) -> Row:
+    """Return the row of an own domain; what it puts somewhere goes nowhere that is shut, nor on what it carries."""
+    needs, writes = bound(own, context.target, context.support_goal)
+    for _, thing, place in _places(writes) if own.row.robot else ():
+        chains = towers(context.carriage, place, thing)
+        needs += _uncovered(context, place)
+        needs += tuple(tuple(Condition(fact, True, False) for fact in chain) for chain in chains)
+    return needs, writes
+
+
+def own_places(primitives: Iterable[Primitive], target: str, support: str | None) -> tuple[tuple[str, str, str], ...]:
+    """Return where primitives of an own domain put things in a subtask."""
+    rows = [own for own in map(own_of, primitives) if own is not None and own.row.robot]
+    return tuple(fact for own in rows for fact in _places(bound(own, target, support).writes))
+
+
+def _places(writes: Effect) -> tuple[tuple[str, str, str], ...]:
+    put = (fact for fact, value in writes if value is True and len(fact) == 3 and fact[0] in RESTING)
+    return tuple((relation, thing, place) for relation, thing, place in put)
+
+
+def _own_cargo(own: Own, context: Context, read: Reader) -> Effect:
+    """Return what a row writes about the cargo of what it moves."""
+    writes = bound(own, context.target, context.support_goal).writes
+    places: dict[str, dict[Fact, Value]] = {}
+    for relation, thing, place in _places(writes):
+        places[thing] = Load(context.carriage, thing, read).set_down(relation, place)
+    moved = (fact[1] for fact, value in writes if value is not True and len(fact) == 3 and fact[0] in RESTING)
+    for thing in dict.fromkeys(moved):
+        if thing not in places and thing != ANY:
+            places[thing] = Load(context.carriage, thing, read).carried_off(lambda _: False)
+    own_facts = {fact for fact, _ in writes}
+    return tuple((fact, value) for found in places.values() for fact, value in found.items() if fact not in own_facts)
 
 
 def _articulated(primitive: Primitive, target: str, low: float, high: float) -> Effect:
@@ -403,6 +443,9 @@ def _released(context: Context, hand: Value) -> Effect:
 
 def cargo(primitive: Primitive, context: Context, hand: Value, parameter: Parameter, read: Reader) -> Effect:
     """Return what a primitive writes about cargo, by what is known of who carries whom."""
+    if primitive > LAST_BUILT_IN:
+        own = own_of(primitive)
+        return () if own is None or not own.row.robot else _own_cargo(own, context, read)
     item = held_by(hand)
     if item is None:
         return ()
@@ -450,9 +493,16 @@ _NOTHING_KNOWN: dict[Fact, Value] = {}
 _ALL_SO: dict[Fact, Value] = {(place[0], name, place[1]): True for name, found in _SAMPLE.places for place in found}
 
 
+def library_sha(domain: Domain = BUILT_IN) -> str:
+    """Return the SHA-256 of the primitives of a domain; certificates carry it."""
+    if domain.built_in:
+        return _table_sha()
+    return hashlib.sha256(f"{_table_sha()} {domain.digest}".encode()).hexdigest()
+
+
 @cache
-def library_sha() -> str:
-    """Return the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
+def _table_sha() -> str:
+    """Return the SHA-256 of the table's content, tried on sample objects."""
     digest = hashlib.sha256(repr(sorted(_OPEN_AT_TOP)).encode())
     placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
     samples: tuple[Parameter, ...] = (0.0, 0.2, (0.0, 0.0), (0.0, 0.6), (0.5, 1.0), (0.1, 1.5))

@@ -18,6 +18,7 @@ from oag.flows import (
     run_flow,
 )
 from oag.model.actions import Action, ActionFlow
+from oag.model.domain import own_of
 from oag.model.symbols import (
     EEF,
     HAND,
@@ -164,6 +165,7 @@ def _near_steps(mistake: Mistake, index: int, length: int) -> range:
 
 def _changes(flow: ActionFlow, legal: PrimitiveFlow, places: range) -> Iterator[_FlowChange]:
     primitives = [primitive for primitive in _SYMBOLIC if primitive in legal]
+    primitives += [primitive for primitive in legal if own_of(primitive) is not None]
     for step in places:
         for primitive in primitives:
             action = Action(primitive)

@@ -58,7 +58,7 @@ def _text_candidates(mistake: Mistake) -> Iterator[Candidate]:
     tried: set[bddl.Formula] = set()
     for rank, attempt in enumerate(_attempts(text, _roles(mistake.task, index)) if isinstance(text, str) else ()):
         try:
-            formula = bddl.parse_formula(attempt)
+            formula = mistake.scene.domain.formula(attempt)
         except bddl.BDDLError:
             continue
         if formula not in tried:

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from dataclasses import replace
 
 import pytest
 
 import oag
 from tests.oag.absurd import ABSURD, SOUND, Plan
+from tests.oag.paper import DATA
 
 
 def test_the_table_is_large_enough() -> None:
     assert len(ABSURD) >= 30 and len(SOUND) >= 15
+
+
+def test_a_plan_validator_s_answers_stand_beside_the_table() -> None:
+    """By unified-planning 1.3 for the same plans in plain STRIPS (`benchmarks/absurd_plans.py`)."""
+    answers = json.loads((DATA / "absurd_unified_planning.json").read_text(encoding="utf-8"))
+    assert list(answers) == [plan.name for plan in (*ABSURD, *SOUND)]
+    assert Counter(answers[plan.name] for plan in ABSURD) == {"VALID": 32, "INVALID": 5}
+    assert Counter(answers[plan.name] for plan in SOUND) == {"VALID": 19, "INVALID": 5}
 
 
 @pytest.mark.parametrize("plan", ABSURD, ids=lambda plan: plan.name)

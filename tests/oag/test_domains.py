@@ -1,0 +1,270 @@
+"""Own domains: declared as data, proved, searched, mended and rechecked like the built-in one; PDDL out and in."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bddl
+import oag
+from oag import pddl
+from oag.model.domain import DomainError
+from tests.oag.paper import DATA, scene, task_json
+from tests.source_tree import ROOT
+
+BESIDE = oag.Domain.from_toml(ROOT / "examples" / "domains" / "beside.toml")
+GOAL = "(and (nextto apple_0 cup_0) (not (open drawer_0)))"
+STEPS: list[Any] = [oag.open("drawer_0"), oag.pick("apple_0"), "PLACE_NEXT_TO apple_0 table_0 cup_0"]
+# By planners of unified-planning 1.3, from the exported texts.
+PLANS: dict[str, dict[str, list[str]]] = json.loads((DATA / "pddl_plans.json").read_text(encoding="utf-8"))
+
+
+def kitchen(domain: oag.Domain = BESIDE) -> oag.Scene:
+    """An apple in a drawer and a cup on a table."""
+    things = {"apple_0": "apple", "cup_0": "cup", "table_0": "table", "drawer_0": "drawer"}
+    return oag.scene(things, ["(ontop cup_0 table_0)", "(inside apple_0 drawer_0)"], "all", domain=domain)
+
+
+def confirmed(report: oag.Report | None) -> bool:
+    """The recheck of a report, against its own task and scene."""
+    assert report is not None
+    return bool(oag.recheck(report.certificate, task=report.task, scene=report.scene))
+
+
+def test_a_declared_primitive_is_proved_planned_mended_and_searched() -> None:
+    here = kitchen()
+    task = oag.task(here, goal="(nextto apple_0 cup_0)", steps=[*STEPS, "PUSH cup_0 apple_0 table_0"])
+    report = oag.compose(task).verify()
+    assert report and confirmed(report)
+    assert oag.Task.from_json(task.to_json(), scene=here).subtasks == task.subtasks
+    assert oag.canonical_digest(task) == oag.canonical_digest(oag.canonical(task))
+    planned = oag.plan(here, GOAL)
+    assert planned.task is not None and len(planned.task.subtasks) == 4 and confirmed(planned.report)
+    wrong = oag.compose(oag.task(here, goal="(nextto apple_0 cup_0)", steps=STEPS[1:])).verify()
+    assert not wrong and confirmed(wrong) and wrong.sure_fix is not None
+    mended = oag.compose(wrong.sure_fix.apply(wrong.task)).verify()
+    assert mended and confirmed(mended)
+    searched = replace(task, subtasks=tuple(replace(subtask, flow=None) for subtask in task.subtasks))
+    assert confirmed(oag.compose(searched).verify())
+    left = oag.repair(task, ["(ontop cup_0 table_0)", "(inside apple_0 gripper)", "(open drawer_0)"])
+    assert left.edits == 0 and left.task is not None and len(left.task.subtasks) == 2
+
+
+def test_a_flow_that_no_row_allows_is_refuted_with_a_proof() -> None:
+    here = replace(kitchen(), facts=(bddl.parse_formula("(inside apple_0 drawer_0)"),))
+    goal = bddl.parse_formula("(nextto apple_0 cup_0)")
+    subtask = oag.SimpleTask("", "", "apple_0", None, "table_0", here.facts[0], goal)
+    report = oag.compose(oag.Task("", "", goal, True, (subtask,), scene=here)).verify()
+    assert report.verdict is oag.Verdict.REFUTED and report.no_flow is not None and confirmed(report)
+
+
+def test_a_certificate_is_of_its_domain_alone() -> None:
+    here = kitchen()
+    report = oag.compose(oag.task(here, goal="(nextto apple_0 cup_0)", steps=STEPS)).verify()
+    assert report.certificate is not None
+    data = json.loads(json.dumps(report.certificate.to_json()))
+    assert oag.recheck(data, scene=here)
+    row = data["domain"]["primitives"]["PLACE_NEXT_TO"]
+    row["needs"] = row["needs"][:1]
+    assert not oag.recheck(data)
+    loose = oag.Domain.from_json(data["domain"])
+    forged = oag.compose(oag.task(kitchen(loose), goal="(nextto apple_0 cup_0)", steps=STEPS)).verify()
+    assert oag.recheck(forged.certificate) and not oag.recheck(forged.certificate, scene=here)
+    row["objects"].reverse()
+    assert oag.Domain.from_json(data["domain"]).digest != loose.digest
+
+
+def test_a_domain_and_its_primitives_travel_between_processes() -> None:
+    task = oag.task(kitchen(), steps=STEPS)
+    assert pickle.loads(pickle.dumps(task)) == task
+    assert oag.Domain.from_json(BESIDE.to_json()) == BESIDE
+
+
+_ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"]}
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "words"),
+    [
+        ({"name": 3}, "name", "expected a name"),
+        ({"colour": 1}, "colour", "no such field"),
+        ({"predicates": {"open": ["thing"]}}, "predicates.open", "inherited"),
+        ({"predicates": {"near": []}}, "predicates.near", "inherited"),
+        ({"kinds": {"puck": "thing"}}, "kinds.puck", "one of item, support, fixture"),
+        ({"primitives": {"push": _ROW}}, "primitives.push", "in capitals"),
+        ({"primitives": {"GRASP": _ROW}}, "primitives.GRASP", "none of the 21"),
+        ({"primitives": {"LIGHT": {**_ROW, "objects": {}}}}, "primitives.LIGHT.objects", "the target"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": ["(open ?b)"]}}}, "primitives.LIGHT.needs", "?b is none"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": ["(lighted ?a)"]}}}, "primitives.LIGHT.needs", "lighted"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(lit ?any)"]}}}, "primitives.LIGHT.writes", "every object"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(not (handempty))"]}}}, "primitives.LIGHT.writes", "robot"),
+        ({"primitives": {"LIGHT": {**_ROW, "number": [1, 0, "m"]}}}, "primitives.LIGHT.number", "least, most"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_malformed_domain_is_refused_by_its_place(change: dict[str, Any], place: str, words: str) -> None:
+    data = {"name": "lamps", "predicates": {"lit": ["lamp"]}, "primitives": {"LIGHT": _ROW}}
+    assert oag.Domain.from_json(data).rows
+    with pytest.raises(DomainError) as caught:
+        oag.Domain.from_json({**data, **change})
+    assert caught.value.place == place and words in str(caught.value)
+
+
+def test_a_step_that_does_not_fit_its_row_is_found() -> None:
+    here = kitchen()
+    subtask: dict[str, Any] = {"target": "table_0", "support_goal": "cup_0", "init": "(and)", "goal": "(and)"}
+    report = oag.compose(
+        oag.Task.from_json({"sub_tasks": [{**subtask, "flow": ["PUSH table_0"]}]}, scene=here)
+    ).verify()
+    assert [error.code for error in report.errors] == ["flow/kind"]
+    number = oag.task(here, steps=["PUSH cup_0 apple_0 table_0"]).subtasks[0].to_json()
+    number["flow"] = [{"PUSH table_0": 0.9}]
+    report = oag.compose(oag.Task.from_json({"sub_tasks": [number]}, scene=here)).verify()
+    assert "0.01 to 0.5 m" in report.errors[0].message
+
+
+@pytest.mark.parametrize(("name", "engine"), [(name, engine) for name in PLANS for engine in PLANS[name]])
+def test_a_planner_s_plan_for_an_exported_task_is_proved(name: str, engine: str) -> None:
+    here = kitchen() if name == "beside" else scene(name)
+    goal = GOAL if name == "beside" else oag.Task.from_json(task_json(name), scene=here).goal
+    report = oag.compose(pddl.export(here, goal).task(PLANS[name][engine])).verify()
+    assert report and confirmed(report)
+
+
+@pytest.mark.parametrize(
+    ("change", "refused"),
+    [
+        ("(:requirements :adl)", ":adl"),
+        ("(:functions (cost))", ":functions"),
+        ("(:constants c)", ":constants"),
+        ("(:action b :parameters (?x) :precondition (or (p ?x) (q)) :effect (q))", "b: (or ...)"),
+        ("(:action b :parameters (?x) :effect (forall (?y) (p ?y)))", "b: (forall ...)"),
+        ("(:action b :parameters (?x) :effect (when (q) (p ?x)))", "b: (when ...)"),
+        ("(:action b :parameters () :effect (q))", "b: an action without parameters"),
+    ],
+)
+def test_what_is_no_strips_is_refused_by_name(change: str, refused: str) -> None:
+    domain = "(define (domain d) {} (:predicates (p ?x) (q)) {} (:action a :parameters (?x) :effect (p ?x)))"
+    problem = "(define (problem e) (:domain d) (:objects o) (:init (q)) (:goal (p o)))"
+    here, goal = pddl.read(domain.format("", ""), problem)
+    assert oag.plan(here, goal)
+    first = change.startswith(("(:requirements", "(:constants"))
+    with pytest.raises(pddl.PddlError) as caught:
+        pddl.read(domain.format(change if first else "", "" if first else change), problem)
+    assert refused in caught.value.refused
+
+
+def test_what_cannot_be_exported_is_refused_by_name() -> None:
+    with pytest.raises(pddl.PddlError, match="no conjunction"):
+        pddl.export(kitchen(), "(or (open drawer_0) (nextto apple_0 cup_0))")
+    here = oag.scene({"apple_0": "apple", "bowl_0": "bowl", "table_0": "table"}, ["(inside apple_0 bowl_0)"], "all")
+    with pytest.raises(pddl.PddlError, match="apple_0 may be carried by bowl_0"):
+        pddl.export(here, "(ontop bowl_0 table_0)")
+    with pytest.raises(pddl.PddlError, match="is no action"):
+        pddl.export(kitchen(), GOAL).task(["fly"])
+
+
+# Random domains without the robot, and an oracle of sets that shares nothing with the verifier.
+_PREDICATES = {"lit": ["a"], "joined": ["a", "b"], "calm": []}
+_VARIABLES = ("x", "y", "z")
+
+
+@st.composite
+def _rows(draw: st.DrawFn) -> dict[str, Any]:
+    variables = _VARIABLES[: draw(st.integers(1, 3))]
+
+    def literal() -> str:
+        name = draw(st.sampled_from(sorted(_PREDICATES)))
+        names = [f"?{draw(st.sampled_from(variables))}" for _ in _PREDICATES[name]]
+        atom = f"({' '.join((name, *names))})"
+        return atom if draw(st.booleans()) else f"(not {atom})"
+
+    needs, writes = ([literal() for _ in range(draw(st.integers(low, 2)))] for low in (0, 1))
+    return {"objects": {f"?{name}": "object" for name in variables}, "needs": needs, "writes": writes}
+
+
+@st.composite
+def _worlds(draw: st.DrawFn) -> tuple[oag.Domain, frozenset[str], list[list[str]], list[str]]:
+    rows = {f"DO{number}": draw(_rows()) for number in range(draw(st.integers(1, 3)))}
+    data = {"name": "random", "inherits": False, "predicates": _PREDICATES, "kinds": {"block": "support"}}
+    domain = oag.Domain.from_json({**data, "primitives": rows})
+    atoms = ["(calm)", *(f"(lit {a})" for a in "st"), *(f"(joined {a} {b})" for a in "st" for b in "st")]
+    start = draw(st.frozensets(st.sampled_from(atoms)))
+    names = st.sampled_from(sorted(rows))
+    plan = [
+        [name, *(draw(st.sampled_from("st")) for _ in rows[name]["objects"])]
+        for name in draw(st.lists(names, max_size=4))
+    ]
+    goal = draw(st.lists(st.sampled_from(atoms), min_size=1, max_size=2, unique=True))
+    return domain, start, plan, [atom if draw(st.booleans()) else f"(not {atom})" for atom in goal]
+
+
+def _holds(state: frozenset[str], literal: str) -> bool:
+    return literal[5:-1] not in state if literal.startswith("(not ") else literal in state
+
+
+def _simulated(domain: oag.Domain, start: frozenset[str], plan: list[list[str]], goal: list[str]) -> bool:
+    state = start
+    for name, *objects in plan:
+        row: Any = domain.to_json()["primitives"]
+        needs, writes = row[name]["needs"], row[name]["writes"]
+        for (variable, _), value in zip(row[name]["objects"], objects, strict=True):
+            needs, writes = ([text.replace(variable, value) for text in part] for part in (needs, writes))
+        if not all(_holds(state, literal) for literal in needs):
+            return False
+        deleted = {literal[5:-1] for literal in writes if literal.startswith("(not ")}
+        state = (state - deleted) | {literal for literal in writes if not literal.startswith("(not ")}
+    return all(_holds(state, literal) for literal in goal)
+
+
+@settings(max_examples=40, deadline=None)
+@given(_worlds())
+def test_verdicts_of_random_domains_are_those_of_a_simulation(world: Any) -> None:
+    domain, start, plan, goal = world
+    here = oag.scene({"s": "block", "t": "block"}, sorted(start), "all", domain=domain)
+    wanted = domain.formula(f"(and {' '.join(goal)})")
+    report = oag.compose(oag.task(here, goal=wanted, steps=[" ".join(step) for step in plan])).verify()
+    assert bool(report) is _simulated(domain, start, plan, goal), str(report)
+    if report.certificate is not None:
+        assert confirmed(report)
+    planned = oag.plan(here, wanted)
+    assert planned if report else (not planned or confirmed(planned.report))
+    exported = pddl.export(here, wanted)
+    again, read_goal = pddl.read(exported.domain, exported.problem)
+    assert again.domain.rows == domain.rows and set(again.facts) == set(here.facts)
+    assert bool(oag.plan(again, read_goal)) is bool(planned)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.integers(0, 999), min_size=1, max_size=25))
+def test_what_the_exported_actions_reach_is_proved(choices: list[int]) -> None:
+    goal = "(and (nextto apple_0 cup_0) (not (open drawer_0)) (ontop apple_0 table_0) (inside apple_0 drawer_0))"
+    exported = pddl.export(kitchen(), goal)
+    actions = {
+        name: [re.findall(r"\(not \([^()]*\)\)|\([^()]*\)", part.removeprefix("(and")) for part in (before, after)]
+        for name, before, after in re.findall(
+            r"\(:action (\S+)\n.*\n    :precondition (.*)\n    :effect (.*)\)\n", exported.domain
+        )
+    }
+    assert actions.keys() == exported.actions.keys()
+    first = re.search(r"\(:init (.*)\)\n", exported.problem)
+    assert first is not None
+    state, plan = frozenset(re.findall(r"\([^()]*\)", first[1])), list[str]()
+    for choice in choices:
+        legal = [name for name, (before, _) in actions.items() if all(_holds(state, each) for each in before)]
+        plan.append(legal[choice % len(legal)])
+        after = actions[plan[-1]][1]
+        deleted = {each[5:-1] for each in after if each.startswith("(not ")}
+        state = (state - deleted) | {each for each in after if not each.startswith("(not ")}
+    told = [each for each in sorted(state) if each.split()[0] in ("(nextto", "(ontop", "(inside", "(open")]
+    denied = ["(not (open drawer_0))"] if "(open drawer_0)" not in state else []
+    reached = replace(exported, goal=bddl.parse_formula(f"(and {' '.join(told + denied)})"))
+    report = oag.compose(reached.task(plan)).verify()
+    assert report, f"{plan}\n{report}"
