@@ -452,10 +452,13 @@ class PlanRun:
 
     def _init(self, subtask: Mapping[str, Any], placement: Placement | None, domain: Domain) -> Needed:
         """Return a subtask's initial condition, with what was found impossible left out."""
-        init, primitives = needed_of(subtask["init"], domain), {action_of(item)[0] for item in subtask["flow"] or ()}
+        init = needed_of(subtask["init"], domain)
+        if not self._scene.get("known"):
+            return init
+        primitives = {action_of(item, domain)[0] for item in subtask["flow"] or ()}
         found = [
             needed_of(each["given"], domain)
-            for each in self._scene.get("known", ())
+            for each in self._scene["known"]
             if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives)
         ]
         require(all(type(given) is tuple for given in found), "what was found impossible is no list of literals")

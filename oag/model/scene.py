@@ -184,8 +184,9 @@ class Scene:
                 if name not in self.objects:
                     hint = did_you_mean(name, self.objects)
                     raise refused(f"unknown object {name!r}", place=f"known[{number}]", hint=hint)
-        read = (replace(found, given=read_facts(found.given, self.objects, "(Scene)", self.domain)) for found in self.known)
-        object.__setattr__(self, "known", tuple(read))
+        read = [read_facts(found.given, self.objects, "(Scene)", self.domain) for found in self.known]
+        known = (replace(found, given=given) for found, given in zip(self.known, read, strict=True))
+        object.__setattr__(self, "known", tuple(known))
 
     def __repr__(self) -> str:
         counts = f"{pluralize(len(self.objects), 'object')}, {pluralize(len(self.facts), 'fact')}"
