@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.bench.photo.rooms import DrawnRoom
+from benchmarks.drawn_rooms.rooms import DrawnRoom
 from executor.bench.photo.truth import photograph, photographer
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
