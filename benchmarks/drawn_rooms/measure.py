@@ -43,9 +43,7 @@ def measure(
         track: The track.
     """
     with photographer():
-        yield from each_once(
-            folder, f"room-{track}", rooms, lambda room: _measured(room, detector, track), on_progress
-        )
+        yield from each_once(folder, f"room-{track}", rooms, lambda room: _measured(room, detector, track), on_progress)
 
 
 def _measured(room: DrawnRoom, detector: MockedDetector, track: TrackName) -> dict[str, Any]:
