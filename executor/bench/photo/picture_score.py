@@ -301,7 +301,7 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
     ]
     impossible = [chain for chain in chains if not chain["possible"]]
     rows.append(("impossible sentences: not reached", _share(impossible, lambda chain: not chain["as_asked"])))
-    fitted = [one for one in pictures if not one["refused"]]
+    fitted = [one for one in pictures if one["things"] and not one["refused"]]
     for name, seconds in (
         ("CPU seconds a picture", [one["cpu_s"] for one in pictures]),
         ("CPU seconds for five boxes", [5.0 * one["cpu_s"] / len(one["things"]) for one in fitted]),
