@@ -225,10 +225,6 @@ class PhotoInputs:
     """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
     frame: Maybe[int] = None
     """Which picture of a recording, counted from 0; by default the one in the middle."""
-    length: Maybe[str] = None
-    """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are; scales depths, or without depth the floor."""
-    board: Maybe[str] = None
-    """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
     tilt: Maybe[float] = None
     """How far the camera looks down in degrees; in place of what lines of the picture tell."""
     roll: Maybe[float] = None

@@ -2,19 +2,14 @@
 
 scene.json          the scene with the provenance of its values; absent if physics refuses it
 scene_refused.json  a scene that physics refuses, for inspection
-scene_0_info.json   the scene in the format of Digital Cousins; scene_0_graph.json has what stands on what in it
-scene_1.json        the room with the second best models, scene_2.json with the third, each with _info and _graph as
-                    well; absent if nothing else fits or physics refuses it, and photo.json says which
+scene_1.json        the room with the second best models, scene_2.json with the third; absent if nothing else fits or
+                    physics refuses it, and photo.json says which
 photo.json          every intermediate number: camera, floor, walls, fits and their alternatives
 overlay.png         photograph, outlines of the fits and drawn scene side by side
 things.json         a line a thing: name, support and size, to be corrected for `photo --again`
 report.html         a page with all of it
 boxes.json          the boxes and names that a detector or a model found, to be corrected and given back by --boxes
 conversation.json   the exchange with a model that was asked for boxes; exchanges.jsonl is the recording that replays it
-
-In Digital Cousins' files objects are posed relative to the camera. Quaternions are x y z w there, and an object's front
-is at its own +x; the library's models have it at -x. Other readers of that format so read our scenes, and are a check
-of them.
 """
 
 from __future__ import annotations
@@ -30,11 +25,8 @@ import numpy as np
 from PIL import Image
 
 import bddl
-from executor.assets.footprint import yaw_of
-from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
 from executor.photo.drawing import cut, draw_outlines, side_by_side, visible_owners
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.observation import Observation
 from executor.photo.inputs.annotations import FLOOR
 from executor.photo.pipeline import PhotoInput, PhotoResult
 from executor.photo.room.reconstruct import FittedThing
@@ -42,42 +34,10 @@ from executor.photo.scene import COUNT, RoomVariation, provenance
 from executor.reports.html import jpeg, render
 from executor.reports.run_folder import FolderUnusable, ResultsExist
 from executor.system.files import json_text, plain, read_json, write_json, write_text
-from oag import Scene, SceneObject
+from oag import Scene
 
 SIZE_DIGITS = 3
 """Of sizes in the file of things: millimetres."""
-
-_NEITHER = ("wall", "floor")
-
-
-def cousins_files(number: int) -> tuple[str, str]:
-    """Return the names of both files of a variation; 0 is the reconstruction itself."""
-    return f"scene_{number}_info.json", f"scene_{number}_graph.json"
-
-
-def cousins_json(scene: Scene, observation: Observation) -> tuple[dict[str, object], dict[str, object]]:
-    """Return the contents of both files for a scene in the level frame; walls and floor are left out."""
-    T_world_camera = transform(observation.R_camera_level.T, observation.eye_m)
-    w, x, y, z = (float(part) for part in quaternion_wxyz(T_world_camera))
-    things = {key: obj for key, obj in scene.objects.items() if obj.category not in _NEITHER}
-    objects = {
-        key: {
-            "category": obj.category,
-            "model": obj.model,
-            "bbox_extent": list(obj.extent_m),
-            "tf_from_cam": (inverse(T_world_camera) @ _cousins_pose(obj)).tolist(),
-            "mount": {"floor": True, "wall": False},
-        }
-        for key, obj in things.items()
-    }
-    beneath = _beneath(scene)
-    graph: dict[str, object] = {key: {"objBeneath": beneath.get(key, "floor")} for key in things}
-    return {"cam_pose": [observation.eye_m.tolist(), [x, y, z, w]], "objects": objects}, graph
-
-
-def _cousins_pose(obj: SceneObject) -> Array:
-    """Return the (4, 4) pose of an upright object with its front at +x."""
-    return transform(rotation_z(yaw_of(obj) + math.pi), np.asarray(obj.position))
 
 
 def stands_on(result: PhotoResult) -> dict[str, str]:
@@ -146,10 +106,9 @@ def _variation(one: RoomVariation) -> str:
 
 SCHEMA = "scene2demo-photo/1"
 _VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
-_COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
 EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
 BOXES, THINGS = "boxes.json", "things.json"
-_PERHAPS = ("scene.json", "scene_refused.json", *_VARIED, *_COUSINS, THINGS)
+_PERHAPS = ("scene.json", "scene_refused.json", *_VARIED, THINGS)
 """What not every result has; of an earlier one it is stale."""
 FILES = (*_PERHAPS, "photo.json", "overlay.png", "report.html", BOXES, EXCHANGES, CONVERSATION)
 
@@ -235,12 +194,9 @@ def write_result(folder: Path, result: PhotoResult, inputs: Mapping[str, object]
         inputs: What was typed, for `photo --again`; empty writes no file of things to be corrected.
     """
     written = write_fits(folder, result, inputs)
-    if result.made.scene is not None:
-        written += _write_cousins(folder, result, 0, result.made.scene)
     for one in result.varied:
         if one.made.scene is not None and not one.made.refused:
             written.append(write_json(folder / f"scene_{one.number}.json", one.made.scene.to_json()).name)
-            written += _write_cousins(folder, result, one.number, one.made.scene)
     _write_overlay(folder, result)
     write_text(folder / "report.html", photo_page(result))
     for name in _PERHAPS:
@@ -265,12 +221,6 @@ def write_fits(folder: Path, result: PhotoResult, inputs: Mapping[str, object]) 
     for name, text in contents.items():
         write_text(folder / name, text)
     return list(contents)
-
-
-def _write_cousins(folder: Path, result: PhotoResult, number: int, scene: Scene) -> list[str]:
-    contents = cousins_json(scene, result.observation)
-    files = zip(cousins_files(number), contents, strict=True)
-    return [write_json(folder / file, content).name for file, content in files]
 
 
 def result_json(result: PhotoResult) -> dict[str, object]:

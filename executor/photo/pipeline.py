@@ -19,17 +19,7 @@ from types import MappingProxyType
 
 from executor.photo.errors import PhotoRefused
 from executor.photo.fitting.likelihood import Fit
-from executor.photo.geometry.level import (
-    find_board,
-    flat_observation,
-    level_by_board,
-    level_by_height,
-    level_by_length,
-    read_length,
-    scale_by_board,
-    scale_by_height,
-    scale_by_length,
-)
+from executor.photo.geometry.level import flat_observation, level_by_height, scale_by_height
 from executor.photo.geometry.lines import VerticalDirection, find_upright
 from executor.photo.geometry.observation import (
     FloorPlane,
@@ -132,7 +122,6 @@ class AuxiliaryInputs:
         camera: `hfov=70`, `vfov=55` or a JSON file; by default the recording's calibration, the picture's EXIF, or what
             a network guesses with the depth.
         frame: Frame of a recording.
-        length, board: Sources of the scale, see `executor.photo.geometry.level`.
         facts: What is known of the camera. The tilt overrides lines. The height gives the scale to a picture without
             depth and to guessed depth, and the place of a floor that measured depth does not show.
         masks: Adds masks to detections.
@@ -142,8 +131,6 @@ class AuxiliaryInputs:
     depth: DepthSource | None = None
     camera: str | None = None
     frame: int | None = None
-    length: str | None = None
-    board: str | None = None
     facts: CameraFacts = field(default_factory=CameraFacts)
     masks: Masker | None = None
 
@@ -168,10 +155,6 @@ def read_inputs(picture: Path, auxiliary: AuxiliaryInputs) -> PhotoInput:
     doubts: tuple[str, ...] = ()
     if measured is not None and not measured.depth_distortion:
         doubts = depth_doubts(shown, measured, intrinsics)
-    if measured is not None and auxiliary.board is not None:
-        measured = scale_by_board(measured, find_board(auxiliary.board, shown, intrinsics))
-    if measured is not None and auxiliary.length is not None:
-        measured = scale_by_length(measured, intrinsics, read_length(auxiliary.length))
     # A network is slow and a model costs: all other inputs have been read by now, and with depth a level plane has been
     # found.
     planes = None if measured is None else level_planes(measured, intrinsics, facts.up)
@@ -216,13 +199,9 @@ def _levelled(
     facts: CameraFacts,
 ) -> FloorPlane:
     """Return the floor of a picture without depth."""
-    if auxiliary.board is not None:
-        return level_by_board(find_board(auxiliary.board, picture, camera))
     upright = _upright(picture, camera, facts)
     if upright is not None and facts.height_m is not None:
         return level_by_height(upright, facts.height_m)
-    if upright is not None and auxiliary.length is not None:
-        return level_by_length(upright, camera, read_length(auxiliary.length))
     raise _incomplete(picture.source, auxiliary, facts, upright=upright)
 
 
@@ -257,10 +236,10 @@ def _incomplete(
         lacks["--boxes BOXES.json"] = "boxes with names (or --detector or --model)"
     if no_lens:
         lacks["--camera hfov=DEGREES"] = f"its lens ({no_lens}; a phone's main camera has about 65)"
-    if auxiliary.depth is None and auxiliary.board is None:
+    if auxiliary.depth is None:
         if facts.up is None and upright is None:
             lacks["--tilt DEGREES"] = "how far the camera looks down, which lines of a picture rarely tell"
-        if facts.height_m is None and auxiliary.length is None:
+        if facts.height_m is None:
             lacks["--camera-height-m METRES"] = "how high above the floor the camera was"
     problem = f"{'this is' if len(lacks) == 1 else f'{len(lacks)} things are'} missing: {'; '.join(lacks.values())}"
     is_bare = auxiliary == AuxiliaryInputs()
@@ -334,43 +313,47 @@ def reconstruct_scene(
         KeyboardInterrupt: Ctrl-C before anything is fitted, or without `on_first`.
     """
     began = time.perf_counter()
-    observation, floor = given.observation, given.floor
     for doubt in given.doubts:
         on_progress(doubt)
-    walls = () if given.depth is None else find_walls(observation, given.detections)
+    walls = () if given.depth is None else find_walls(given.observation, given.detections)
     walled = time.perf_counter()
-    on_progress(f"camera {floor.height_m:.2f} m above the floor ({floor.source}), {len(walls)} walls")
-    same_height_m = SAME_HEIGHT_M if observation.has_depth else _ABOUT_M
+    on_progress(f"camera {given.floor.height_m:.2f} m above the floor ({given.floor.source}), {len(walls)} walls")
 
     def show_first(room: FittedRoom) -> None:
         if room.things and on_first is not None:
-            room, made = scene_of(room, given.name, same_height_m=same_height_m)
-            on_first(PhotoResult(given, room, made, (), {"first scene": time.perf_counter() - began}))
+            on_first(PhotoResult(given, *_scene_of(given, room), (), {"first scene": time.perf_counter() - began}))
 
     listener = Listener(on_progress, None if on_first is None else show_first)
-    found = reconstruct(observation, given.detections, walls, listener, floor.spread_share, kept)
+    found = reconstruct(given.observation, given.detections, walls, listener, given.floor.spread_share, kept)
     fitted = time.perf_counter()
     _require_things(given, found)
     try:
-        found, made = scene_of(found, given.name, same_height_m=same_height_m)
+        found, made = _scene_of(given, found)
     except KeyboardInterrupt:
         if on_first is None:
             raise
         found, made = replace(found, interrupted=True), MadeScene(None, "interrupted before it settled", (), {})
     _require_things(given, found)
-    settled = time.perf_counter()
-    took = {"walls": walled - began, "fitting": fitted - walled, "settling": settled - fitted}
+    took = {"walls": walled - began, "fitting": fitted - walled, "settling": time.perf_counter() - fitted}
     result = PhotoResult(given, found, made, (), took)
     on_fitted(result)
-    if not variations or found.interrupted:
-        return result
+    return _varied(result, keeps=on_first is not None) if variations and not found.interrupted else result
+
+
+def _scene_of(given: PhotoInput, room: FittedRoom) -> tuple[FittedRoom, MadeScene]:
+    return scene_of(room, given.name, same_height_m=SAME_HEIGHT_M if given.observation.has_depth else _ABOUT_M)
+
+
+def _varied(result: PhotoResult, *, keeps: bool) -> PhotoResult:
+    """Return a result with its variations; after Ctrl-C without them, if what is fitted is kept."""
+    began = time.perf_counter()
     try:
-        varied = variations_of(found, given.name)
+        varied = variations_of(result.found, result.given.name)
     except KeyboardInterrupt:
-        if on_first is None:
+        if not keeps:
             raise
-        return replace(result, found=replace(found, interrupted=True))
-    return replace(result, varied=varied, took_s={**took, "variations": time.perf_counter() - settled})
+        return replace(result, found=replace(result.found, interrupted=True))
+    return replace(result, varied=varied, took_s={**result.took_s, "variations": time.perf_counter() - began})
 
 
 def _require_things(given: PhotoInput, found: FittedRoom) -> None:

@@ -249,6 +249,8 @@ def _smooth_piece(z_m: Array, box_px: Box) -> NDArray[np.bool_]:
 
 
 PictureRecord = Mapping[str, Any]
+LEAST_IN_BOX = 0.5
+"""Outline IoU from which a thing is within its box."""
 
 
 def sections(pictures: Sequence[PictureRecord]) -> dict[str, list[PictureRecord]]:
@@ -273,6 +275,7 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
     rows = [
         ("pictures", str(len(pictures))),
         ("a scene to work in", _share(pictures, lambda one: not one["refused"])),
+        ("a usable scene: all there, in its box, on its support", _share(pictures, _is_usable)),
         ("labels kept", _share(things, lambda thing: thing["named"])),
         ("outline IoU, lost count 0", _middle([thing["outline_iou"] for thing in things], 2)),
         ("outline IoU of those kept", _middle([thing["outline_iou"] for thing in kept], 2)),
@@ -297,8 +300,12 @@ def picture_rows(pictures: Sequence[PictureRecord]) -> list[tuple[str, str]]:
     ]
     impossible = [chain for chain in chains if not chain["possible"]]
     rows.append(("impossible sentences: not reached", _share(impossible, lambda chain: not chain["as_asked"])))
-    seconds = [one["cpu_s"] for one in pictures]
-    rows.append(("CPU seconds a picture", f"{_middle(seconds, 0)}, at most {max(seconds):.0f}" if seconds else "none"))
+    fitted = [one for one in pictures if one["things"] and not one["refused"]]
+    for name, seconds in (
+        ("CPU seconds a picture", [one["cpu_s"] for one in pictures]),
+        ("CPU seconds for five boxes", [5.0 * one["cpu_s"] / len(one["things"]) for one in fitted]),
+    ):
+        rows.append((name, f"{_middle(seconds, 0)}, at most {max(seconds):.0f}" if seconds else "none"))
     return rows
 
 
@@ -319,6 +326,13 @@ def _levelled(pictures: Sequence[PictureRecord]) -> list[PictureRecord]:
 
 def _levels(pictures: Sequence[PictureRecord], key: str) -> list[float]:
     return [one["level"][key] for one in _levelled(pictures) if one["level"][key] is not None]
+
+
+def _is_usable(picture: PictureRecord) -> bool:
+    return not picture["refused"] and all(
+        thing["named"] and thing["outline_iou"] >= LEAST_IN_BOX and (thing["support_right"] or not thing["support"])
+        for thing in picture["things"]
+    )
 
 
 def _is_done_in_true_size(chain: Mapping[str, Any]) -> bool:

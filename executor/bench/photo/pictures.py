@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,6 @@ from executor.bench.photo.picture_score import (
     pixels_of_box,
     size_scores,
 )
-from executor.bench.photo.rooms import each_once
 from executor.geometry import Array
 from executor.photo.drawing import as_settled, visible_surfaces
 from executor.photo.errors import PhotoRefused
@@ -52,7 +51,7 @@ from executor.scenes.file import scene_for
 from executor.scenes.validation import require_valid
 from executor.sim.world import World
 from executor.system.extras import MissingExtra
-from executor.system.files import read_json
+from executor.system.files import read_json, write_json
 from oag import Scene, compose
 from oag.sizes import Sizing
 
@@ -152,6 +151,42 @@ def _picture_of(entry: Mapping[str, Any], annotations: Path, folder: Path) -> Re
         annotation["things"],
         annotation.get("sentences", ()),
     )
+
+
+class NamedSubject(Protocol):
+    """Something that is measured once: a real picture or a drawn room."""
+
+    @property
+    def name(self) -> str:
+        """Fit for files."""
+
+
+_Subject = TypeVar("_Subject", bound=NamedSubject)
+
+
+def each_once(
+    folder: Path,
+    kind: str,
+    subjects: Sequence[_Subject],
+    measured: Callable[[_Subject], dict[str, Any]],
+    on_progress: Callable[[Mapping[str, Any]], None],
+) -> Iterator[dict[str, Any]]:
+    """Yield the result of every subject, measured if it has no file yet, so that an interrupted run resumes.
+
+    Args:
+        folder: Folder of the files, one a subject.
+        kind: Prefix of the files' names.
+        subjects: What is measured.
+        measured: Measures one.
+        on_progress: Called with every result.
+    """
+    for one in subjects:
+        path = folder / f"{kind}-{one.name}.json"
+        result = read_json(path) if path.is_file() else measured(one)
+        if not path.is_file():
+            write_json(path, result)
+        on_progress(result)
+        yield result
 
 
 def measure_pictures(

@@ -1,21 +1,19 @@
 """Ground truth from the simulator: a room as a camera sees it, and the object of every pixel.
 
 The only module around reconstructions that knows the simulator's ids. A reconstruction gets a noisy picture and boxes
-that `executor.bench.photo.tracks` makes of this; the rest is for comparison.
+that `benchmarks.drawn_rooms` makes of this; the rest is for comparison.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.footprint import Footprint
 from executor.geometry import Array, inverse
 from executor.sim.engine import GROUND, ROBOT
 from executor.sim.render.cameras import WALL, Camera, Solids, is_lens_clear, look_at
@@ -32,17 +30,8 @@ _HEIGHT_M = (1.2, 1.7)  # Height of eyes, or of hands that hold a camera.
 _FOV_RAD = (math.radians(45.0), math.radians(70.0))
 _LOOK_AT_M = (0.45, 0.80)  # Height of what the middle of the picture shows.
 _ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts face.
-_STEEPEST_RAD = math.radians(60.0)  # Largest angle at which a user looks down at the objects of a task.
 _TRIES = 60
 _FILLED = 0.9  # Of half the picture's width.
-_FARTHEST_M, _STEP_BACK_M = 6.0, 0.2
-MOST_PICTURES = 16
-"""Candidates for a picture that shows the objects of a task."""
-
-TASK_SIZE_PX = (1280, 960)
-"""Of these pictures: an apple that is 4 m away is 200 pixels of it, and 50 of one of 640 x 480."""
-
-_FLOOR_M, _FLOOR_SHARE = 0.01, 0.1  # Of such a picture, floor: without some the picture cannot be levelled.
 
 
 class NoPlace(ValueError):
@@ -106,46 +95,6 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
     return _taken(scene, _camera(scene, np.random.default_rng([seed, 18]), size_px), size_px)
 
 
-def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
-    """Return the photograph that a user takes for a task, and the number of candidates.
-
-    Places are drawn from a seed around the objects of the task, each from more sides than the one before. Half of them
-    show these wholly; then furniture may reach out of the picture, so that small objects are nearer. The first with all
-    of them and some floor visible is taken; if none shows all, the one that shows most.
-
-    Args:
-        scene: The room.
-        names: Objects of the task.
-        seed: Of the places.
-
-    Raises:
-        NoPlace: None was found for a camera.
-    """
-    rng, wanted = np.random.default_rng([seed, 19]), set(names)
-    looked_at: list[Shot] = []
-    for whole, aside_rad in itertools.product((True, False), np.linspace(_ASIDE_RAD, math.pi, MOST_PICTURES // 2)):
-        try:
-            camera = _camera(scene, rng, TASK_SIZE_PX, wanted, float(aside_rad), whole=whole)
-        except NoPlace:
-            continue
-        looked_at.append(_taken(scene, camera, TASK_SIZE_PX))
-        if _shown(looked_at[-1], wanted) == (True, len(wanted)):
-            break
-    if not looked_at:
-        raise NoPlace(f"no place for a camera in {scene.name} from which {', '.join(sorted(wanted))} might be seen")
-    return max(looked_at, key=lambda shot: _shown(shot, wanted)), len(looked_at)
-
-
-def _shown(shot: Shot, wanted: Collection[str]) -> tuple[bool, int]:
-    """Return whether a picture shows enough floor, and how many of the wanted objects."""
-    height, width = shot.depth_m.shape
-    rows, columns = np.mgrid[0.5:height, 0.5:width]
-    rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(shot.K).T
-    heights_m = shot.T_world_camera[2, 3] + shot.depth_m * (rays @ shot.T_world_camera[2, :3])
-    floor = (shot.depth_m > 0.0) & (np.abs(heights_m) < _FLOOR_M)
-    return bool(floor.mean() >= _FLOOR_SHARE), len(set(wanted) & shot.visible().keys())
-
-
 def _taken(scene: Scene, camera: Camera, size_px: tuple[int, int]) -> Shot:
     with World(scene, visual=True) as world:
         # Links of articulations are at the origin until a step has run.
@@ -180,28 +129,19 @@ def _owners(segmentation: object, stage: Stage, scene: Scene) -> tuple[NDArray[n
     return owners, names
 
 
-def _camera(
-    scene: Scene,
-    rng: np.random.Generator,
-    size_px: tuple[int, int],
-    names: Collection[str] = (),
-    aside_rad: float = _ASIDE_RAD,
-    *,
-    whole: bool = False,
-) -> Camera:
-    """Return a camera that looks at a room's furniture, or at the named objects, within an angle of their front."""
+def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int]) -> Camera:
+    """Return a camera that looks at a room's furniture."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
-    large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
+    large = [obj for obj in things if obj.extent_m[2] > 0.3] or things
     points = np.array([obj.position for obj in large])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     facing = np.sum([-_own_x(obj) for obj in large], axis=0)[:2]
     front = math.atan2(facing[1], facing[0]) if np.linalg.norm(facing) > 0.3 else math.pi
     walls = Solids.of(scene).without([obj.id for obj in things])
     sights = np.vstack([points, [*middle[:2], 0.02]])
-    corners = np.concatenate([_corners(obj) for obj in large])
     for _ in range(_TRIES):
         fov_y, height_m = float(rng.uniform(*_FOV_RAD)), float(rng.uniform(*_HEIGHT_M))
-        angle = front + float(rng.uniform(-aside_rad, aside_rad))
+        angle = front + float(rng.uniform(-_ASIDE_RAD, _ASIDE_RAD))
         direction = np.array([math.cos(angle), math.sin(angle), 0.0])
         target = np.array([*middle[:2], float(rng.uniform(*_LOOK_AT_M))])
         half = math.atan(math.tan(fov_y / 2) * size_px[0] / size_px[1]) * _FILLED
@@ -209,31 +149,11 @@ def _camera(
         along = points[:, :2] @ direction[:2]
         reach = np.abs(across - middle[:2] @ [-direction[1], direction[0]]) / math.tan(half)
         away = float((reach + along).max() - middle[:2] @ direction[:2]) + float(rng.uniform(0.3, 0.8))
-        if names:
-            away = max(away, (height_m - float(target[2])) / math.tan(_STEEPEST_RAD))
         eye = np.array([*(middle + away * direction)[:2], height_m])
-        while whole and away < _FARTHEST_M and not _frames(eye, target, fov_y, size_px, corners):
-            away += _STEP_BACK_M
-            eye = np.array([*(middle + away * direction)[:2], height_m])
         # Pictures of a room are not taken from behind its wall.
         if is_lens_clear(scene, eye) and not walls.hidden(eye, sights).any():
             return Camera("photo", None, look_at(eye, target), fov_y, near_m=0.05, far_m=25.0)
     raise NoPlace(f"no place for a camera in {scene.name}")
-
-
-def _corners(obj: SceneObject) -> Array:
-    """Return (8, 3) corners of the box around an upright object."""
-    flat, half_m = Footprint.of(obj).corners_m, obj.extent_m[2] / 2
-    return np.array([[x, y, obj.position[2] + side * half_m] for x, y in flat for side in (-1, 1)])
-
-
-def _frames(eye: Array, target: Array, fov_y: float, size_px: tuple[int, int], points: Array) -> bool:
-    """Return whether a picture shows all of some points (N, 3), and not at its very border."""
-    T = inverse(look_at(eye, target))
-    ahead, left, up = (points @ T[:3, :3].T + T[:3, 3]).T
-    high = math.tan(fov_y / 2) * _FILLED
-    wide = high * size_px[0] / size_px[1]
-    return bool((ahead > 0.0).all() and (np.abs(left) < wide * ahead).all() and (np.abs(up) < high * ahead).all())
 
 
 def _own_x(obj: SceneObject) -> Array:

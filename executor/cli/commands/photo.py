@@ -54,7 +54,7 @@ class Options(CommonOptions):
     """
 
     picture: tyro.conf.Positional[Annotated[Maybe[Path], Read()]] = None
-    """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
+    """The picture (PNG, JPEG or another usual form), or a recording of Record3D (.r3d)."""
     out: Annotated[Maybe[Path], option_help("Folder for the results.")] = None
     again: Maybe[Path] = None
     """In place of a picture: folder of an earlier reconstruction. What was corrected in its things.json (a name, what a
@@ -85,8 +85,6 @@ def read_photograph(picture: Path, inputs: PhotoInputs, asked: Detector | None =
             _depth(inputs),
             inputs.camera,
             inputs.frame,
-            inputs.length,
-            inputs.board,
             CameraFacts(inputs.tilt, inputs.roll, inputs.camera_height_m, inputs.depth_kind),
             None if inputs.mask_model is None else box_masks(inputs.mask_model),
         ),

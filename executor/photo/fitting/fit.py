@@ -55,6 +55,8 @@ def fit_thing(
     entries: Sequence[ModelEntry],
     bottoms_m: Sequence[float],
     points: Array,
+    *,
+    rough: bool = False,
 ) -> Fit | None:
     """Return the best fit of a detection among some models; None if there is no evidence or no place for them.
 
@@ -64,50 +66,29 @@ def fit_thing(
         entries: Candidate models.
         bottoms_m: Heights that it may stand on.
         points: (N, 3) its own points; with hardly any, and without depth, the box is better evidence.
+        rough: Whether the likeliest start of a search does, which takes a fraction of the time.
     """
     if len(points) < LEAST_POINTS:
         points = np.zeros((0, 3))
-    likelihoods = coarse, search, fine = _likelihoods(around, box_px)
+    coarse = _likelihood(around, box_px, COARSE_PX)
     if not len(coarse.evidence.z_m):
         return None
+    if rough:
+        begun = starts_of(around, box_px, entries, bottoms_m, points)
+        likeliest = min((coarse.rated(guess, colours=False) for guess in begun), key=lambda one: one.cost, default=None)
+        if likeliest is None or not math.isfinite(likeliest.cost):
+            return None
+        found = _described(coarse, likeliest, ())
+        return None if found is None else replace(found, rough=True)
+    search, fine = (_likelihood(around, box_px, most) for most in (SEARCH_PX, FINE_PX))
     boxes = likely_boxes(around, box_px, entries, bottoms_m, points, coarse, search)
-    ranked = _ranked(boxes, entries, likelihoods)
+    ranked = _ranked(boxes, entries, (coarse, search, fine))
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
     if around.observation.has_depth and has_ear(best.guess.entry):
         best = orient_by_ear(fine, best)
     return _described(fine, best, others)
-
-
-def fit_roughly(
-    around: SearchContext,
-    box_px: tuple[float, float, float, float],
-    entries: Sequence[ModelEntry],
-    bottoms_m: Sequence[float],
-    points: Array,
-) -> Fit | None:
-    """Return the likeliest start of a search in place of its end, in a fraction of the time; None without any.
-
-    Args:
-        around, box_px, entries, bottoms_m, points: As for `fit_thing`.
-    """
-    coarse = Likelihood(
-        PixelEvidence.around(
-            around.observation, box_px, around.other_m, around.other, COARSE_PX, around.smaller, around.own
-        ),
-        around.near,
-        around.scale_share,
-    )
-    if not len(coarse.evidence.z_m):
-        return None
-    points = points if len(points) >= LEAST_POINTS else np.zeros((0, 3))
-    begun = starts_of(around, box_px, entries, bottoms_m, points)
-    best = min((coarse.rated(guess, colours=False) for guess in begun), key=lambda one: one.cost, default=None)
-    if best is None or not math.isfinite(best.cost):
-        return None
-    found = _described(coarse, best, ())
-    return None if found is None else replace(found, rough=True)
 
 
 def fit_beneath(around: SearchContext, entries: Sequence[ModelEntry], over: Array) -> Fit:
@@ -140,7 +121,7 @@ def fills_picture(thing: Detection, size_px: tuple[int, int]) -> list[ModelEntry
 
 def update_fit(around: SearchContext, box_px: tuple[float, float, float, float], found: Fit) -> Fit:
     """Update a fit to what is known around it since, if its box shows hardly anything else than before."""
-    _, _, fine = _likelihoods(around, box_px)
+    fine = _likelihood(around, box_px, FINE_PX)
     best, *others = by_cost(
         [_polished(fine, fine.rated(found.guess)), *(fine.rated(one.guess) for one in found.alternatives)]
     )
@@ -156,28 +137,19 @@ def assess_fit(around: SearchContext, box_px: tuple[float, float, float, float],
         found: The fit.
         in_box: IoU of that box with the visible part of the fit.
     """
-    evidence, body = _likelihoods(around, box_px)[2].evidence, raycaster_of(found.guess)
+    evidence, body = _likelihood(around, box_px, FINE_PX).evidence, raycaster_of(found.guess)
     if body is None or not len(evidence.z_m):
         return replace(found, explained=0.0, in_box=in_box)
     explained, residual_m = evidence.explained(found.guess, body), evidence.residual_m(found.guess, body)
     return replace(found, explained=explained, residual_m=residual_m, in_box=in_box)
 
 
-def _likelihoods(
-    around: SearchContext, box_px: tuple[float, float, float, float]
-) -> tuple[Likelihood, Likelihood, Likelihood]:
-    """Return the likelihoods for choosing starts, for searching, and for choosing options."""
-    coarse, search, fine = (
-        Likelihood(
-            PixelEvidence.around(
-                around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
-            ),
-            around.near,
-            around.scale_share,
-        )
-        for most in (COARSE_PX, SEARCH_PX, FINE_PX)
+def _likelihood(around: SearchContext, box_px: tuple[float, float, float, float], most: int) -> Likelihood:
+    """Return the likelihood by at most so many pixels."""
+    pixels = PixelEvidence.around(
+        around.observation, box_px, around.other_m, around.other, most, around.smaller, around.own
     )
-    return coarse, search, fine
+    return Likelihood(pixels, around.near, around.scale_share)
 
 
 def _described(fine: Likelihood, best: RatedHypothesis, others: Sequence[RatedHypothesis]) -> Fit | None:

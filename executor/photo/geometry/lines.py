@@ -257,5 +257,5 @@ def _rays(ends: Array, camera: Intrinsics) -> Array:
 
 def _unlevelled(picture: Photograph, lines: int) -> PhotoRefused:
     problem = f"{lines} lines of it are upright or go in two level directions, which does not tell what is level"
-    hint = "give --tilt, depths, or lay a ChArUco board on the floor (--board)"
+    hint = "give --tilt or depths"
     return PhotoRefused("floor", picture.source, problem, hint)

@@ -1,14 +1,9 @@
-"""Depth files, and single frames of RGB-D recordings.
+"""Depth files, and single frames of Record3D's recordings.
 
-Depths are in metres along the camera's axis. Two kinds of recordings are read:
+Depths are in metres along the camera's axis. An .r3d file is a ZIP with `metadata` and rgbd/N.jpg, N.depth, N.conf, the
+last two packed by LZFSE.
 
-TUM        rgb.txt and depth.txt list pictures and depths by timestamp; one step of a depth is 1/5000 m. The folder's
-name
-           tells the camera (freiburg1, 2 or 3); else `--camera` has to.
-Record3D   an .r3d file (a ZIP with `metadata` and rgbd/N.jpg, N.depth, N.conf, the last two packed by LZFSE), or the
-           export of EXR and pictures (metadata.json, rgb/N.jpg, depth/N.exr).
-
-Sources: the page of TUM's RGB-D benchmark; Record3D's two exports as their users read them.
+Source: the recordings as their users read them.
 """
 
 from __future__ import annotations
@@ -26,7 +21,6 @@ from typing import IO, Any, TypeAlias
 import numpy as np
 from PIL import Image
 
-from bddl.files import read_bounded_text
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
 from executor.photo.inputs.picture import (
@@ -286,20 +280,9 @@ def _require_size(path: Path, got: Sequence[int], size_px: tuple[int, int]) -> N
     raise PhotoRefused("depth", path, problem, hint)
 
 
-_TUM_UNIT_M = 0.0002
-_TUM_CAMERAS = {
-    "freiburg1": (517.3, 516.5, 318.6, 255.3),
-    "freiburg2": (520.9, 521.0, 325.1, 249.7),
-    "freiburg3": (535.4, 539.2, 320.1, 247.6),
-}
-"""As TUM calibrated them, with the first pixel's centre at zero."""
-
-_TOGETHER_S = 0.02  # Between a picture and its depth, as TUM's own tool has it.
 _LARGEST_BYTES = 4_000_000_000  # Of a recording, of which one moment is read.
 _LEAST_SURE = 1  # Of Record3D's 0, 1 and 2: depths that its sensor itself takes for guesses are left out.
-_EXPECTED = (
-    "expected a TUM folder (rgb.txt, depth.txt), or Record3D's .r3d file or EXR export (metadata.json, rgb, depth)"
-)
+_EXPECTED = "expected Record3D's .r3d file"
 
 
 @dataclass(frozen=True)
@@ -318,86 +301,21 @@ class Capture:
 
 def is_capture(path: Path) -> bool:
     """Return whether a path is a recording and no picture."""
-    return path.is_dir() or path.suffix.lower() == ".r3d"
+    return path.suffix.lower() == ".r3d"
 
 
 def read_capture(path: Path, frame: int | None = None) -> Capture:
     """Return one frame of a recording.
 
     Args:
-        path: A folder, or an .r3d file.
+        path: An .r3d file.
         frame: Number of the frame, from 0; by default the middle one.
 
     Raises:
-        PhotoRefused: The format is unknown, the frame is absent, or its content is unusable.
-        MissingExtra: A library that reads its depths is not installed.
-        OSError: A file cannot be read.
+        PhotoRefused: It is no recording, the frame is absent, or its content is unusable.
+        MissingExtra: The library that unpacks its depths is not installed.
+        OSError: The file cannot be read.
     """
-    if path.suffix.lower() == ".r3d":
-        return _packed(path, frame)
-    if (path / "rgb.txt").is_file() and (path / "depth.txt").is_file():
-        return _tum(path, frame)
-    for folder in (path, path / "EXR_RGBD"):
-        if (folder / "metadata.json").is_file():
-            return _exported(folder, frame)
-    raise PhotoRefused("picture", path, "is no recording of a known form", _EXPECTED)
-
-
-def _tum(folder: Path, frame: int | None) -> Capture:
-    pictures, depths = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
-    time_s, name = pictures[_chosen(folder, len(pictures), frame)]
-    nearest_s, depth = min(depths, key=lambda one: abs(one[0] - time_s))
-    if abs(nearest_s - time_s) > _TOGETHER_S:
-        problem = f"no depth was measured within {_TOGETHER_S:g} s of the picture {name}"
-        raise PhotoRefused("depth", folder / "depth.txt", problem, "choose another one by --frame")
-    picture = read_picture(_beneath(folder, name))
-    camera = next((key for key in _TUM_CAMERAS if key in folder.resolve().name), None)
-    known = None
-    if camera is not None:
-        fx, fy, cx, cy = _TUM_CAMERAS[camera]
-        known = Intrinsics(fx, fy, cx + 0.5, cy + 0.5, f"TUM's calibration of {camera}")
-    return Capture(picture, read_depth(_beneath(folder, depth), picture.size_px, _TUM_UNIT_M), known)
-
-
-def _listed(path: Path) -> list[tuple[float, str]]:
-    """Return the entries of a TUM list: timestamps [s] and files."""
-    found = []
-    for number, line in enumerate(read_bounded_text(path).splitlines(), start=1):
-        words = line.split()
-        if not words or line.startswith("#"):
-            continue
-        try:
-            found.append((float(words[0]), words[1]))
-        except (ValueError, IndexError) as error:
-            raise PhotoRefused("picture", path, f"line {number} is no time and file: {line!r}", _EXPECTED) from error
-    if not found:
-        raise PhotoRefused("picture", path, "names no file", _EXPECTED)
-    return found
-
-
-def _beneath(folder: Path, name: str) -> Path:
-    """Return a file of a list, which has to be in the list's own folder."""
-    path = (folder / name).resolve()
-    if not path.is_relative_to(folder.resolve()):
-        raise PhotoRefused("picture", folder, f"names {name!r}, which is outside of it")
-    return path
-
-
-def _exported(folder: Path, frame: int | None) -> Capture:
-    try:
-        metadata = _metadata(folder, json.loads(read_bounded_text(folder / "metadata.json")))
-    except (ValueError, RecursionError) as error:
-        raise PhotoRefused("picture", folder / "metadata.json", f"is no JSON ({error})", _EXPECTED) from error
-    numbers = sorted(int(one.stem) for one in (folder / "depth").glob("*.exr") if one.stem.isdecimal())
-    number = numbers[_chosen(folder, len(numbers), frame)]
-    shown = next((one for one in sorted((folder / "rgb").glob(f"{number}.*"))), None)
-    if shown is None:
-        raise PhotoRefused("picture", folder, f"has depth/{number}.exr and no picture of that number in rgb")
-    path = folder / "depth" / f"{number}.exr"
-    return _together(path, read_picture(shown), read_exr(path), metadata, number)
-
-
-def _packed(path: Path, frame: int | None) -> Capture:
     if path.stat().st_size > _LARGEST_BYTES:
         raise PhotoRefused("picture", path, f"is larger than {_LARGEST_BYTES / 1e9:g} GB", "export fewer seconds")
     try:

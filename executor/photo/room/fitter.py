@@ -13,7 +13,6 @@ from executor.photo.fitting.fit import (
     assess_fit,
     fills_picture,
     fit_beneath,
-    fit_roughly,
     fit_thing,
     update_fit,
 )
@@ -79,20 +78,13 @@ class RoomFitter:
             index: Which detection.
             bottoms_m: As for `fit`.
         """
-        room, detection = self.room, self.room.detections[index]
-        around = room.around(index)
-        points = room.points(detection, around)
-        whole = [] if room.observation.has_depth else fills_picture(detection, room.observation.size_px)
-        found = fit_beneath(around, whole, self._feet(index, whole[0])) if whole else None
-        for entries in (_models(detection), generic_models(detection)):
-            if found is None and entries:
-                heights_m = bottoms_m or room.heights_m(detection, points)
-                found = fit_roughly(around, detection.box_px, _shown(entries, around), heights_m, points)
+        room = self.room
+        found = next(self._fits(index, bottoms_m, (), rough=True), None)
         if found is None:
             room.lost[index] = LostCause.NO_PLACE
             room.add_fit(index, None)
             return
-        room.add_fit(index, _of_size(found, detection))
+        room.add_fit(index, _of_size(found, room.detections[index]))
         room.fits[index] = replace(room.fits[index], in_box=room.in_box(index))
 
     def judge(self, index: int) -> str:
@@ -113,7 +105,9 @@ class RoomFitter:
         room.remove_fit(index)
         return room.add_fit(index, assess_fit(room.around(index), room.detections[index].box_px, found, in_box))
 
-    def _fits(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: tuple[int, ...]) -> Iterator[Fit]:
+    def _fits(
+        self, index: int, bottoms_m: Sequence[float] | None, hidden_by: tuple[int, ...], *, rough: bool = False
+    ) -> Iterator[Fit]:
         """Yield fits of a detection by decreasing evidence: its models, generic shapes, a shape by its box alone."""
         room, detection = self.room, self.room.detections[index]
         whole = [] if room.observation.has_depth else fills_picture(detection, room.observation.size_px)
@@ -127,7 +121,7 @@ class RoomFitter:
             around = room.around(index, hidden_by, by_box=by_box)
             points = room.points(detection, around)
             heights_m = bottoms_m or room.heights_m(detection, points)
-            found = fit_thing(around, detection.box_px, _shown(entries, around), heights_m, points)
+            found = fit_thing(around, detection.box_px, _shown(entries, around), heights_m, points, rough=rough)
             if found is not None:
                 yield found
 

@@ -21,7 +21,7 @@ from executor.photo.fitting.hypothesis import PoseHypothesis, hypothesis_of
 from executor.photo.geometry.observation import FloorPlane, Observation
 from executor.photo.inputs.annotations import FLOOR, Detection
 from executor.photo.inputs.picture import Exif, Photograph
-from executor.photo.output import cousins_files, write_result
+from executor.photo.output import write_result
 from executor.photo.pipeline import PhotoInput, PhotoResult, reconstruct_scene
 from executor.photo.room.estimate import RoomEstimate
 from executor.photo.room.fitter import RoomFitter
@@ -158,14 +158,10 @@ def test_an_earlier_result_stays_until_there_is_a_new_one_and_paid_answers_stay_
     monkeypatch.setattr("executor.photo.pipeline.reconstruct_scene", found)
     for command in (again, anew):
         assert run(command) == 1
-        assert {path.name for path in folder.iterdir()} == before.keys() - {"scene.json", "scene_1.json"} - _cousins()
+        assert {path.name for path in folder.iterdir()} == before.keys() - {"scene.json", "scene_1.json"}
         kept = ("exchanges.jsonl", "conversation.json", "boxes.json")
         assert all((folder / name).read_bytes() == before[name] for name in kept)
     assert json.loads((folder / "photo.json").read_text())["things"].keys() == {"table_0"}
-
-
-def _cousins() -> set[str]:
-    return {name for number in range(3) for name in cousins_files(number)}
 
 
 def test_a_hypothesis_is_read_back_from_its_data() -> None:

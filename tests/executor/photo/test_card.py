@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.drawn_rooms.score import card_rows, compare_thing, iou, support_counts, turned_rad, visible_box
+from benchmarks.drawn_rooms.tracks import MockedDetector, mocked_boxes, noisy, sensed
 from executor.assets.library import sample
-from executor.bench.photo.score import card_rows, compare_thing, iou, support_counts, turned_rad, visible_box
-from executor.bench.photo.tracks import MockedDetector, mocked_boxes, noisy, sensed
 from oag import SceneObject
 from oag.model.scene import about_z
 from tests.source_tree import first_party_imports, modules

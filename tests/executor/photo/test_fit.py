@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from executor.assets.footprint import Footprint, overlap_depth_m, solid_parts, swept_parts, yaw_of
+from executor.assets.footprint import Footprint, overlap_depth_m, solid_parts, swept_parts
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
@@ -22,12 +21,9 @@ from executor.photo.geometry.observation import Noise, Observation
 from executor.photo.geometry.walls import Wall
 from executor.photo.inputs.annotations import Detection
 from executor.photo.inputs.picture import Intrinsics
-from executor.photo.output import cousins_files, cousins_json
 from executor.photo.room.estimate import is_on_one, tops_of
 from executor.photo.room.reconstruct import FittedRoom, reconstruct
 from executor.photo.scene import resolve_overlaps, scene_json, scene_of, variations_of
-from executor.scenes.digital_cousins import from_cousins
-from executor.system.files import write_json
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
@@ -261,21 +257,6 @@ def test_walls_that_meet_end_at_each_other(span_m: tuple[float, float], ends_m: 
     far = replace(left, span_m=(-9.0, -5.0)), replace(right, span_m=(5.0, 9.0))
     alone = scene_json({}, (ahead, *far), "seen", {})["objects"]["wall_0"]  # type: ignore[index]
     assert alone["bbox_extent"][1] == pytest.approx(ahead.span_m[1] - ahead.span_m[0], abs=1e-3), "they end before it"
-
-
-def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:
-    """Their reader, which knows nothing of photographs, puts everything where it was."""
-    made = scene_of(room, "drawn")[1].scene
-    assert made is not None
-    observation, _ = seen_from_above(TABLE, BOWL)
-    for name, content in zip(cousins_files(0), cousins_json(made, observation), strict=True):
-        write_json(tmp_path / name, content)
-    read = from_cousins(tmp_path / cousins_files(0)[0]).scene
-    for key in ("table_0", "bowl_0"):
-        assert math.dist(read.objects[key].position, made.objects[key].position) < 0.01
-        assert read.objects[key].extent_m == pytest.approx(made.objects[key].extent_m, abs=0.01)
-    assert abs(math.remainder(yaw_of(read.objects["table_0"]) - yaw_of(made.objects["table_0"]), math.pi)) < 0.01
-    assert "(ontop bowl_0 table_0)" in read.to_json()["facts"]
 
 
 def test_a_thing_has_the_colour_that_was_seen() -> None:

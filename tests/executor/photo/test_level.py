@@ -1,4 +1,4 @@
-"""A picture without depth is levelled by its lines, and scaled by a length, a height or a board."""
+"""A picture without depth is levelled by its lines, and scaled by the camera's height."""
 
 from __future__ import annotations
 
@@ -11,19 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.bench.photo.rooms import DrawnRoom
+from benchmarks.drawn_rooms.rooms import DrawnRoom
 from executor.bench.photo.truth import photograph, photographer
 from executor.geometry import Array
 from executor.photo.errors import PhotoRefused
-from executor.photo.geometry.level import (
-    BoardPose,
-    KnownLength,
-    flat_observation,
-    level_by_board,
-    level_by_height,
-    level_by_length,
-)
-from executor.photo.geometry.lines import VerticalDirection, find_upright
+from executor.photo.geometry.level import flat_observation, level_by_height
+from executor.photo.geometry.lines import find_upright
 from executor.photo.geometry.observation import level_rotation
 from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 
@@ -122,29 +115,7 @@ def test_up_is_square_to_other_lines_and_not_where_most_meet(picture: Photograph
     assert off_deg(find_upright(replace(picture, rgb=rgb), CAMERA).up) < 0.3
 
 
-def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:
-    ends = in_picture(np.array([[2.5, -0.4, 0.0], [2.9, 0.5, 0.0]]))
-    known = KnownLength(tuple(ends[0]), tuple(ends[1]), math.hypot(0.4, 0.9))
-    floor = level_by_length(VerticalDirection(UP, 9), CAMERA, known)
-    assert floor.height_m == pytest.approx(HEIGHT_M, abs=1e-6) and 0.002 < floor.spread_share < 0.02
-
-
-def test_a_board_on_the_floor_tells_both() -> None:
-    corners = np.array([[2.0 + 0.05 * i, 0.05 * j, 0.0] for i in range(4) for j in range(3)])
-    seen = (corners - [0.0, 0.0, HEIGHT_M]) @ level_rotation(UP)
-    floor = level_by_board(BoardPose(in_picture(corners), seen, UP))
-    assert floor.height_m == pytest.approx(HEIGHT_M) and floor.tilt_deg == pytest.approx(20.0, abs=0.01)
-
-
-def test_what_is_not_level_or_not_on_the_floor_is_refused() -> None:
+def test_a_picture_without_lines_is_refused() -> None:
     grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
-    upright = VerticalDirection(UP, 9)
     with pytest.raises(PhotoRefused, match="0 lines of it are upright"):
         find_upright(grey, CAMERA)
-    with pytest.raises(PhotoRefused, match="above the horizon"):
-        level_by_length(upright, CAMERA, KnownLength((320.0, 10.0), (330.0, 400.0), 1.0))
-    with pytest.raises(PhotoRefused, match=r"9\.00 m above the floor"):
-        level_by_height(upright, 9.0)
-    standing = BoardPose(np.zeros((6, 2)), np.ones((6, 3)), np.array([0.0, 0.0, -1.0]))
-    with pytest.raises(PhotoRefused, match="does not lie on the floor"):
-        level_by_board(standing)

@@ -315,8 +315,5 @@ def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "no picture 'tiny_dsk'; the nearest are tiny_desk" in refusal("--only", "tiny_dsk")
     assert "none of blank is in the judging half" in refusal("--only", "blank", "--half", "judging")
     assert "is no index of pictures" in refusal(annotations=tmp_path / "nowhere")
-    assert "no --pictures with it" in refusal("--transfer")
     (tmp_path / "tiny_desk_depth.png").unlink()
     assert "lacks tiny_desk_depth.png; fetch them by: python -m benchmarks.pictures.fetch" in refusal()
-    assert run(["bench", "photo", "--half", "tuning", "--out", str(tmp_path / "out")]) == 2
-    assert "--half tuning: expected --pictures with it" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Tracks of the photo benchmark: sensor noise, mocked detectors, and what each track takes from the simulator.
+"""Tracks of drawn rooms: sensor noise, a mocked detector, and what each track takes from the simulator.
 
 Depth is noisy; boxes are inexact, missing or misnamed. The boxes stand for a detector that was not run: they are the
 simulator's own, degraded. Tables say so.
@@ -20,12 +20,12 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from executor.assets.library import LIBRARY
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array
-from executor.photo.geometry.level import flat_observation, level_by_height, scale_by_height
+from executor.photo.geometry.level import flat_observation, level_by_height
 from executor.photo.geometry.lines import find_upright
-from executor.photo.geometry.observation import levelled, observe
+from executor.photo.geometry.observation import observe
 from executor.photo.geometry.residuals import box_of
-from executor.photo.inputs.annotations import Detection, Detector
-from executor.photo.inputs.depth import DEFAULT_DEPTH_DISTORTION, Depth
+from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Exif, Intrinsics, Photograph
 from executor.photo.pipeline import PhotoInput
 
@@ -46,10 +46,6 @@ _INVERSE_STEP, _NEAREST_M = (
 )  # Of the inverse depth [1/m]: 4 mm at 2 m, a 1/30 of a pixel for 50 mm and 600 px.
 _LEAST_PX = 3
 MOCKED = "mocked detector (the simulator's boxes, spoilt)"
-ORACLE = "oracle (the simulator's masks and names)"
-_SCALE, _SHIFT_M, _BEND, _BEND_PX, _BLUR_PX = 0.05, 0.05, 0.02, 60.0, 1.5
-"""Assumed errors of a network's depth: standard deviations of scale, shift and slow distortion, the width of the
-distortion in pixels, and the blur of edges."""
 
 
 @dataclass(frozen=True)
@@ -98,26 +94,6 @@ def sensed(depth_m: Array, rng: np.random.Generator) -> Array:
     return np.where(valid, 1.0 / (np.maximum(np.round(1.0 / spoilt / _INVERSE_STEP), 1.0) * _INVERSE_STEP), 0.0)
 
 
-def mono_like(depth_m: Array, rng: np.random.Generator) -> Array:
-    """Return a depth image (H, W) [m] with the errors of a network's guess from one picture.
-
-    A stand-in: no network was run. Wrong by a factor and a shift, slowly distorted over the picture, soft at edges.
-    """
-    valid = depth_m > 0.0
-    soft = gaussian_filter(np.where(valid, depth_m, np.median(depth_m[valid])), _BLUR_PX)
-    bend = gaussian_filter(rng.normal(size=depth_m.shape), _BEND_PX)
-    guessed = soft * (1.0 + rng.normal() * _SCALE) * (1.0 + _BEND * bend / bend.std()) + rng.normal() * _SHIFT_M
-    return np.where(valid & (guessed > 0.0), guessed, 0.0)
-
-
-def exact_boxes(masks: Mapping[str, NDArray[np.bool_]], categories: Mapping[str, str]) -> dict[str, Detection]:
-    """Return object id -> its mask, the box around it, and its category, from the simulator."""
-    return {
-        name: Detection(categories[name], categories[name], box_of(mask), 1.0, ORACLE, mask, provenance="detector")
-        for name, mask in masks.items()
-    }
-
-
 def mocked_boxes(
     masks: Mapping[str, NDArray[np.bool_]],
     categories: Mapping[str, str],
@@ -149,27 +125,18 @@ def mocked_boxes(
     return found
 
 
-TrackName = Literal["A", "B", "D", "E", "F", "G", "S"]
+TrackName = Literal["B", "D", "S"]
 TITLES: Mapping[TrackName, str] = MappingProxyType(
     {
-        "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
         "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
         "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
-        "E": "track E: the simulator's depth, bent, blurred and of wrong scale, which stands in for a network's; the "
-        "camera's height known; a mocked detector: the simulator's own boxes, spoilt",
-        "F": "track F: noisy depth, and boxes and names by a detector that looked at the drawn picture; of the "
-        "simulator, picture and camera alone",
-        "G": "track G: things of foreign shapes in the place of all items, photographed as for a task, noisy "
-        "depth, and the simulator's own boxes, spoilt, without names; only the foreign things count",
         "S": "track S: depth with the noise of real sensors, and a mocked detector: the simulator's own boxes, spoilt",
     }
 )
 """Track -> title of its table."""
 
-_CLEAN = "taken from the simulator as it is"
 _NOISY = "drawn from the simulator, with the noise of a depth camera"
 _SENSED = "drawn from the simulator, with the noise, holes and steps of real sensors"
-_MONO = "drawn from the simulator, bent, blurred and of wrong scale like a network's"
 
 
 @dataclass(frozen=True)
@@ -192,7 +159,6 @@ def input_of(
     categories: Mapping[str, str],
     detector: MockedDetector,
     rng: np.random.Generator,
-    detect: Detector | None = None,
 ) -> TrackInput:
     """Return the input of a track for a shot.
 
@@ -203,52 +169,25 @@ def input_of(
         categories: id -> category of every visible object.
         detector: The quality of the mocked detector.
         rng: Random numbers.
-        detect: The detector of track F.
 
     Raises:
         PhotoRefused: The track has to level the picture by its lines or its floor, and cannot.
     """
     masks = shot.visible()
-    words = {name: shot.scene.objects[name].category for name in masks}
-    boxes = _boxes(track, masks, categories, words, detector, rng)
+    found = mocked_boxes(masks, categories, detector, rng)
+    # A correct label is the object's own name in its room, such as a dresser.
+    words = {key: shot.scene.objects[key].category for key in masks}
+    boxes = {
+        key: replace(box, label=words[key]) if box.category == categories[key] else box for key, box in found.items()
+    }
     camera = Intrinsics(shot.K[0, 0], shot.K[1, 1], shot.K[0, 2], shot.K[1, 2], "taken from the simulator")
     picture = Photograph(Path(name), shot.rgb, Exif(None, None, ""))
-    height_m = float(shot.T_world_camera[2, 3])
-    if track == "A":
-        depth = Depth(shot.depth_m, _CLEAN)
-        observation, floor = observe(picture, depth, camera)
-    elif track == "E":
-        guessed = Depth(mono_like(shot.depth_m, rng), _MONO, depth_distortion=DEFAULT_DEPTH_DISTORTION)
-        depth, floor = scale_by_height(guessed, observe(picture, guessed, camera)[1], height_m)
-        observation = levelled(picture, depth, camera, floor)
-    elif track == "S":
-        depth = Depth(sensed(shot.depth_m, rng), _SENSED)
-        observation, floor = observe(picture, depth, camera)
-    elif track != "D":
-        depth = Depth(noisy(shot.depth_m, rng), _NOISY)
-        observation, floor = observe(picture, depth, camera)
-    else:
-        depth, floor = None, level_by_height(find_upright(picture, camera), height_m)
+    depth: Depth | None = None
+    if track == "D":
+        floor = level_by_height(find_upright(picture, camera), float(shot.T_world_camera[2, 3]))
         observation = flat_observation(picture, camera, floor)
-    detections = tuple(boxes.values()) if detect is None else detect(picture).things
-    return TrackInput(PhotoInput(name, picture, depth, camera, detections, observation, floor), boxes)
-
-
-def _boxes(
-    track: TrackName,
-    masks: Mapping[str, NDArray[np.bool_]],
-    categories: Mapping[str, str],
-    words: Mapping[str, str],
-    detector: MockedDetector,
-    rng: np.random.Generator,
-) -> dict[str, Detection]:
-    if track == "F":
-        return {}
-    if track == "G":
-        return mocked_boxes(masks, dict.fromkeys(masks, ""), replace(detector, misnamed=0.0), rng)
-    boxes = exact_boxes(masks, categories) if track == "A" else mocked_boxes(masks, categories, detector, rng)
-    # A correct label is the object's own name in its room, such as a dresser.
-    return {
-        name: replace(box, label=words[name]) if box.category == categories[name] else box
-        for name, box in boxes.items()
-    }
+    else:
+        spoil, source = (noisy, _NOISY) if track == "B" else (sensed, _SENSED)
+        depth = Depth(spoil(shot.depth_m, rng), source)
+        observation, floor = observe(picture, depth, camera)
+    return TrackInput(PhotoInput(name, picture, depth, camera, tuple(boxes.values()), observation, floor), boxes)

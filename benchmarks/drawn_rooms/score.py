@@ -22,7 +22,6 @@ from scipy.spatial import cKDTree
 from executor.assets.asset_geometry import shape_mesh
 from executor.assets.footprint import Footprint, open_fraction, yaw_of
 from executor.assets.library import LIBRARY, asset_for
-from executor.bench.photo.rooms import ROUND
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.photo.drawing import visible_owners
@@ -84,7 +83,7 @@ _QUARTER = (
     "die",
 )
 _HALF = ("counter_plain",)
-_ROUND = ("table_round", *ROUND)
+_ROUND = ("table_round",)
 
 
 @dataclass(frozen=True)
