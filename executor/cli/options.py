@@ -69,8 +69,8 @@ FullSize = Annotated[
 RobotName = Annotated[
     Maybe[Literal["paper", "panda", "panda-lift"]],
     option_help(
-        "Which robot, by default the scene's, else the paper's: a Panda of 0.7 of its size, one of full size (what "
-        "--full-size says too), or that on a lift."
+        "Which robot: the paper's Panda of 0.7 of its size, one of full size (what --full-size says too), or that on a "
+        "lift. By default the scene's; a file that names none is for the last, and T1 to T6 have the paper's."
     ),
 ]
 Video = Annotated[Flag, negated_flag("Draw no pictures and no video.")]

@@ -264,6 +264,9 @@ LIFTED = replace(
 )
 """The arm is on a carriage, which the mast of the head camera guides: as low as level hands need it at a table."""
 
+DEFAULT_ROBOT = LIFTED
+"""The robot of a scene whose author names none. T1 to T6, their built-in scenes and their tables have the paper's."""
+
 ROBOTS = {robot.name: robot for robot in (PAPER_ROBOT, FULL_SIZE, LIFTED)}
 """Every robot by its name."""
 
