@@ -462,6 +462,7 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         init=init,
         goal=goal,
         flow=step.flow(around.scene),
+        where=step.where,
     )
 
 
