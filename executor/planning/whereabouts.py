@@ -1,8 +1,8 @@
 """Where exactly: the part of a thing, or the spot next to another one, that a subtask names; whether it came so.
 
 Symbols tell places apart, but no parts and no spots: `SimpleTask.where` names them. Here they become handles and
-regions for the searches, and readings at the subtask's end. What is above each other is counted from the top, what is beside
-each other from the left, as seen before a front. Sides of things are seen from the robot's start.
+regions for the searches, and readings at the subtask's end. What is above each other is counted from the top, what is
+beside each other from the left, as seen before a front. Sides of things are seen from the robot's start.
 """
 
 from __future__ import annotations
