@@ -15,7 +15,7 @@ import numpy as np
 
 from executor.assets.model import Handle, Region
 from executor.geometry import Array, inverse
-from executor.planning.placements import UPWARD
+from executor.planning.placements import SMALL_M, UPWARD
 from executor.sim.detectors import box_around
 from executor.sim.world import World
 from oag import SimpleTask
@@ -33,10 +33,10 @@ SIDE_COSINE = 0.6
 """Directions at less than 53 degrees from the named side count as on it."""
 
 DIRECTIONS = 8
-HALF_M, DEPTH_M = 0.10, 0.16
-"""Half extents of the region around a spot: its middle is a spot of a small region, or of one behind a front."""
+BESIDE_M, DEPTH_M = 0.012, 0.16
+"""Of the region around a spot: how much wider it is than the thing, and its half depth behind a front. So its middle is
+the only spot of it, or the first one."""
 
-BESIDE_M = 0.012
 _SIDES = {"left of": (0.0, 1.0), "right of": (0.0, -1.0), "behind": (1.0, 0.0), "in front of": (-1.0, 0.0)}
 _PLACES = {"top": 0, "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4, "sixth": 5, "bottom": -1, "last": -1}
 
@@ -75,7 +75,8 @@ def _chosen(middles: dict[str, Array], which: str) -> str | None:
     across = sorted(middles, key=lambda name: -middles[name][1])
     if which in ("left", "right"):
         apart = len(across) > 1 and middles[across[0]][1] - middles[across[-1]][1] > SIDE_BY_SIDE_M
-        row = [name for name in heights if middles[name][1] == middles[across[0 if which == "left" else -1]][1]]
+        side_m = middles[across[0 if which == "left" else -1]][1] if across else 0.0
+        row = [name for name in heights if abs(middles[name][1] - side_m) <= SIDE_BY_SIDE_M]
         return row[0] if apart else None
     above = len(heights) > 1 and middles[heights[0]][2] - middles[heights[-1]][2] > SIDE_BY_SIDE_M
     if which in ("top", "bottom") and len(heights) > 1 and not above:
@@ -116,7 +117,7 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     local, other = ((T_link_world @ np.array([*point, 1.0]))[:3] for point in (at, neighbour))
     if (np.abs(local - middle)[:2] > room[:2] - width_m / 2).any() or (np.abs(other - middle) > room + 0.05).any():
         return None
-    half = np.array([HALF_M, HALF_M, room[2]])
+    half = np.array([*(2 * (min(width_m / 2 + BESIDE_M, 0.9 * SMALL_M),)), room[2]])
     if abs(region.opening[2]) < UPWARD:
         half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + BESIDE_M)
     x, y = map(float, local[:2])

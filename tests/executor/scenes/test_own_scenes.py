@@ -16,7 +16,7 @@ import bddl
 import llm
 from executor.cli import app
 from executor.scenes import library
-from executor.scenes.file import load_scene, scene_for
+from executor.scenes.file import complete_scene, load_scene, scene_for
 from executor.scenes.generators import families
 from executor.scenes.validation import issues
 from executor.sim.render import stage
@@ -176,6 +176,28 @@ def test_places_that_cannot_be(entry: dict[str, Any], said: str, tmp_path: Path)
     with pytest.raises(SceneError) as caught:
         load_scene(tmp_path / "x.json")
     assert said in str(caught.value)
+
+
+TABLE = {"table_0": {"category": "table", "position": [1.0, 0.0]}}
+
+
+@pytest.mark.parametrize(
+    ("data", "robot"),
+    [
+        ({"objects": TABLE}, "panda-lift"),
+        ({"objects": TABLE, "robot": {"position": [-0.6, 0.0]}}, "panda-lift"),
+        ({"objects": TABLE, "robot": {"name": "paper"}}, "paper"),
+        ({"objects": TABLE, "robot": {"scale": 1}}, "panda"),
+        ({"objects": TABLE, "robot": {"position": [-0.6, 0.0]}, "closed": []}, "paper"),
+    ],
+)
+def test_a_file_that_names_no_robot_is_for_the_one_on_a_lift(data: dict[str, Any], robot: str) -> None:
+    """But for a file that states all: it may be one that was written before robots had names."""
+    scene = complete_scene(data).scene
+    assert scene is not None and scene.robot.name == robot
+    again = complete_scene(scene.to_json()).scene
+    assert again is not None and again.robot == scene.robot
+    assert {library.load(name).robot.name for name in library.names()} == {"paper"}
 
 
 @pytest.mark.slow
