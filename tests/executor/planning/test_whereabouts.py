@@ -108,8 +108,9 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
         apart = at - mug[:2]
         if ahead or left:
             assert apart @ np.array([c * ahead - s * left, s * ahead + c * left]) > 0.5 * np.linalg.norm(apart)
-        low, high = (np.abs(apart).max() - 0.5 * (scene["mug_0"].extent_m[0] + scene["can_0"].extent_m[0]), 0.12)
-        assert -0.04 < low and np.linalg.norm(apart) < high + 0.1
+        sides = np.array(scene["mug_0"].extent_m[:2]) + np.array(scene["can_0"].extent_m[:2])
+        gap_m = np.linalg.norm(np.maximum(np.abs(apart) - sides / 2, 0.0))
+        assert 0.0 < gap_m < 0.06
         x, y = map(float, at)
         moved = replace(scene["can_0"], position=(x, y, scene["can_0"].position[2]))
         with World(replace(scene, objects={**scene.objects, "can_0": moved}), oracle=True) as world:
