@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 import bddl
+import llm
 from executor.planning.whereabouts import handles_of, read_where, regions_next_to, regions_of
 from executor.rollouts.capacity import first_misfit
+from executor.rollouts.feasibility import feasible
+from executor.rollouts.rollout import rollout
 from executor.scenes.file import complete_scene
 from executor.sim.world import World
-from oag import Scene, SimpleTask, Task
+from oag import Scene, SimpleTask, Task, compose
 from oag.model.symbols import GRIPPER
 from oag.model.where import Where
 
@@ -118,3 +121,21 @@ def test_spots_are_on_the_named_side_and_the_detector_agrees(
             assert reading.satisfied
             (other,) = read_where(replace(put, where=Where(relation, "cabinet_0")), world)
             assert not other.satisfied
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("put the can to the left of the mug", "can_0 left of mug_0"),
+        ("open the second drawer of the cabinet", "second drawer"),
+    ],
+)
+def test_parts_and_spots_come_about_in_physics(query: str, said: str) -> None:
+    scene = _scene()
+    graph = compose(llm.propose(query, scene).task, scene=scene)
+    planned = feasible(graph, scene, 0, vary=False)
+    assert planned.feasible, planned.reason
+    done = rollout(compose(planned.task, scene=scene), scene, 0, vary=False, conditions=planned.conditions())
+    assert done.succeeded
+    assert any(reading.literal == said and reading.satisfied for reading in done.subtasks[-1].readings)
