@@ -198,12 +198,12 @@ class _IntentBuilder:
 
     def _spot(self, command: Command, place: Grounded) -> Where | None:
         """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
-        direction = None if command.destination is None else command.destination.direction
-        if direction not in _SPOTS or not self._hosts(place.object_id):
+        relation = None if command.destination is None else _SPOTS.get(command.destination.direction)
+        if relation is None or not self._hosts(place.object_id):
             return None
-        if direction != "NEXT":
-            self.notes.append(f'"{_SPOTS[direction]} {place.object_id}" is meant as seen from the robot\'s start')
-        return Where(_SPOTS[direction], place.object_id)
+        if relation != "next to":
+            self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
+        return Where(relation, place.object_id)
 
     def _is_waste(self, key: str) -> bool:
         """Decide whether "throw" means putting a thing there."""
