@@ -46,6 +46,7 @@ def test_what_the_scene_states_is_not_taken_on_trust(query: str) -> None:
         ("fold the newspaper", "shape"),
         ("turn on the microwave", "joint"),
         ("heat the apple", "warm"),
+        ("push the table aside", "pushes"),
     ],
 )
 def test_what_no_plan_can_do_is_refused_with_the_reason_and_with_what_can_be_done(query: str, reason: str) -> None:
