@@ -55,6 +55,7 @@ class FailureKind(Enum):
     NO_PATH = "no-collision-free-path"
     GRASP_MISSED = "grasp-missed"
     TOO_WIDE = "too-wide-for-gripper"
+    NO_PART = "no-such-part"
     SLIPPED = "slipped"
     STALLED = "stalled"
     DROPPED = "dropped"

@@ -20,6 +20,7 @@ from oag.model.diagnostics import TASK_GOAL, Diagnostic, FlowError, MissingScene
 from oag.model.domain import BUILT_IN, Domain
 from oag.model.scene import SCALES, Scene
 from oag.model.symbols import ANY, GRIPPER, Fact, Primitive, overlap
+from oag.model.where import Where
 from oag.primitives.cargo import RESTING
 from oag.primitives.table import carries, placement_of
 
@@ -62,6 +63,7 @@ class SubtaskForm:
     support_init: str | None = None
     support_goal: str | None = None
     flow: list[object] | None = None
+    where: str | None = None
 
 
 def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, ...]]:
@@ -232,6 +234,7 @@ class SimpleTask:
         flow: Its actions; None when none is planned yet. A list in the JSON form is accepted and read.
         issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
             is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
+        where: The part or the spot that is meant, which no condition tells apart; geometry and detectors hold to it.
 
     Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
     """
@@ -245,6 +248,7 @@ class SimpleTask:
     goal: bddl.Formula
     flow: ActionFlow | None = None
     issues: tuple[Diagnostic, ...] = ()
+    where: Where | None = None
 
     def __post_init__(self) -> None:
         """Read what is given as a text or in the JSON form; raises TaskError or FlowError for anything else."""
@@ -282,6 +286,8 @@ class SimpleTask:
         }
         if self.flow is not None:
             written["flow"] = flow_to_json(self.flow)
+        if self.where is not None:
+            written["where"] = str(self.where)
         return written
 
 
@@ -385,6 +391,10 @@ def _read_subtask(index: int, document: Document, place: Sequence[str | int], do
     flow, flow_issues = read_flow(form.flow, domain)
     roles = infer_roles(init, goal, form.target)
     role_issues = () if init_issues or goal_issues else _role_issue(roles)
+    try:
+        where = None if form.where is None else Where.parse(form.where)
+    except ValueError as problem:
+        raise document.fail((*place, "where"), f"cannot be read: {shown(form.where)}", str(problem)) from None
     return SimpleTask(
         name=f"subtask_{index + 1}" if form.task_activity_name is None else form.task_activity_name,
         # The paper's outputs call it task_detail_message, its text task_message_detail.
@@ -397,6 +407,7 @@ def _read_subtask(index: int, document: Document, place: Sequence[str | int], do
         goal=goal,
         flow=flow,
         issues=(*init_issues, *goal_issues, *role_issues, *flow_issues),
+        where=where,
     )
 
 

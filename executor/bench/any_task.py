@@ -38,7 +38,7 @@ STAGES = ("read", "proof", "geometry", "physics")
 _STATED: Mapping[str, frozenset[str]] = {
     "ambiguous": frozenset(("ambiguous-object", "ambiguous-reading", "ambiguous-relation", "several-objects")),
     "not-there": frozenset(("unknown-object", "wrong-place")),
-    "no-such-part": frozenset(("unknown-object", "affordance")),
+    "no-such-part": frozenset(("unknown-object", "affordance", "no-such-part")),
     "too-wide": frozenset(("too-large", "too-wide-for-gripper")),
     "too-large": frozenset(("affordance", "too-large", "unreachable", "no-collision-free-path")),
     "no-opening": frozenset(("affordance",)),

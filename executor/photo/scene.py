@@ -28,7 +28,7 @@ from executor.photo.room.reconstruct import FittedRoom, FittedThing
 from executor.scenes.file import complete_scene
 from executor.scenes.validation import Unsettled, issues, settle
 from oag import Scene, SceneError, SceneObject
-from oag.model.robots import LIFTED
+from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import about_z
 
 SAME_HEIGHT_M = 0.02
@@ -407,7 +407,7 @@ def scene_json(
         key = f"wall_{number}"
         ended = replace(wall, span_m=_ends_m(wall, [one for one in walls if one is not wall]))
         things[key] = _entry(_wall(ended, key, _back_m(wall, footprints)))
-    return {"name": name, "robot": {"name": LIFTED.name}, "objects": things}
+    return {"name": name, "robot": {"name": DEFAULT_ROBOT.name}, "objects": things}
 
 
 def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:

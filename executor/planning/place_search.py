@@ -408,7 +408,7 @@ class PlacementLookahead:
         self._support, self._regions, self._here = support, regions, here
         self._solver, self._floor = (
             ArmSolver(planner, restarts=LOOKAHEAD_RESTARTS),
-            FreeFloor(planner, BASE_MARGINS_M[-1]),
+            FreeFloor(planner, BASE_MARGINS_M[-1], coarse=not planner.robot.keeps_order),
         )
         self._examples: dict[float, HandGoal] = {}
         for goal in goals:

@@ -205,19 +205,25 @@ CELL, DEEP_M = np.array([0.03, 0.03, 0.12, 0.15]), 0.03
 
 
 class FreeFloor:
-    """Cached test of the base's room: many hand goals lead to the same base pose."""
+    """Cached test of the base's room: many hand goals lead to the same base pose.
 
-    def __init__(self, planner: Planner, margin_m: float) -> None:
-        self._planner, self._margin_m = planner, margin_m
+    Args:
+        planner: Knows the floor.
+        margin_m: What the base keeps.
+        coarse: Whether one pose answers for its cell, as is enough for a forecast.
+    """
+
+    def __init__(self, planner: Planner, margin_m: float, *, coarse: bool = False) -> None:
+        self._planner, self._margin_m, self._coarse = planner, margin_m, coarse
         self._known: dict[tuple[float, ...], bool] = {}
         self._deep: set[tuple[float, ...]] = set()
 
     def at(self, base: Array) -> bool:
         """Return whether the base has room at coordinates (B,)."""
         self._planner.effort.add(CANDIDATE_S)
-        key = tuple(np.round(base, 5))
+        cell = tuple(np.round(base / CELL[: len(base)]))
+        key = cell if self._coarse else tuple(np.round(base, 5))
         if key not in self._known:
-            cell = tuple(np.round(base / CELL[: len(base)]))
             taken = cell in self._deep or bool(self._planner.floor.taken(base[None])[0])
             free, within_m = (False, 0.0) if taken else _room(self._planner, base, self._margin_m)
             self._known[key] = free

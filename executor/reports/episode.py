@@ -29,6 +29,7 @@ FAILURE_MEANINGS = {
     "no-collision-free-path": "The goal of the motion can be reached, but every path found touches something.",
     "grasp-missed": "The fingers closed without holding the target.",
     "too-wide-for-gripper": "The target does not fit between the fingers.",
+    "no-such-part": "The thing has no such door, drawer or shelf.",
     "slipped": "What was gripped slid out of the fingers while the robot moved.",
     "stalled": "The robot did not arrive where it was sent: something held it back.",
     "dropped": "The object left the hand before it was to be let go.",

@@ -7,10 +7,13 @@ turned or laid down counts as one that fits, and the search for a place decides.
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from bddl import atoms
-from executor.assets.model import Region
+from bddl.terminal import pluralize
+from executor.assets.model import Asset, Region
 from executor.planning.placements import UPWARD
+from executor.planning.whereabouts import handles_of, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.navigate import misfit
@@ -30,6 +33,8 @@ def first_misfit(task: Task, world: World) -> tuple[int, int, Failure] | None:
     """
     gripper = Gripper.of(world.scene.robot)
     for index, subtask in enumerate(task.subtasks):
+        if (failure := no_part(world, subtask)) is not None:
+            return index, 0, failure
         if world.assets[subtask.target].motion != "dynamic":
             continue
         primitives = [action.primitive for action in subtask.flow or ()]
@@ -40,6 +45,28 @@ def first_misfit(task: Task, world: World) -> tuple[int, int, Failure] | None:
         if Primitive.UNGRASP in primitives and (failure := no_room(world, subtask)) is not None:
             return index, primitives.index(Primitive.UNGRASP), failure
     return None
+
+
+def no_part(world: World, subtask: SimpleTask) -> Failure | None:
+    """Return a failure where a thing does not have the part that a subtask names, else None."""
+    where, thing = subtask.where, subtask.support_goal or subtask.target
+    if where is None or not where.part:
+        return None
+    asset = world.assets[thing]
+    if subtask.support_goal is None:
+        found = bool(handles_of(world, thing, where))
+    else:
+        found = bool(regions_of(world, thing, asset.regions, where))
+    if found:
+        return None
+    message = f"{thing} has no {where}: it has {_parts(asset)}"
+    return Failure(FailureKind.NO_PART, message, (Unplanned(target=subtask.target, support=thing),))
+
+
+def _parts(asset: Asset) -> str:
+    kinds = {"revolute": "door", "prismatic": "drawer"}
+    counts = Counter(kinds[joint.kind] for joint in asset.joints if joint.opens)
+    return " and ".join(pluralize(count, part) for part, count in counts.items()) or "neither doors nor drawers"
 
 
 def no_room(world: World, subtask: SimpleTask) -> Failure | None:

@@ -17,6 +17,7 @@ import numpy as np
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
+from executor.planning.whereabouts import read_where
 from executor.records import (
     Detour,
     Event,
@@ -375,7 +376,7 @@ class DryRun:
             if step.failure is not None:
                 break
         self._hand = session.hand
-        readings = (judge_at_rest if last else judge)(self._goals[index], world)
+        readings = (judge_at_rest if last else judge)(self._goals[index], world) + read_where(subtask, world)
         if last and not (steps and steps[-1].failure) and as_failure(readings, subtask.name) is None:
             readings = (*readings, *judge_at_rest(self._task.goal, world))
         flow = (*flow_from_json([step.action for step in steps]), *session.flow[len(steps) :])

@@ -14,6 +14,7 @@ from bddl import Formula
 from executor.planning.choices import Choice
 from executor.planning.collision import CollisionOracle
 from executor.planning.planner import Planner
+from executor.planning.whereabouts import read_where
 from executor.records import (
     Detour,
     Event,
@@ -263,7 +264,7 @@ class Run:
                     break
             self.recorder.step = -1
             settle_to_rest(control, GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
-            readings = (judge_at_rest if last else judge)(self.goals[index], world)
+            readings = (judge_at_rest if last else judge)(self.goals[index], world) + read_where(subtask, world)
             failure = steps[-1].failure if steps else None
             if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
                 steps[-1] = replace(steps[-1], failure=failure)

@@ -56,6 +56,7 @@ from executor.scenes.room import CLOSED, NoRoom
 from oag import Scene, SceneError, SceneObject
 from oag.model.codec import load
 from oag.model.forms import Extent, OpenForm, numbers, unfit
+from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import FLOOR, LARGEST_M, id_problem
 from oag.model.symbols import Kind, kind_of
 
@@ -299,7 +300,8 @@ def from_cousins(path: str | Path) -> SceneWithNotes:
     facts: list[bddl.Formula] = [bddl.Atom(name, (thing, support)) for name, thing, support in room.relations]
     facts += [bddl.Not(bddl.Atom("open", (key,))) for key, obj in room.objects.items() if obj.kind is Kind.ARTICULATED]
     in_order = {draft.obj.id: room.objects[draft.obj.id] for draft in drafts.values()}
-    return SceneWithNotes(Scene(found.name, robot, in_order, tuple(facts), CLOSED), (*found.notes, *notes, *room.notes))
+    scene = Scene(found.name, robot, in_order, tuple(facts), CLOSED).with_robot(DEFAULT_ROBOT.name)
+    return SceneWithNotes(scene, (*found.notes, *notes, *room.notes))
 
 
 def _drafts(found: Reconstruction) -> tuple[dict[str, _Draft], list[str], list[str]]:

@@ -39,6 +39,7 @@ from oag import Scene, SceneError, SceneObject
 from oag.model.codec import Document, Source, load
 from oag.model.diagnostics import InputError, listed
 from oag.model.forms import ObjectForm, SceneForm, examine_scene, infeasible_of, object_of, robot_of
+from oag.model.robots import DEFAULT_ROBOT
 from oag.model.scene import FLOOR, RobotPose, about_z, read_closed, read_facts
 from oag.model.symbols import Kind
 from oag.primitives.cargo import VAGUE
@@ -325,11 +326,17 @@ class _SceneCompletion:
             yield None, clear
 
     def _robot(self, objects: Mapping[str, SceneObject]) -> RobotPose:
-        """Return the robot's start: from the file, else at the origin or on the free floor nearest to it."""
+        """Return the robot's start: from the file, else at the origin or on the free floor nearest to it.
+
+        A file that names no robot is for the default one. Where it states `closed`, it may have been written for the
+        paper's before robots had names, and keeps it.
+        """
         form = self._form.robot
-        if form is not None and form.model_fields_set - {"scale", "name"}:
-            return robot_of(form)
         start = RobotPose() if form is None else robot_of(form)
+        if self._form.closed is None and (form is None or form.name is None is form.scale):
+            start = replace(start, name=DEFAULT_ROBOT.name)
+        if form is not None and form.model_fields_set - {"scale", "name"}:
+            return start
         if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
             return start
         try:

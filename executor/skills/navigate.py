@@ -45,6 +45,7 @@ from executor.planning.place_search import PlacementLookahead, PlacePlan, PlaceS
 from executor.planning.placements import leaning_rad
 from executor.planning.planner import MOVES
 from executor.planning.stances import Stance
+from executor.planning.whereabouts import handles_of, regions_next_to, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.session import Session, StepResult
@@ -132,8 +133,12 @@ def regions_for(world: World, subtask: SimpleTask) -> list[Region]:
     inside = any(a.predicate == "inside" and support in a.args[1:] for a in atoms(subtask.goal))
     kind = "interior" if inside else "surface"
     regions = [region for region in world.assets[support].regions if region.kind == kind]
+    where = subtask.where
+    if where is not None and where.part:
+        return regions_of(world, support, regions, where)
     ways_in = {None, *(joint.name for joint in open_joints(world, support))}
-    return [region for region in regions if region.joint in ways_in] or regions
+    regions = [region for region in regions if region.joint in ways_in] or regions
+    return regions if where is None else regions_next_to(world, subtask.target, support, regions, where)
 
 
 def grip_width_m(asset: Asset) -> float:
@@ -408,6 +413,8 @@ def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     target = session.subtask.target
     if action.primitive is Primitive.ARTICULATE_CLOSE:
         return handles_to_close(session.believed, target)
+    if (where := session.subtask.where) is not None:
+        return handles_of(session.believed, target, where)
     wanted = handles_to_open(session.believed, target, session.later)
     return tuple(handle for handle in wanted if (target, handle.joint) not in session.avoided) or wanted
 

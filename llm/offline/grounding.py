@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, get_args
 
 import bddl
 from llm.offline.intents import Affordances, Front, Refusal, Support, Surroundings, alternatives, enumeration
@@ -13,6 +13,7 @@ from llm.offline.reader import REFERENCE_DIRECTIONS, Location, NounPhrase
 from llm.offline.viewpoint import COLORS, LEVELS, SIZES, by_size, on_side, placed, referenced, stated_colors
 from oag import Scene
 from oag.model.symbols import has_boards
+from oag.model.where import WHICH, Part, Where
 from oag.sizes import TO_THE_AIM, Sizing
 
 
@@ -27,6 +28,7 @@ class Named:
     by_door: bool = False
     plural: bool = False
     notes: tuple[str, ...] = ()
+    part: Where | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,8 @@ class Names:
         """Return an object whose door or drawer is meant."""
         before, front = phrase.words[:-1], phrase.front
         which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
+        if (part := _part(phrase, which)) is not None and (front is None or self.affordances[whole].door):
+            return Named((whole,), " ".join(phrase.words), by_door=front is not None, part=part)
         if front is not None and which:
             raise self.unresolvable(phrase, which)
         named = all(word in self.lexicon.descriptions for word in before)
@@ -177,6 +181,20 @@ class Names:
         return tuple(word for word in words if word in self.lexicon.which)
 
 
+_ORDERED = {
+    **{word: level for word, level in LEVELS.items()},
+    **dict(zip(("1st", "2nd", "3rd", "4th", "5th"), WHICH[5:10], strict=True)),
+}
+
+
+def _part(phrase: NounPhrase, which: Sequence[str]) -> Where | None:
+    """Return the part that "the top drawer" or "the left door" of a thing names; None where it names none."""
+    noun = next((n for n in (phrase.words[-1], *singulars(phrase.words[-1])) if n in get_args(Part)), None)
+    words = [_ORDERED.get(word, word) for word in which]
+    rest = len(phrase.words) - 1 - len(which) + (phrase.side is not None)
+    return Where("", "", words[0], noun) if noun and len(words) == 1 and words[0] in WHICH and not rest else None
+
+
 def _opened_by(key: str, can: Affordances) -> str:
     if not can.fronts:
         return f"neither the category nor the model of {key} says whether it has doors or drawers"
@@ -202,6 +220,7 @@ class Grounded:
     by_door: bool = False
     notes: tuple[str, ...] = ()
     hollow: bool = False
+    part: Where | None = None
 
 
 # Objects, with the assumptions made to find them.
@@ -331,6 +350,9 @@ class Grounding:
         """Decide whether a preposition allows a relation: "from" and "in the middle of" allow both."""
         if place.direction == "IN" and place.preposition in self.names.lexicon.loose:
             return True
+        host = self.around.scene.objects.get(support.object_id)
+        if place.direction == "IN" and host is not None and has_boards(host.category):
+            return True
         if place.direction == "OUTOF":
             return support.relation == "inside" or not self.around.affordances[support.object_id].interior
         return _RELATION.get(place.direction, support.relation) == support.relation
@@ -343,8 +365,8 @@ class Grounding:
         entry = self.names.entries[self.around.scene.objects[object_id].category]
         by_surface = entry is not None and named.name in entry.surface_names
         part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None
-        hollow = part is not None and part.affordances.interior
-        return Grounded(object_id, by_surface, named.by_door, tuple(notes), hollow)
+        hollow = named.part is not None or (part is not None and part.affordances.interior)
+        return Grounded(object_id, by_surface, named.by_door, tuple(notes), hollow, named.part)
 
     def _of_one_name(self, phrase: NounPhrase) -> NounPhrase:
         """Join "the bottle of medicine" to one name if an object is called so."""

@@ -18,6 +18,7 @@ import bddl
 from llm.errors import RefusalCode
 from oag import Scene, SceneObject
 from oag.model.symbols import GRIPPER, Kind
+from oag.model.where import Where
 from oag.sizes import TO_THE_AIM, Sizing
 
 Relation = Literal["inside", "ontop"]
@@ -42,12 +43,16 @@ class IntentKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """One intent about one object; only PLACE has a relation and a destination."""
+    """One intent about one object; only PLACE has a relation and a destination.
+
+    `where` is the part of what is opened or of the destination, or the spot next to another thing, that is meant.
+    """
 
     kind: IntentKind
     target: str
     relation: Relation | None = None
     destination: str | None = None
+    where: Where | None = None
 
     def __str__(self) -> str:
         return _clause((self,))
@@ -89,8 +94,12 @@ class Request:
 
     def groups(self) -> tuple[tuple[Intent, ...], ...]:
         """Group neighbouring intents that differ in their target only."""
-        alike = groupby(self.intents, key=lambda intent: (intent.kind, intent.relation, intent.destination))
+        alike = groupby(self.intents, key=_place_of)
         return tuple(tuple(group) for _, group in alike)
+
+
+def _place_of(intent: Intent) -> tuple[IntentKind, Relation | None, str | None, str]:
+    return intent.kind, intent.relation, intent.destination, str(intent.where or "")
 
 
 def merge_repeated(intents: Iterable[Intent]) -> Request:
@@ -101,10 +110,13 @@ def merge_repeated(intents: Iterable[Intent]) -> Request:
 
 def _clause(group: tuple[Intent, ...]) -> str:
     first = group[0]
-    text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
+    targets, where = enumeration(intent.target for intent in group), first.where
     if first.relation is None or first.destination is None:
-        return text
-    return f"{text} {PREPOSITION[first.relation]} {first.destination}"
+        return f"{first.kind.value} {f'the {where} of ' if where is not None else ''}{targets}"
+    if where is not None and where.other:
+        return f"{first.kind.value} {targets} {where}"
+    part = f"the {where} of " if where is not None else ""
+    return f"{first.kind.value} {targets} {PREPOSITION[first.relation]} {part}{first.destination}"
 
 
 def enumeration(names: Iterable[str]) -> str:
@@ -382,8 +394,10 @@ class Surroundings:
         return tuple(dict.fromkeys(filter(self.is_shut, doors)))
 
     def fulfils(self, intent: Intent) -> bool:
-        """Decide whether an intent is known to be fulfilled."""
-        return all(self.value(literal.atom) is literal.value for literal in bddl.literals(intent.wish) or ())
+        """Decide whether an intent is known to be fulfilled; of parts and spots nothing is known."""
+        return intent.where is None and all(
+            self.value(literal.atom) is literal.value for literal in bddl.literals(intent.wish) or ()
+        )
 
     def after(self, intent: Intent) -> Surroundings:
         """Return the state after an intent is fulfilled; doors on its way keep their state.

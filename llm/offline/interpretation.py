@@ -30,7 +30,16 @@ from llm.offline.intents import (
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
 from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
 from llm.offline.viewpoint import start_gap_m
+from oag.model.symbols import has_boards
+from oag.model.where import Where
 
+_SPOTS: Mapping[Direction, str] = {
+    "NEXT": "next to",
+    "LEFTOF": "left of",
+    "RIGHTOF": "right of",
+    "BEHIND": "behind",
+    "INFRONT": "in front of",
+}
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
@@ -177,10 +186,24 @@ class _IntentBuilder:
         if command.kind == "pick" and as_one and held_at is not None and not placed:
             return Mention(self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True)
         if command.destination is None or place is None:
-            return Mention(tuple(Intent(_KINDS[command.kind], key) for key in ids), origin, as_one)
+            return Mention(
+                tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets), origin, as_one
+            )
         self.notes += place.notes
+        if (spot := self._spot(command, place)) is not None:
+            host = self._hosts(place.object_id)[0]
+            return Mention(_placings(ids, host.relation, host.object_id, spot), origin, as_one)
         relation = self._relation(command.destination, ids, place)
-        return Mention(_placings(ids, relation, place.object_id), origin, as_one)
+        return Mention(_placings(ids, relation, place.object_id, place.part), origin, as_one)
+
+    def _spot(self, command: Command, place: Grounded) -> Where | None:
+        """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
+        relation = None if command.destination is None else _SPOTS.get(command.destination.direction)
+        if relation is None or not self._hosts(place.object_id):
+            return None
+        if relation != "next to":
+            self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
+        return Where(relation, place.object_id)
 
     def _is_waste(self, key: str) -> bool:
         """Decide whether "throw" means putting a thing there."""
@@ -217,7 +240,13 @@ class _IntentBuilder:
             targets = self._targets(command, source, ())
             return targets, self._destination(command.destination, [grounded.object_id for grounded in targets])
         # The destination is grounded first: its refusal is the less informative one if both fail.
-        place = self._destination(command.destination)
+        try:
+            place = self._destination(command.destination)
+        except Refusal as refusal:
+            if refusal.leaves_choice:
+                # What is not there needs no choice of where it would go.
+                self._targets(command, source, ())
+            raise
         try:
             return self._targets(command, source, (place.object_id,)), place
         except Refusal as refusal:
@@ -336,7 +365,9 @@ class _IntentBuilder:
         self._check_direction(place, targets, destination)
         can = self.grounding.around.affordances[where]
         if place.direction in ("INTO", "IN"):
-            if place.preposition in self.grounding.names.lexicon.loose and can.surface and not can.interior:
+            boards = has_boards(self.grounding.around.scene.objects[where].category)
+            loose = place.preposition in self.grounding.names.lexicon.loose
+            if (loose or boards) and can.surface and not can.interior:
                 return "ontop"
             if destination.by_surface:
                 problem = f'"{place.phrase}" names the top of {where}, which has no interior'
@@ -564,5 +595,5 @@ _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]
 }
 
 
-def _placings(ids: Sequence[str], relation: Relation, place: str) -> tuple[Intent, ...]:
-    return tuple(Intent(IntentKind.PLACE, key, relation, place) for key in ids)
+def _placings(ids: Sequence[str], relation: Relation, place: str, where: Where | None = None) -> tuple[Intent, ...]:
+    return tuple(Intent(IntentKind.PLACE, key, relation, place, where) for key in ids)

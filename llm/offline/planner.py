@@ -463,6 +463,7 @@ def _subtask(step: PlainTask, around: Surroundings) -> SimpleTask:
         init=init,
         goal=goal,
         flow=step.flow(around.scene),
+        where=step.where,
     )
 
 

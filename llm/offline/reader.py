@@ -268,7 +268,9 @@ def _command(tree: Any) -> Command:
         where = objects[0].location
         if where is None or where.direction not in REFERENCE_DIRECTIONS:
             return Command("pick", objects)
-        return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=where)
+        # To hold it there is no placing, and nothing else brings it there.
+        there = replace(where, direction="AGAINST")
+        return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
@@ -440,8 +442,17 @@ def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon
         return "WORD"
     opens = all(token.terminal in _ENDS for token in before)
     ends = not following or _PUNCTUATION.get(following, lexicon.terminals.get(following)) in _ENDS
-    only = not any(token.terminal in _ENDS for token in before)
+    only = not any(token.terminal in _ENDS for token in before) or _is_one_wish(before)
     return "THEN" if opens or (ends and only) else "LIMIT"
+
+
+def _is_one_wish(tokens: Sequence[TaggedWord]) -> bool:
+    """Decide whether words are one wish of several things: "put the mug and the cup into the bowl"."""
+    verbs = sum(token.terminal in _VERBS_AS_NOUNS for token in tokens)
+    joins = [index for index, token in enumerate(tokens) if token.terminal in _ENDS]
+    places = [index for index, token in enumerate(tokens) if token.terminal in _PREPOSITIONS]
+    listing = all(tokens[index].terminal in ("AND", "COMMA") for index in joins)
+    return verbs == 1 and listing and len(places) == 1 and joins[-1] < places[0]
 
 
 def _is_named(piece: str, lexicon: Lexicon) -> bool:

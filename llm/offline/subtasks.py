@@ -19,6 +19,7 @@ from llm.offline.intents import RELATIONS, Intent, IntentKind, Refusal, Request,
 from oag import Action, Primitive, Scene, flows
 from oag.model.actions import ActionFlow
 from oag.model.symbols import GRIPPER
+from oag.model.where import Where
 from oag.sizes import Gripper, Sizing, graspable_items, has_finger_room
 
 
@@ -113,8 +114,11 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
         raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
     if relation == "inside" and not _goes_in(target, destination, around):
         raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
-    if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
+    there = any(step.relation == relation and step.object_id == destination for step in around.supports(target))
+    if there and intent.where is None:
         raise _so_already(intent)
+    if intent.where is not None and intent.where.other == target:
+        raise Refusal("affordance", f"{target} cannot be put {intent.where}")
 
 
 def _goes_in(item: str, container: str, around: Surroundings) -> bool:
@@ -226,12 +230,14 @@ class PlainTask:
         target: Id of the object it acts on (o_t).
         start: For PICK, where the target stands (o_s1 and its relation).
         end: For PLACE, where the target shall stand (o_s2 and its relation).
+        where: The part or spot that is meant.
     """
 
     kind: IntentKind
     target: str
     start: Support | None = None
     end: Support | None = None
+    where: Where | None = None
 
     def states(self) -> tuple[bddl.Formula, bddl.Formula]:
         """Return the initial state and the goal."""
@@ -275,10 +281,13 @@ def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
         if state.fulfils(intent):
             continue
         if intent.kind.is_about_a_door:
-            steps.append(PlainTask(intent.kind, intent.target))
+            steps.append(PlainTask(intent.kind, intent.target, where=intent.where))
         else:
             doors = state.doors_in_the_way(intent)
-            steps += [PlainTask(IntentKind.OPEN, door) for door in doors]
+            part = intent.where if intent.where is not None and intent.where.part in ("door", "drawer") else None
+            steps += [
+                PlainTask(IntentKind.OPEN, door, where=part if door == intent.destination else None) for door in doors
+            ]
             opened += doors
             steps += _moving(intent, state)
             state = state.with_doors(doors, True)
@@ -299,7 +308,8 @@ def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
     if start is not None and start.object_id != GRIPPER:
         steps.append(PlainTask(IntentKind.PICK, intent.target, start=start))
     if intent.relation is not None and intent.destination is not None:
-        steps.append(PlainTask(IntentKind.PLACE, intent.target, end=Support(intent.relation, intent.destination)))
+        end = Support(intent.relation, intent.destination)
+        steps.append(PlainTask(IntentKind.PLACE, intent.target, end=end, where=intent.where))
     return steps
 
 

@@ -375,6 +375,9 @@ Its description draws a gripper as three boxes that do not move. Here such boxes
 as those that such arms have. The upper arm leans back on the left, so the mast stands on the right.
 """
 
+DEFAULT_ROBOT = LIFTED
+"""The robot of a scene whose author names none. T1 to T6, their built-in scenes and their tables have the paper's."""
+
 ROBOTS = {robot.name: robot for robot in (PAPER_ROBOT, FULL_SIZE, LIFTED, UR5)}
 """Every robot by its name."""
 

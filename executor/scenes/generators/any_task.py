@@ -143,7 +143,7 @@ def _furnished(name: str, rng: np.random.Generator) -> Room:
 def _somewhere(room: Room, model: str, hosts: list[str], rng: np.random.Generator, *, tops_only: bool) -> None:
     """Put a thing at a place of one of the hosts; without a free place it is left out."""
     host = str(rng.choice(hosts))
-    regions = asset_for(room.objects[host]).regions
+    regions = () if room.objects[host].model in _data()["models"]["bare"] else asset_for(room.objects[host]).regions
     chosen = [r.name for r in regions if r.kind == "surface" or not tops_only] or [r.name for r in regions]
     if not chosen:
         return

@@ -214,6 +214,28 @@ def test_places_that_cannot_be(entry: dict[str, Any], said: str, tmp_path: Path)
     assert said in str(caught.value)
 
 
+TABLE = {"table_0": {"category": "table", "position": [1.0, 0.0]}}
+
+
+@pytest.mark.parametrize(
+    ("data", "robot"),
+    [
+        ({"objects": TABLE}, "panda-lift"),
+        ({"objects": TABLE, "robot": {"position": [-0.6, 0.0]}}, "panda-lift"),
+        ({"objects": TABLE, "robot": {"name": "paper"}}, "paper"),
+        ({"objects": TABLE, "robot": {"scale": 1}}, "panda"),
+        ({"objects": TABLE, "robot": {"position": [-0.6, 0.0]}, "closed": []}, "paper"),
+    ],
+)
+def test_a_file_that_names_no_robot_is_for_the_one_on_a_lift(data: dict[str, Any], robot: str) -> None:
+    """But for a file that states all: it may be one that was written before robots had names."""
+    scene = complete_scene(data).scene
+    assert scene is not None and scene.robot.name == robot
+    again = complete_scene(scene.to_json()).scene
+    assert again is not None and again.robot == scene.robot
+    assert {library.load(name).robot.name for name in library.names()} == {"paper"}
+
+
 @pytest.mark.slow
 def test_a_table_is_full_at_some_time(tmp_path: Path) -> None:
     cups = {f"cup_{n}": {"category": "cup", "on": "table_0"} for n in range(80)}

@@ -75,7 +75,7 @@ VESSELS = _scene(
 
 @pytest.mark.parametrize(
     "query",
-    ["swap the apple and the mug", "put the apple next to the mug", "the apple the mug", "put the apple on the mug"],
+    ["swap the apple and the mug", "put the apple under the mug", "the apple the mug", "put the apple on the mug"],
 )
 def test_no_suggestion_puts_a_thing_into_one_without_room_for_it(query: str) -> None:
     with pytest.raises(llm.QueryError) as caught:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import llm
 from llm.offline.viewpoint import by_size, placed
-from oag import Scene
+from oag import Scene, Task
 from tests.llm.kitchens import SCENES, conjuncts, noted
 
 FLAT = SCENES["flat"]
@@ -46,6 +46,7 @@ def test_what_the_scene_states_is_not_taken_on_trust(query: str) -> None:
         ("fold the newspaper", "shape"),
         ("turn on the microwave", "joint"),
         ("heat the apple", "warm"),
+        ("push the table aside", "pushes"),
     ],
 )
 def test_what_no_plan_can_do_is_refused_with_the_reason_and_with_what_can_be_done(query: str, reason: str) -> None:
@@ -58,8 +59,52 @@ def test_what_no_plan_can_do_is_refused_with_the_reason_and_with_what_can_be_don
 
 def test_beside_a_thing_the_nearest_wish_is_the_place_that_it_stands_on() -> None:
     with pytest.raises(llm.QueryError) as caught:
-        llm.propose("put the apple next to the can", FLAT)
+        llm.propose("put the apple under the can", FLAT)
     assert caught.value.suggestions == ("put apple_0 onto armchair_0",)
+
+
+@pytest.mark.parametrize(
+    ("query", "where"),
+    [
+        ("put the apple next to the can", "next to can_0"),
+        ("set the apple down beside the can", "next to can_0"),
+        ("move the apple to the left of the can", "left of can_0"),
+        ("place the apple to the right of the can", "right of can_0"),
+        ("set the apple behind the can", "behind can_0"),
+        ("put the apple in front of the can", "in front of can_0"),
+    ],
+)
+def test_a_spot_next_to_a_thing_is_on_what_that_stands_on(query: str, where: str) -> None:
+    """Symbols do not tell spots apart: the goal is the place, and the subtask names the spot."""
+    proposal = llm.propose(query, FLAT)
+    (placing,) = (subtask for subtask in proposal.task.subtasks if subtask.where is not None)
+    assert (placing.target, placing.support_goal, str(placing.where)) == ("apple_0", "armchair_0", where)
+    assert proposal.expanded.task_name == f"put apple_0 {where}"
+    again = llm.propose(proposal.expanded.task_name, FLAT)
+    assert again.task.subtasks == proposal.task.subtasks
+    assert Task.from_json(proposal.task.to_json(), scene=FLAT).subtasks == proposal.task.subtasks
+
+
+@pytest.mark.parametrize(
+    ("query", "opened", "put"),
+    [
+        ("open the second drawer of the cabinet", "second drawer", None),
+        ("open the left door of the cabinet", "left door", None),
+        ("put the apple in the third drawer of the cabinet", "third drawer", "third drawer"),
+        ("put the apple into the top shelf of the cabinet", None, "top shelf"),
+    ],
+)
+def test_a_part_of_a_thing_is_named_in_the_subtasks(query: str, opened: str | None, put: str | None) -> None:
+    task = llm.propose(query, FLAT).task
+    said = {subtask.name.partition("_")[0]: subtask.where for subtask in task.subtasks}
+    assert [None if said.get(verb) is None else str(said[verb]) for verb in ("open", "put")] == [opened, put]
+    again = llm.propose(llm.propose(query, FLAT).expanded.task_name, FLAT).task
+    assert again.subtasks == task.subtasks
+
+
+def test_two_things_may_go_first() -> None:
+    task = llm.propose("put the apple and the can on the sofa first, then the salt", FLAT).task
+    assert [s.target for s in task.subtasks if s.support_goal] == ["apple_0", "can_0", "salt_shaker_0"]
 
 
 COLORS = st.lists(st.sampled_from(["red", "blue", "green", ""]), min_size=1, max_size=4)

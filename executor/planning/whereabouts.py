@@ -1,0 +1,168 @@
+"""Where exactly: the part of a thing, or the spot next to another one, that a subtask names; whether it came so.
+
+Symbols tell places apart, but no parts and no spots: `SimpleTask.where` names them. Here they become handles and
+regions for the searches, and readings at the subtask's end. What is above each other is counted from the top, what is
+beside each other from the left, as seen before a front. Sides of things are seen from the robot's start.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.assets.model import Handle, Region
+from executor.geometry import Array, inverse
+from executor.planning.placements import SMALL_M, UPWARD
+from executor.sim.detectors import box_around
+from executor.sim.world import World
+from oag import SimpleTask
+from oag.measurements import AtomMeasured, GoalReading
+from oag.model.where import Where
+from oag.primitives.table import OPEN_FRACTION
+
+SIDE_BY_SIDE_M = 0.03
+"""Centres that differ by less in height are beside each other, else above each other."""
+
+GAPS_M = (0.03, 0.05)
+"""Between a thing and its neighbour, the preferred one first: fingers fit in between."""
+
+SIDE_COSINE = 0.6
+"""Directions at less than 53 degrees from the named side count as on it."""
+
+DIRECTIONS = 8
+BESIDE_M, DEPTH_M = 0.012, 0.16
+"""Of the region around a spot: how much wider it is than the thing, and its half depth behind a front. So its middle is
+the only spot of it, or the first one."""
+
+_SIDES = {"left of": (0.0, 1.0), "right of": (0.0, -1.0), "behind": (1.0, 0.0), "in front of": (-1.0, 0.0)}
+_PLACES = {"top": 0, "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4, "sixth": 5, "bottom": -1, "last": -1}
+
+
+def handles_of(world: World, object_id: str, where: Where) -> tuple[Handle, ...]:
+    """Return the handles of the door or drawer that a subtask names; none where there is no such part."""
+    asset = world.assets[object_id]
+    kind = {"door": "revolute", "drawer": "prismatic"}.get(where.part)
+    bars = [bar for bar in asset.handles if asset.joint(bar.joint).kind == kind and asset.joint(bar.joint).opens]
+
+    def middle(joint: str) -> Array:
+        owned = [np.array(asset.joint(joint).position_m) + np.array(b.position_m) for b in bars if b.joint == joint]
+        return np.asarray(np.mean(owned, axis=0))
+
+    joints = {bar.joint: middle(bar.joint) for bar in bars}
+    chosen = _chosen(joints, where.which)
+    return tuple(bar for bar in bars if bar.joint == chosen)
+
+
+def regions_of(world: World, object_id: str, regions: Sequence[Region], where: Where) -> list[Region]:
+    """Return those of a thing's regions that are in the part that a subtask names; none where there is no such part."""
+    if where.part == "shelf":
+        levels = {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
+        chosen = _chosen(levels, where.which)
+        return [region for region in regions if region.name == chosen]
+    joints = {bar.joint for bar in handles_of(world, object_id, where)}
+    if not joints:
+        return []
+    # Two doors may close one room.
+    return [r for r in regions if r.joint in joints] or [r for r in regions if r.joint is None]
+
+
+def _chosen(middles: dict[str, Array], which: str) -> str | None:
+    """Return the one of several parts that a word names, by their middles (3,) in the frame of their thing."""
+    heights = sorted(middles, key=lambda name: -middles[name][2])
+    across = sorted(middles, key=lambda name: -middles[name][1])
+    if which in ("left", "right"):
+        apart = len(across) > 1 and middles[across[0]][1] - middles[across[-1]][1] > SIDE_BY_SIDE_M
+        side_m = middles[across[0 if which == "left" else -1]][1] if across else 0.0
+        row = [name for name in heights if abs(middles[name][1] - side_m) <= SIDE_BY_SIDE_M]
+        return row[0] if apart else None
+    above = len(heights) > 1 and middles[heights[0]][2] - middles[heights[-1]][2] > SIDE_BY_SIDE_M
+    if which in ("top", "bottom") and len(heights) > 1 and not above:
+        return None
+    order = heights if above else across
+    place = len(order) // 2 if which == "middle" and len(order) % 2 else _PLACES.get(which)
+    return order[place] if place is not None and -len(order) <= place < len(order) else None
+
+
+def regions_next_to(world: World, item: str, support: str, regions: Iterable[Region], where: Where) -> list[Region]:
+    """Return small regions around the spots of a support where an item is next to another thing, or on a side of it."""
+    start = world.scene.robot
+    centre, half = box_around(world, where.other)
+    own = world.assets[item].extent_m
+    width_m = max(own[:2])
+    found = []
+    for gap_m, turn in itertools.product(GAPS_M, range(DIRECTIONS)):
+        angle = start.yaw_rad + 2 * np.pi * turn / DIRECTIONS
+        way = np.array([np.cos(angle), np.sin(angle)])
+        # Boxes are along the world's axes; the thing is a disc, as for all placements.
+        reach_m = _extent_towards(half, way) + width_m / 2 + gap_m
+        at = np.array([*(centre[:2] + reach_m * way), centre[2]])
+        if not _is_so(at, np.array([width_m, width_m, own[2]]) / 2, centre, half, where, start.yaw_rad):
+            continue
+        found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
+    return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
+
+
+def _extent_towards(half: Array, way: Array) -> float:
+    """Return the distance from a box's middle to its side in a direction, over the floor."""
+    return float(min(h / abs(w) if abs(w) > 1e-9 else np.inf for h, w in zip(half[:2], way, strict=True)))
+
+
+def _around(world: World, support: str, region: Region, at: Array, neighbour: Array, width_m: float) -> Region | None:
+    """Return the part of a region around a spot; None where that is not in it, or the neighbour is not."""
+    T_link_world = inverse(world.T_world_link(support, region.link))
+    middle, room = np.array(region.center_m), np.array(region.half_extents_m)
+    local, other = ((T_link_world @ np.array([*point, 1.0]))[:3] for point in (at, neighbour))
+    if (np.abs(local - middle)[:2] > room[:2] - width_m / 2).any() or (np.abs(other - middle) > room + 0.05).any():
+        return None
+    half = np.array([*(2 * (min(width_m / 2 + BESIDE_M, 0.9 * SMALL_M),)), room[2]])
+    if abs(region.opening[2]) < UPWARD:
+        half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + BESIDE_M)
+    x, y = map(float, local[:2])
+    along, across, up = map(float, half)
+    return replace(region, center_m=(x, y, region.center_m[2]), half_extents_m=(along, across, up))
+
+
+def _is_so(at: Array, own: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
+    """Decide whether a box is on the named side of another one, and near: by `nextto`'s gap, or a few centimetres."""
+    gap_m = np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]
+    if np.linalg.norm(gap_m) > max(float(np.mean(own + half)) / 3.0, GAPS_M[-1]):
+        return False
+    if where.relation == "next to":
+        return True
+    ahead, left = _SIDES[where.relation]
+    way = np.array([np.cos(yaw_rad) * ahead - np.sin(yaw_rad) * left, np.sin(yaw_rad) * ahead + np.cos(yaw_rad) * left])
+    apart = (at - centre)[:2]
+    return bool(apart @ way > SIDE_COSINE * np.linalg.norm(apart))
+
+
+def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
+    """Return whether a subtask ended in the part, or at the side, that it names; nothing where it names none."""
+    where = subtask.where
+    if where is None:
+        return ()
+    target, support = subtask.target, subtask.support_goal
+    words = str(where) if where.part else f"{target} {where}"
+    if where.other:
+        (at, own), (centre, half) = box_around(world, target), box_around(world, where.other)
+        gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]))
+        holds = _is_so(at, own, centre, half, where, world.scene.robot.yaw_rad)
+        return (GoalReading(words, True, holds, AtomMeasured(gap_m=round(gap_m, 4))),)
+    if support is None:
+        fractions = {
+            bar.joint: world.assets[target].joint(bar.joint).fraction(world.joint_position(target, bar.joint))
+            for bar in handles_of(world, target, where)
+        }
+        widest = max(fractions.values(), default=0.0)
+        return (GoalReading(words, True, widest > OPEN_FRACTION, AtomMeasured(open_fraction=widest)),)
+    regions = regions_of(world, support, world.assets[support].regions, where)
+    in_it = [region.name for region in regions if _is_in(world, target, support, region)]
+    return (GoalReading(words, True, bool(in_it), AtomMeasured(region=next(iter(in_it), None))),)
+
+
+def _is_in(world: World, item: str, support: str, region: Region) -> bool:
+    """Decide whether a thing's middle is in a region."""
+    point = inverse(world.T_world_link(support, region.link)) @ np.array([*box_around(world, item)[0], 1.0])
+    return bool((np.abs(point[:3] - np.array(region.center_m)) <= np.array(region.half_extents_m)).all())
