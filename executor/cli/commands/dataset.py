@@ -17,6 +17,7 @@ from executor.cli.options import (
     CommonOptions,
     Flag,
     Maybe,
+    Plain,
     Read,
     ReplaceFile,
     ReplaceResults,
@@ -80,6 +81,7 @@ class RenderOptions(CommonOptions):
     """Cameras to draw: global, head, wrist."""
     size: tuple[int, int] = (128, 128)
     """Width and height of the pictures."""
+    plain: Plain = False
     channels: Channels = ALL_CHANNELS
     """What of each camera is kept: rgb, which always is, depth, segmentation."""
     vary: Annotated[tuple[Look, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
@@ -427,6 +429,7 @@ def _wanted(options: RenderOptions) -> RerenderSettings:
         views=options.views,
         size=check_size(options.size),
         **channels_of(options.channels),
+        home=not options.plain,
         vary=options.vary,
         look=options.seed,
     )

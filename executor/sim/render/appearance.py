@@ -123,8 +123,9 @@ class Surfaces:
         for wall in self.walls:
             shapes = [box(part.low_m, part.high_m, (1.0, 1.0, 1.0), collides=False) for part in wall.parts]
             looks = {id(shape): look(self.roles[part.role]) for shape, part in zip(shapes, wall.parts, strict=True)}
-            yield wall.T_world_wall, build_render_component(
-                shapes, lambda shape, looks=looks: looks[id(shape)], wall=True
+            yield (
+                wall.T_world_wall,
+                build_render_component(shapes, lambda shape, looks=looks: looks[id(shape)], wall=True),
             )
 
 

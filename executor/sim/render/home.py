@@ -208,7 +208,9 @@ def _parts(
             holes.append((y, _PICTURE_M[0] / 2))
 
 
-def _is_free(near: Sequence[Sequence[Any]], taken: Sequence[tuple[float, float]], y: float, wide: float, z: float) -> bool:
+def _is_free(
+    near: Sequence[Sequence[Any]], taken: Sequence[tuple[float, float]], y: float, wide: float, z: float
+) -> bool:
     covered = any(start < y + wide and end > y - wide and top > z for start, end, top, _ in near)
     return not covered and all(abs(y - other) > wide + span for other, span in taken)
 
@@ -226,10 +228,16 @@ def _window(y: float, wide: float, low: float, high: float) -> Iterator[WallPart
 
 def _picture(y: float, z: float) -> Iterator[WallPart]:
     half_y, half_z = _PICTURE_M[0] / 2, _PICTURE_M[1] / 2
-    yield WallPart((0.0, y - half_y, z - half_z), (0.02, y + half_y, z + half_z), "timber")
-    yield WallPart((0.02, y - half_y + 0.03, z - half_z + 0.03), (0.021, y + half_y - 0.03, z + half_z - 0.03), "linen")
-    for part, role in ((0.45, "fabric"), (0.22, "cushion")):
-        yield WallPart((0.021, y - part * half_y, z - part * half_z), (0.022, y + part * half_y, z + part * half_z), role)
+
+    def layer(deep: float, share: float, role: str) -> WallPart:
+        return WallPart(
+            (0.0, y - share * half_y, z - share * half_z), (deep, y + share * half_y, z + share * half_z), role
+        )
+
+    yield layer(0.020, 1.0, "timber")
+    yield layer(0.021, 0.88, "linen")
+    yield layer(0.022, 0.45, "fabric")
+    yield layer(0.023, 0.22, "cushion")
 
 
 def _daylight(scene: Scene, walls: Sequence[Wall], rng: np.random.Generator) -> Lights:

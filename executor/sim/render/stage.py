@@ -164,6 +164,11 @@ class Stage:
         walls = {int(wall.per_scene_id): BodyRef(ROOM, "wall") for wall in self._walls}
         return {**self._world.bodies_by_number(), int(self._floor.per_scene_id): BodyRef(GROUND, GROUND), **walls}
 
+    def aim(self, view: str, T_world_camera: Array) -> None:
+        """Move a camera that no link carries to a pose (4, 4) in the frame of `Camera`."""
+        vector = pose_vector(T_world_camera)
+        self._cameras[view].set_entity_pose(load_sapien().Pose(vector[:3], vector[3:]))
+
     def intrinsics(self, view: str) -> Array:
         """Return a camera's (3, 3) matrix, in pixels."""
         return np.asarray(self._cameras[view].get_intrinsic_matrix(), dtype=float)
