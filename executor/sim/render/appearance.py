@@ -164,8 +164,9 @@ def pattern(material: Material, number: int) -> NDArray[np.float32]:
         shift = 0 if row_count == column_count else _TEXTURE_PX // column_count // 2
         across = (rows[None, :] + shift * (down % 2)[:, None]) % _TEXTURE_PX * column_count // _TEXTURE_PX
         tone = rng.uniform(-0.05, 0.04, (row_count, column_count))[down[:, None], across]
-        gap = (np.diff(down, prepend=-1) != 0)[:, None] | (np.diff(across, axis=1, prepend=-1) != 0)
-        return np.where(gap, joint, 0.95 + tone)
+        gap = (np.diff(down, prepend=-1) != 0)[:, None] | (across != np.roll(across, 1, axis=1))
+        # Rolled, so that the edges of the texture are within tiles.
+        return np.roll(np.where(gap, joint, 0.95 + tone), (5, 5), axis=(0, 1))
 
     if material == "steel":
         shade = 0.93 + 0.03 * noise((0.6, 30.0)) + 0.01 * noise((0.5, 0.5))
@@ -176,7 +177,7 @@ def pattern(material: Material, number: int) -> NDArray[np.float32]:
         ends = rng.integers(_TEXTURE_PX, size=_PLANKS)[plank][:, None]
         half = ((rows[None, :] - ends) % _TEXTURE_PX) * 2 // _TEXTURE_PX
         tone = rng.uniform(-0.12, 0.08, (_PLANKS, 2))[plank[:, None], half]
-        gap = (np.diff(plank, prepend=-1) != 0)[:, None] | (np.diff(half, axis=1, prepend=-1) != 0)
+        gap = (np.diff(plank, prepend=-1) != 0)[:, None] | (half != np.roll(half, 1, axis=1))
         shade = 0.88 + tone + 0.05 * noise((0.8, 18.0)) - 0.3 * gap
         if material == "herringbone":
             shade = _herringbone(rng, noise((0.8, 10.0)))

@@ -28,7 +28,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
-from executor.geometry import Array
+from executor.geometry import Array, transform_from_quaternion
 from executor.records import Caption, Rollout, StepRecord, Trajectory
 from executor.sim.render.cameras import VIEWS, Camera, Solids, cameras_for, following
 from executor.system import vulkan
@@ -505,21 +505,23 @@ def follow_task(rollout: Rollout, size: tuple[int, int]) -> Array:
     motion, scene, task = rollout.trajectory, rollout.scene, rollout.task
     (still,) = cameras_of(scene, task, ("global",), size)
     rate_hz = rollout.record_hz
-    around = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * [0.3, 0.3, 0.25]
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
-    def places(name: str | None) -> Array:
-        if name is None or name not in scene.objects:
-            return np.asarray(motion.eef_pose[:, :3], dtype=float)
+    def corners(name: str | None) -> Array:
+        """Return (N, 8, 3) corners of a thing where it is in each picture; those around the hand without one."""
+        thing = None if name is None else scene.objects.get(name)
+        if name is None or thing is None:
+            return motion.eef_pose[:, None, :3] + signs * [0.3, 0.3, 0.25]
+        R = transform_from_quaternion((0.0, 0.0, 0.0), thing.orientation)[:3, :3]
         moved = motion.object_poses.get(name)
-        start = np.tile(scene.objects[name].position, (len(motion.time_s), 1))
-        return start if moved is None else np.asarray(moved[:, :3], dtype=float)
+        at = np.tile(thing.position, (len(motion.time_s), 1)) if moved is None else moved[:, :3]
+        return np.asarray(at[:, None] + signs * np.asarray(thing.extent_m) / 2 @ R.T)
 
-    shown = [places(None)]
+    shown = [corners(None)]
     for role in ("target", "support_goal"):
-        of_each = [places(getattr(part, role)) for part in task.subtasks]
-        which = np.clip(motion.subtask, 0, len(of_each) - 1)
-        shown.append(np.array([of_each[part][row] for row, part in enumerate(which)]))
-    base = np.zeros_like(shown[0])
-    base[:, :2] = motion.robot_qpos[:, :2]
-    points = np.concatenate([place[:, None] + around for place in (*shown, base + [0.0, 0.0, 0.35])], axis=1)
+        of_each = np.array([corners(getattr(part, role)) for part in task.subtasks])
+        shown.append(of_each[np.clip(motion.subtask, 0, len(of_each) - 1), np.arange(len(motion.time_s))])
+    base = np.zeros((len(motion.time_s), 1, 3))
+    base[:, 0, :2] = motion.robot_qpos[:, :2]
+    points = np.concatenate([*shown, base + [0.0, 0.0, 0.4] + signs * [0.3, 0.3, 0.4]], axis=1)
     return following(still, points, Solids.of(scene), size[0] / size[1], rate_hz)
