@@ -169,7 +169,7 @@ def pattern(material: Material, number: int) -> NDArray[np.float32]:
         return np.roll(np.where(gap, joint, 0.95 + tone), (5, 5), axis=(0, 1))
 
     if material == "steel":
-        shade = 0.93 + 0.03 * noise((0.6, 30.0)) + 0.01 * noise((0.5, 0.5))
+        shade = 0.95 + 0.015 * noise((0.6, 30.0)) + 0.005 * noise((0.5, 0.5))
     elif material == "wood":
         shade = 0.85 + 0.06 * np.sin(6.0 * noise((9.0, 60.0))) + 0.05 * noise((0.8, 14.0))
     elif material in ("planks", "herringbone"):

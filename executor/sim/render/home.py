@@ -35,7 +35,7 @@ _LEAST_SIDE_M = 3.2
 _SHADE = 0.06  # How far a colour of a home is from its style's.
 _PATTERNS = 4
 _KITCHEN = ("refrigerator", "bottom_cabinet", "countertop", "counter", "oven", "dishwasher", "microwave", "sink", "hob")
-_SPLASH_M = 0.6
+_SPLASH_M, _TALLEST_TOP_M = 0.6, 1.1
 _SILL_M, _WINDOW_M, _FRAME_M, _SKIRTING_M = 0.95, (1.16, 1.12), 0.05, 0.09
 _PICTURE_M = (0.55, 0.42)
 _CORNER_M = 0.35
@@ -69,10 +69,13 @@ def home_of(scene: Scene, rng: np.random.Generator | None = None, style: str | N
     """
     rng = np.random.default_rng(zlib.crc32(scene.name.encode())) if rng is None else rng
     base, drawn = int(rng.integers(2**62)), styles()[int(rng.integers(len(styles())))]
+    columns = dict(zip(_data()["columns"], _data()["style"][style or drawn], strict=True))
     finishes = {
-        role: _shaded(np.random.default_rng((base, zlib.crc32(role.encode()))), *made)
-        for role, made in (_data()["usual"] | _data()["style"][style or drawn]).items()
+        role: _shaded(np.random.default_rng((base, zlib.crc32(role.encode()))), *made.split())
+        for role, made in (_data()["usual"] | columns).items()
     }
+    r, g, b = finishes["front"].color
+    finishes["carcass"] = replace(finishes["front"], color=(0.88 * r, 0.88 * g, 0.88 * b))
     walls = _walls(scene, np.random.default_rng((base, 1)))
     painted = dict(_painted(scene, finishes))
     finishes["view"] = Finish("view", (1.0, 1.0, 1.0), int(rng.integers(_PATTERNS)))
@@ -196,16 +199,28 @@ def _parts(
         edge = y + wide
     yield WallPart((-depth, edge, 0.0), (0.0, half, HEIGHT_M), "wall")
     yield WallPart((0.0, -half, 0.0), (0.012, half, _SKIRTING_M), "trim")
-    for start, end, top, category in near:
-        if splash and category in _KITCHEN and top < 1.1:
-            low_y, high_y = max(start, -half), min(end, half)
-            cut = [(y - w, y + w) for y, w in holes if y + w > low_y and y - w < high_y]
-            if not cut:
-                yield WallPart((0.0, low_y, top), (0.008, high_y, top + _SPLASH_M), "splash")
+    for start, end, top in _strips(near, half) if splash else ():
+        # A window interrupts it.
+        ends = [start, *(y + side * (wide + 0.06) for y, wide in sorted(holes) for side in (-1, 1)), end]
+        for first, last in zip(ends[::2], ends[1::2], strict=True):
+            if min(last, end) - max(first, start) > 0.05:
+                yield WallPart((0.0, max(first, start), top), (0.008, min(last, end), top + _SPLASH_M), "splash")
     for y in (float(y) for y in rng.permutation(np.arange(-half + 0.6, half - 0.6, 0.25))[:4]):
         if _is_free(near, holes, y, _PICTURE_M[0] / 2 + 0.2, 1.25) and rng.uniform() < 0.6:
             yield from _picture(y, 1.55)
             holes.append((y, _PICTURE_M[0] / 2))
+
+
+def _strips(near: Sequence[tuple[float, float, float, str]], half: float) -> list[tuple[float, float, float]]:
+    """Return from and to along a wall, and the height, of worktops; what stands side by side is one."""
+    found: list[tuple[float, float, float]] = []
+    for start, end, top, category in sorted(near):
+        if category not in _KITCHEN or top > _TALLEST_TOP_M:
+            continue
+        if found and start < found[-1][1] + 0.05 and abs(top - found[-1][2]) < 0.05:
+            start, _, top = found.pop()
+        found.append((max(start, -half), min(end, half), top))
+    return found
 
 
 def _is_free(
