@@ -80,7 +80,7 @@ def look_of(unit: DemoUnit, scene: Scene, task: Task) -> Look:
     varies, (width, height) = unit.variation, unit.recording.size
     cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task, height_px=height)
     home = home_of(scene, unit.looks("surfaces") if varies.surfaces else None)
-    surfaces = home.surfaces if unit.recording.home else replace(home.surfaces, walls=())
+    surfaces = home.surfaces if unit.recording.home else replace(home.surfaces, walls=(), replaced=())
     return Look(
         perturb_cameras(unit.looks("cameras"), cameras, scene) if varies.cameras else cameras,
         sample_lights(unit.looks("lights")) if varies.lights else home.lights if unit.recording.home else DAYLIGHT,

@@ -25,7 +25,7 @@ from executor.assets.build import build_render_component, textured_box, textured
 from executor.assets.families.shapes import box
 from executor.assets.model import Shape, Vector
 from executor.geometry import Array, rotation_z, transform
-from executor.sim.render.cameras import WALL, Camera, is_lens_clear
+from executor.sim.render.cameras import Camera, is_lens_clear
 from executor.sim.render.stage import DAYLIGHT, Lights, Surroundings
 from oag import Scene, SceneObject
 
@@ -88,12 +88,14 @@ class Surfaces:
     Attributes:
         finishes: Category and original colour, as `surface_key` writes them -> finish; furniture of a kind matches.
         roles: Role of a wall's part -> finish.
+        replaced: Walls of the scene that are not drawn, since `walls` are where they stand.
     """
 
     floor: Finish
     finishes: Mapping[str, Finish]
     roles: Mapping[str, Finish]
     walls: tuple[Wall, ...] = ()
+    replaced: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return them as plain data."""
@@ -104,7 +106,7 @@ class Surfaces:
         look = _looks()
 
         def drawn(thing: SceneObject, shape: Shape) -> Any:
-            if self.walls and thing.category == WALL:
+            if thing.id in self.replaced:
                 return None
             finish = self.finishes.get(surface_key(thing.category, shape))
             if finish is None:

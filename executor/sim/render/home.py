@@ -76,11 +76,11 @@ def home_of(scene: Scene, rng: np.random.Generator | None = None, style: str | N
     }
     r, g, b = finishes["front"].color
     finishes["carcass"] = replace(finishes["front"], color=(0.88 * r, 0.88 * g, 0.88 * b))
-    walls = _walls(scene, np.random.default_rng((base, 1)))
+    walls, replaced = _walls(scene, np.random.default_rng((base, 1)))
     painted = dict(_painted(scene, finishes))
     finishes["view"] = Finish("view", (1.0, 1.0, 1.0), int(rng.integers(_PATTERNS)))
     lights = _daylight(scene, walls, np.random.default_rng((base, 2)))
-    return Home(Surfaces(finishes["floor"], painted, finishes, walls), lights)
+    return Home(Surfaces(finishes["floor"], painted, finishes, walls, replaced), lights)
 
 
 def _shaded(rng: np.random.Generator, material: Any, color: str) -> Finish:
@@ -98,7 +98,7 @@ def _painted(scene: Scene, finishes: Mapping[str, Finish]) -> Iterator[tuple[str
             continue
         for shape in (shape for link in asset_for(thing).links for shape in link.shapes if shape.visible):
             key = surface_key(thing.category, shape)
-            role = role_of.get(key.split("/", 1)[1])
+            role = "wall" if thing.category == WALL else role_of.get(key.split("/", 1)[1])
             if role is not None and len(shape.color) == 3:
                 yield key, finishes[role]
 
@@ -106,9 +106,9 @@ def _painted(scene: Scene, finishes: Mapping[str, Finish]) -> Iterator[tuple[str
 # ------------------------------------------------------------------------------------------------------- the room
 
 
-def _walls(scene: Scene, rng: np.random.Generator) -> tuple[Wall, ...]:
-    """Return the four walls of the rectangle around all that stands in a scene, and its ceiling."""
-    yaw, low, high, against = _rectangle(scene)
+def _walls(scene: Scene, rng: np.random.Generator) -> tuple[tuple[Wall, ...], tuple[str, ...]]:
+    """Return walls around all that stands in a scene, with a ceiling, and the scene's own walls that they replace."""
+    yaw, low, high, against, replaced = _rectangle(scene)
     R = rotation_z(yaw)[:2, :2]
     middle, (length, width) = R @ ((low + high) / 2), high - low
     splash = any(thing.category in _KITCHEN for thing in scene.objects.values())
@@ -124,11 +124,12 @@ def _walls(scene: Scene, rng: np.random.Generator) -> tuple[Wall, ...]:
     x, y = map(float, middle)
     half = max(length, width) / 2
     ceiling = WallPart((-0.02, -half, -half), (0.0, half, half), "ceiling")
-    return (*walls, Wall((x, y, HEIGHT_M), None, (ceiling,)))
+    return (*walls, Wall((x, y, HEIGHT_M), None, (ceiling,))), replaced
 
 
-def _rectangle(scene: Scene) -> tuple[float, Array, Array, dict[int, list[SceneObject]]]:
-    """Return the room's heading, its corners (2,) in a frame turned so, and what stands against each of its sides."""
+def _rectangle(scene: Scene) -> tuple[float, Array, Array, dict[int, list[SceneObject]], tuple[str, ...]]:
+    """Return the room's heading, its corners (2,) in a frame turned so, what stands against each of its sides, and the
+    scene's own walls along them."""
     things = [thing for thing in scene.objects.values() if thing.category not in (WALL, FLOOR)]
     built = [thing for thing in scene.objects.values() if thing.category == WALL]
     fixed = [thing for thing in things if thing.kind is not Kind.ITEM]
@@ -139,10 +140,13 @@ def _rectangle(scene: Scene) -> tuple[float, Array, Array, dict[int, list[SceneO
     reach = {thing.id: Footprint.of(thing).corners_m @ R for thing in (*fixed, *built)}
     sides: dict[tuple[int, float], float] = {}
     against: dict[int, list[SceneObject]] = {}
+    replaced: list[str] = []
     for quarter, (axis, sign) in enumerate(((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0))):
         ends = {thing.id: float((sign * reach[thing.id][:, axis]).max()) for thing in fixed}
         free = max([*ends.values(), sign * float(robot[axis])]) + _FREE_M
-        walls = [float((sign * reach[one.id][:, axis]).min()) for one in built if _faces(one, yaw, axis, sign)]
+        inner = {one.id: float((sign * reach[one.id][:, axis]).min()) for one in built if _faces(one, yaw, axis, sign)}
+        # A wall between rooms has things on both sides.
+        walls = [place for place in inner.values() if place > max(ends.values(), default=-math.inf) - 0.05]
         backs = {thing.id: ends[thing.id] for thing in fixed if _faces(thing, yaw, axis, sign)}
         most = max(backs.values(), default=-math.inf)
         outermost = most >= free - _FREE_M - 0.05 and any(
@@ -150,6 +154,7 @@ def _rectangle(scene: Scene) -> tuple[float, Array, Array, dict[int, list[SceneO
         )
         at = min(walls) if walls else most + _BACK_GAP_M if outermost else free
         sides[axis, sign] = at
+        replaced += [name for name, place in inner.items() if abs(place - at) < _WALL_GAP_M]
         against[quarter] = [thing for thing in fixed if backs.get(thing.id, -math.inf) > at - _WALL_GAP_M]
     low, high = (np.array([sign * sides[axis, sign] for axis in (0, 1)]) for sign in (-1.0, 1.0))
     for axis in (0, 1):
@@ -160,7 +165,7 @@ def _rectangle(scene: Scene) -> tuple[float, Array, Array, dict[int, list[SceneO
                 low[axis] -= lack
             else:
                 high[axis] += lack
-    return yaw, low, high, against
+    return yaw, low, high, against, tuple(replaced)
 
 
 def _faces(thing: SceneObject, yaw: float, axis: int, sign: float) -> bool:
