@@ -44,7 +44,7 @@ from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.frames import Picture, check_size
 from executor.sim.render.home import home_of
-from executor.sim.render.stage import SceneRenderer, Stage
+from executor.sim.render.stage import DAYLIGHT, SceneRenderer, Stage
 from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, hand_numbers, joint_limits
 from executor.sim.world import World
 from executor.skills.control import FINGER_SPEED_M_S
@@ -76,8 +76,9 @@ class Views:
             width, height = self._size
             cameras = cameras_for(scene, VIEWS, aspect=width / height, task=task, height_px=height)
             home = None if self._plain else home_of(scene)
-            look = {} if home is None else {"lights": home.lights, "materials": home.surfaces}
-            drawn = self._draughtsman.stage(scene, cameras, dict.fromkeys(VIEWS, self._size), **look)
+            lights, surfaces = (DAYLIGHT, None) if home is None else (home.lights, home.surfaces)
+            sizes = dict.fromkeys(VIEWS, self._size)
+            drawn = self._draughtsman.stage(scene, cameras, sizes, lights=lights, materials=surfaces)
             self._stage = self._open.enter_context(drawn)
             self._scene = scene
         return self._stage.show(state)

@@ -6,7 +6,7 @@ Physics has cylinders, balls and boxes that fill the object's box; visual shapes
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -62,7 +62,7 @@ def turned(obj: SceneObject, data: Mapping[str, Any]) -> Asset:
     main, solid = _color(obj, data), data["solid"]
     # A ball is as wide as it is high.
     radius = height / 2 if solid == "ball" else min(length, width) / 2
-    made = {"friction": _FRICTION, "density_kg_m3": float(data["density"]), "visible": False}
+    made: dict[str, Any] = {"friction": _FRICTION, "density_kg_m3": float(data["density"]), "visible": False}
     if solid == "ball":
         solids = [Shape("sphere", (radius,), color=main, **made)]
     else:
@@ -208,11 +208,7 @@ def _shifted(shape: Shape, by_m: Vector) -> Shape:
     return replace(shape, position_m=(x, y, z))
 
 
-_BUILDERS: Mapping[str, Callable[[SceneObject, Mapping[str, Any]], Asset]] = {
-    "turned": turned,
-    "packet": packet,
-    "lying": lying,
-}
+_BUILDERS = {"turned": turned, "packet": packet, "lying": lying}
 
 
 def _ranges(shape: str, data: Mapping[str, Any]) -> tuple[Range, Range, Range]:
@@ -230,7 +226,7 @@ def _entries() -> Iterator[ModelEntry]:
 
 
 def _entry(
-    model: str, category: str, synset: str, build: Callable[[SceneObject], Asset], *sides: Sequence[float]
+    model: str, category: str, synset: str, build: Callable[[SceneObject], Asset], *sides: tuple[float, float]
 ) -> ModelEntry:
     x, y, z = (Range(*side) for side in sides)
     return ModelEntry(model, category, synset, build, x, y, z)

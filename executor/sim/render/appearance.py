@@ -124,11 +124,12 @@ class Surfaces:
         look = _looks()
         for wall in self.walls:
             shapes = [box(part.low_m, part.high_m, (1.0, 1.0, 1.0), collides=False) for part in wall.parts]
-            looks = {id(shape): look(self.roles[part.role]) for shape, part in zip(shapes, wall.parts, strict=True)}
-            yield (
-                wall.T_world_wall,
-                build_render_component(shapes, lambda shape, looks=looks: looks[id(shape)], wall=True),
-            )
+            looks = {id(one): look(self.roles[part.role]) for one, part in zip(shapes, wall.parts, strict=True)}
+
+            def paint(shape: Shape, looks: dict[int, Any] = looks) -> Any:
+                return looks[id(shape)]
+
+            yield wall.T_world_wall, build_render_component(shapes, paint, wall=True)
 
 
 def surface_key(category: str, shape: Shape) -> str:

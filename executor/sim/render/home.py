@@ -118,7 +118,8 @@ def _walls(scene: Scene, rng: np.random.Generator) -> tuple[tuple[Wall, ...], tu
         foot = (low + high) / 2
         foot[axis] = high[axis] if sign > 0 else low[axis]
         inward = yaw + math.pi + quarter * math.pi / 2
-        frame = Wall((*map(float, R @ foot), 0.0), inward, ())
+        x, y = map(float, R @ foot)
+        frame = Wall((x, y, 0.0), inward, ())
         near = tuple(_on_wall(frame, thing) for thing in against.get(quarter, ()))
         walls.append(replace(frame, parts=tuple(_parts(along, near, rng, splash=splash))))
     x, y = map(float, middle)

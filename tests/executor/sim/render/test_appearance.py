@@ -14,7 +14,7 @@ from executor.geometry import inverse
 from executor.scenes import library
 from executor.scenes.generators.families import pair_of
 from executor.scenes.vary import vary
-from executor.sim.render.appearance import pattern, perturb_cameras, sample_lights, surface_key
+from executor.sim.render.appearance import Material, pattern, perturb_cameras, sample_lights, surface_key
 from executor.sim.render.cameras import VIEWS, cameras_for, is_lens_clear
 from executor.sim.render.home import home_of, styles
 from oag.model.symbols import Kind
@@ -108,8 +108,8 @@ def test_a_room_is_around_all_that_stands_in_it_and_its_windows_are_free(seed: i
 @pytest.mark.parametrize(
     "material", ["paint", "wood", "planks", "herringbone", "steel", "tiles", "metro", "stone", "fabric"]
 )
-def test_patterns_differ_by_number_and_meet_at_their_edges(material: str) -> None:
-    first, second = pattern(material, 0), pattern(material, 1)  # type: ignore[arg-type]
+def test_patterns_differ_by_number_and_meet_at_their_edges(material: Material) -> None:
+    first, second = pattern(material, 0), pattern(material, 1)
     assert not np.array_equal(first, second)
     assert 0.4 < first.mean() <= 1.0
     inside = np.abs(np.diff(first, axis=1)).mean()
