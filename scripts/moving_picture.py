@@ -12,7 +12,7 @@ from pathlib import Path
 import av
 from PIL import Image
 
-_SIZE, _FRAMES, _SHOWN_MS, _QUALITY = (576, 432), 99, 120, 46
+_SIZE, _FRAMES, _SHOWN_MS, _QUALITY = (560, 420), 90, 130, 45
 
 
 def main(video: Path, picture: Path) -> None:
@@ -21,7 +21,7 @@ def main(video: Path, picture: Path) -> None:
         frames = [frame.to_image() for frame in source.decode(video=0)]
     shown = [frames[round(k * (len(frames) - 1) / (_FRAMES - 1))] for k in range(_FRAMES)]
     first, *others = (frame.resize(_SIZE, Image.Resampling.LANCZOS) for frame in shown)
-    first.save(picture, save_all=True, append_images=others, duration=_SHOWN_MS, loop=0, quality=_QUALITY, method=6)
+    first.save(picture, save_all=True, append_images=others, duration=_SHOWN_MS, loop=0, quality=_QUALITY, method=3)
 
 
 if __name__ == "__main__":
