@@ -126,9 +126,10 @@ class Stage:
         plain = np.asarray(lights.ambient, np.float32).reshape(1, 1, 3)
         self._panorama = plain if panorama is None else panorama
         self._add_lights(lights, shadow_map_px if shadows else None)
-        self._floor = self._add_floor(materials)
         sides = () if materials is None else materials.sides()
+        # What walls hide of the floor is not shaded where they are drawn first.
         self._walls = [self._add_drawn("wall", component, T) for T, component in sides]
+        self._floor = self._add_floor(materials)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
     def show(self, state: bytes | None = None) -> dict[str, Picture]:
