@@ -328,9 +328,9 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None, h
             return camera
         # Along the ray the target keeps its place in the picture; nearer by, it comes to the middle.
         ahead = camera.T_mount_camera[:3, 0]
-        seen = eye + ahead * float((target - eye) @ ahead)
+        centre = eye + ahead * float((target - eye) @ ahead)
         eye = target + share * (eye - target)
-        return replace(camera, T_mount_camera=look_at(eye, target + share**2 * (seen - target)))
+        return replace(camera, T_mount_camera=look_at(eye, target + share**2 * (centre - target)))
 
     azimuths = [2 * math.pi * (k + 0.5) / _AZIMUTHS for k in range(_AZIMUTHS)]
     directions = ((azimuth, math.radians(elevation)) for elevation in _ELEVATION_DEG for azimuth in azimuths)
