@@ -30,8 +30,11 @@ _MIPMAPS = 7  # So that far faces do not glitter.
 _ROUGHNESS, _SPECULAR = 0.55, 0.35  # Of every material: half matt, as most household things are.
 _LEVELS = 4096  # Levels of a colour channel: one texture coordinate encodes two of them without rounding.
 
+_WALL_TURNS = 64.0  # Whole repeats of a texture by which the coordinates of a wall are marked.
+
 Paint = Callable[[Shape], Any]
-"""Returns a shape's appearance: linear RGB with optional alpha as a tuple, or, for a box, a SAPIEN material."""
+"""Returns a shape's appearance: linear RGB with optional alpha as a tuple, or, for a box, a SAPIEN material; None hides
+the shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,15 @@ class _Mesh:
         return replace(self, points_m=turn.apply(self.points_m) + position_m, normals=turn.apply(self.normals))
 
 
-def build_render_component(shapes: Iterable[Shape], paint: Paint | None = None) -> Any:
-    """Build the render component of a link, to be added to its entity; the scene needs a render system."""
+def build_render_component(shapes: Iterable[Shape], paint: Paint | None = None, *, wall: bool = False) -> Any:
+    """Build the render component of a link, to be added to its entity; the scene needs a render system.
+
+    Args:
+        shapes: Its shapes.
+        paint: Returns the appearance of a shape; by default its own colour.
+        wall: Whether it is a wall of a room, all boxes: cameras behind it (at negative x) do not see it, and it throws
+            no shadow.
+    """
     render = load_sapien().render
     component = render.RenderBodyComponent()
     plain: list[_Mesh] = []
@@ -65,10 +75,15 @@ def build_render_component(shapes: Iterable[Shape], paint: Paint | None = None) 
         if not shape.visible:
             continue
         look = shape.color if paint is None else paint(shape)
+        if look is None:
+            continue
         if not isinstance(look, tuple):
-            textured.setdefault(id(look), (look, []))[1].append(_mesh_of(shape))
+            mesh = _mesh_of(shape)
+            mark = [_WALL_TURNS, 0.0] if wall else [0.0, 0.0]
+            textured.setdefault(id(look), (look, []))[1].append(replace(mesh, uv=mesh.uv + mark))
         elif len(look) == 3 and shape.kind in ("box", "mesh", "convex"):
-            plain.append(_coloured(_mesh_of(shape), look))
+            mesh = _coloured(_mesh_of(shape), look)
+            plain.append(replace(mesh, uv=mesh.uv + ([0.0, _LEVELS] if wall else [0.0, 0.0])))
         else:
             component.attach(_on_its_own(shape, look))
     if plain:
@@ -102,14 +117,16 @@ def merge_opaque_meshes(entity: Any) -> None:
         entity.add_component(component)
 
 
-def textured_material(colors: NDArray[Any], roughness: float, specular: float) -> Any:
+def textured_material(colors: NDArray[Any], roughness: float, specular: float, glow: float = 0.0) -> Any:
     """Return a SAPIEN material with a repeating texture.
 
     Args:
         colors: (H, W, 3) linear RGB in [0, 1]; the sides are powers of two.
+        glow: Share of its own colour that it shows without any light.
     """
     render = load_sapien().render
     material = render.RenderMaterial(base_color=[1.0, 1.0, 1.0, 1.0], roughness=roughness, specular=specular)
+    material.set_emission([glow, glow, glow, 1.0])
     pixels = np.full((*colors.shape[:2], 4), 255, np.uint8)
     pixels[..., :3] = np.clip(colors * 255.0 + 0.5, 0.0, 255.0)
     material.set_base_color_texture(render.RenderTexture2D(pixels, "R8G8B8A8Unorm", _MIPMAPS, "linear", "repeat"))

@@ -89,9 +89,9 @@ def refuse(report: Report, *, as_json: bool) -> int:
     return FAILED
 
 
-def results_writer(size: tuple[int, int], *, video: bool, quiet: bool) -> ResultsWriter:
+def results_writer(size: tuple[int, int], *, video: bool, quiet: bool, plain: bool = False) -> ResultsWriter:
     """Return what draws, encodes and writes the results of a command's run, with its progress on the terminal."""
-    return ResultsWriter(video, size, partial(counting, quiet=quiet), partial(tell, style="yellow"))
+    return ResultsWriter(video, size, partial(counting, quiet=quiet), partial(tell, style="yellow"), plain)
 
 
 def command_line(command: str, *given: object, **options: object) -> str:

@@ -189,6 +189,12 @@ Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 BenchFamily = Literal["T1", "T2", "T3", "T4", "T5", "T6", "T7"]
 View = Literal["global", "head", "wrist"]
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
+Plain = Annotated[
+    Flag,
+    option_help(
+        "Draw assets in their own colours on a chequered floor, without the home: its style, walls and daylight."
+    ),
+]
 Channel = Literal["rgb", "depth", "segmentation"]
 ALL_CHANNELS: tuple[Channel, ...] = ("rgb", "depth", "segmentation")
 Channels = Annotated[tuple[Channel, ...], tyro.conf.arg(metavar="CHANNEL...", help_behavior_hint="(default: all)")]

@@ -33,14 +33,15 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import bddl
 from bddl.terminal import pluralize
 from executor.data import samples
-from executor.geometry import quaternions_last
+from executor.geometry import Array, quaternions_last
 from executor.records import Rollout
-from executor.sim.render.cameras import camera_json, cameras_for
-from executor.sim.render.frames import Frames
+from executor.sim.render.cameras import camera_json
+from executor.sim.render.frames import Frames, cameras_of
 from executor.system.files import plain
 from llm.offline.reader import paraphrases
 from oag.model.actions import flow_to_json
@@ -136,9 +137,12 @@ class Episode:
             "pictures": None if frames is None else {"views": _cameras(rollout, frames)},
             "subtasks": list(_subtasks(rollout)),
         }
+        followed = (
+            {} if frames is None or frames.overview is None else {camera_column("global"): _poses(frames.overview)}
+        )
         return cls(
             0,
-            {**motion_columns(arrays), "next.reward": reward},
+            {**motion_columns(arrays), **followed, "next.reward": reward},
             {} if frames is None else {(view, ""): ArrayClip(frames.at_size(view)) for view in frames.views},
             plain(about),
             {name: arrays[name] for name in ("time_s", "subtask", "step", "packed_states")},
@@ -184,9 +188,15 @@ def motion_columns(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.f
     }
 
 
+def _poses(mounts: Array) -> NDArray[np.float32]:
+    """Return (N, 7) positions and quaternions x y z w of cameras (x right, y down, z ahead) at mounts (N, 4, 4)."""
+    turned = mounts[:, :3, :3] @ np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    return np.concatenate([mounts[:, :3, 3], Rotation.from_matrix(turned).as_quat()], axis=1, dtype=np.float32)
+
+
 def _cameras(rollout: Rollout, frames: Frames) -> dict[str, dict[str, Any]]:
     """Return the cameras of a rollout's pictures, at the common size."""
-    cameras = cameras_for(rollout.scene, tuple(frames.views), aspect=frames.size[0] / frames.size[1], task=rollout.task)
+    cameras = cameras_of(rollout.scene, rollout.task, tuple(frames.views), frames.size)
     return {camera.name: camera_json(camera, frames.size) for camera in cameras}
 
 

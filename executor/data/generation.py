@@ -78,6 +78,7 @@ class _SourceOptions(Form):
     noise_m: Annotated[Number, Field(ge=0, le=0.05)] = 0
     views: tuple[View, ...] = ()
     size: tuple[Side, Side] = (128, 128)
+    plain: StrictBool = False
     rate_hz: Annotated[Number, Field(ge=1, le=250)] = 10
     depth: StrictBool = True
     segmentation: StrictBool = True
@@ -183,7 +184,9 @@ def series_of(wanted: object, source: str = "(options)", scene_folder: Path = Pa
 def _series_of_source(wanted: _SourceForm, scene_folder: Path) -> Iterator[DemoSeries]:
     axes = {axis: axis in wanted.vary for axis in AXES}
     variation = Variation(**axes, distractors=wanted.distractors, noise_m=wanted.noise_m)
-    recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
+    pictured = (wanted.views, wanted.size, wanted.depth, wanted.segmentation)
+    home = bool(wanted.views) and not wanted.plain
+    recording = Recording(wanted.rate_hz, *pictured, wanted.failures, home)
     episodes = wanted.episodes if "episodes" in wanted.model_fields_set else attempts_for(wanted.successes)
     for origin, robot in _origins(wanted, scene_folder):
         index = indices_of(origin.family)[0]

@@ -36,7 +36,7 @@ class RerenderSettings:
     """New look of episodes.
 
     Attributes:
-        views, size, depth, segmentation: As in `Recording`.
+        views, size, depth, segmentation, home: As in `Recording`.
         vary: Axes of `LOOKS` that are drawn.
         look: Number of the look.
     """
@@ -45,6 +45,7 @@ class RerenderSettings:
     size: tuple[int, int]
     depth: bool
     segmentation: bool
+    home: bool = True
     vary: tuple[str, ...] = ()
     look: int = 0
 
@@ -54,9 +55,8 @@ class RerenderSettings:
         Raises:
             ValueError: There is no such unit: a view is named twice, or a size cannot be rendered.
         """
-        recording = replace(
-            unit.recording, views=self.views, size=self.size, depth=self.depth, segmentation=self.segmentation
-        )
+        pictured = {name: getattr(self, name) for name in ("views", "size", "depth", "segmentation", "home")}
+        recording = replace(unit.recording, **pictured)
         variation = replace(unit.variation, **{axis: axis in self.vary for axis in LOOKS}, look=self.look)
         return DemoUnit.from_json(replace(unit, recording=recording, variation=variation).to_json())
 

@@ -107,6 +107,7 @@ class Recording:
         size: Width and height of the pictures.
         depth, segmentation: Whether these are rendered in addition to colours.
         failures: Whether the samples of failed episodes are kept, too; the failure itself always is.
+        home: Whether pictures show a home (`executor.sim.render.home`); without, assets have their own colours.
     """
 
     rate_hz: Annotated[StrictFloat | StrictInt, Field(ge=1, le=250)] = 10
@@ -115,6 +116,7 @@ class Recording:
     depth: StrictBool = True
     segmentation: StrictBool = True
     failures: StrictBool = False
+    home: StrictBool = False
 
     def __post_init__(self) -> None:
         if len(set(self.views)) != len(self.views):
@@ -284,6 +286,8 @@ class DemoUnit:
         data["recording"]["rate_hz"] = _canonical_number(data["recording"]["rate_hz"])
         data["recording"]["views"].sort(key=VIEWS.index)
         data["variation"]["noise_m"] = _canonical_number(data["variation"]["noise_m"])
+        if not self.recording.home:
+            del data["recording"]["home"]
         if not self.variation.look:
             del data["variation"]["look"]
         if self.stances == 1:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from executor.data.units import DemoUnit, Recording
 from executor.geometry import pose_vector
-from executor.sim.render.appearance import Surfaces, panorama_of, perturb_cameras, sample_lights, sample_surfaces
+from executor.sim.render.appearance import Surfaces, panorama_of, perturb_cameras, sample_lights
 from executor.sim.render.cameras import Camera, camera_json, cameras_for
 from executor.sim.render.frames import VideoFailed
+from executor.sim.render.home import home_of
 from executor.sim.render.stage import DAYLIGHT, Lights, SceneRenderer, Stage
 from executor.system.extras import require
 from executor.system.vulkan import RendererNotFound, find_renderer
@@ -77,11 +78,13 @@ def look_of(unit: DemoUnit, scene: Scene, task: Task) -> Look:
         task: Its objects have to be visible in the global view.
     """
     varies, (width, height) = unit.variation, unit.recording.size
-    cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task)
+    cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task, height_px=height)
+    home = home_of(scene, unit.looks("surfaces") if varies.surfaces else None)
+    surfaces = home.surfaces if unit.recording.home else replace(home.surfaces, walls=(), replaced=())
     return Look(
         perturb_cameras(unit.looks("cameras"), cameras, scene) if varies.cameras else cameras,
-        sample_lights(unit.looks("lights")) if varies.lights else DAYLIGHT,
-        sample_surfaces(unit.looks("surfaces"), scene) if varies.surfaces else None,
+        sample_lights(unit.looks("lights")) if varies.lights else home.lights if unit.recording.home else DAYLIGHT,
+        surfaces if unit.recording.home or varies.surfaces else None,
     )
 
 

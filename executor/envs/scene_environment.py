@@ -43,7 +43,8 @@ from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
 from executor.sim.render.cameras import VIEWS, cameras_for
 from executor.sim.render.frames import Picture, check_size
-from executor.sim.render.stage import SceneRenderer, Stage
+from executor.sim.render.home import home_of
+from executor.sim.render.stage import DAYLIGHT, SceneRenderer, Stage
 from executor.sim.robot.actions import BASE_NUMBERS_FROM, OPENING, hand_numbers, joint_limits
 from executor.sim.world import World
 from executor.skills.control import FINGER_SPEED_M_S
@@ -55,8 +56,8 @@ from oag.model.robots import FULL_SIZE, PAPER_ROBOT, Robot, chosen_robot, known_
 class Views:
     """The three cameras, in one scene after the other."""
 
-    def __init__(self, size: tuple[int, int]) -> None:
-        self._size = size
+    def __init__(self, size: tuple[int, int], *, plain: bool = False) -> None:
+        self._size, self._plain = size, plain
         self._draughtsman = SceneRenderer()
         self._open = ExitStack()
         self._scene: Scene | None = None
@@ -72,9 +73,13 @@ class Views:
         """
         if self._stage is None or scene is not self._scene:
             self._leave()
-            cameras = cameras_for(scene, VIEWS, aspect=self._size[0] / self._size[1], task=task)
+            width, height = self._size
+            cameras = cameras_for(scene, VIEWS, aspect=width / height, task=task, height_px=height)
+            home = None if self._plain else home_of(scene)
+            lights, surfaces = (DAYLIGHT, None) if home is None else (home.lights, home.surfaces)
             sizes = dict.fromkeys(VIEWS, self._size)
-            self._stage = self._open.enter_context(self._draughtsman.stage(scene, cameras, sizes))
+            drawn = self._draughtsman.stage(scene, cameras, sizes, lights=lights, materials=surfaces)
+            self._stage = self._open.enter_context(drawn)
             self._scene = scene
         return self._stage.show(state)
 
@@ -188,6 +193,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         rate_hz: Actions a second of simulated time.
         size: Width and height of pictures.
         render_mode: "rgb_array": `render` draws the global view.
+        plain: Whether pictures have assets in their own colours, without their home.
         physics: Physics of a varied demonstration.
         variation: Variation of seeds besides layout and places, where they draw something.
         full_size: Another word for the robot "panda".
@@ -218,6 +224,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         full_size: bool = False,
         start: Checkpoint | None = None,
         robot: str = "",
+        plain: bool = False,
     ) -> None:
         # Arguments for copies; no other locals exist here yet.
         self._arguments = {name: value for name, value in locals().items() if name != "self"}
@@ -230,7 +237,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         _check_choice("render_mode", render_mode, (None, "rgb_array"))
         if not 1.0 <= rate_hz <= 1.0 / TIMESTEP_S:
             raise ValueError(f"rate_hz {rate_hz}: expected 1 to {1.0 / TIMESTEP_S:.0f}")
-        self._size = check_size((int(size[0]), int(size[1])))
+        self._size, self._plain = check_size((int(size[0]), int(size[1]))), plain
         self._modes = (observation_mode, action_mode)
         self._rate_hz, self._normalised, self.render_mode = rate_hz, normalised, render_mode
         self._limits = action_limits(action_mode, rate_hz, self._robot)
@@ -401,7 +408,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         simulation, episode = self._running(), self._episode
         assert episode is not None
         if self._views is None:
-            self._views = Views(self._size)
+            self._views = Views(self._size, plain=self._plain)
         return self._views.show(episode.scene, episode.task, simulation.world.pack())
 
     def _running(self) -> Simulation:

@@ -38,6 +38,7 @@ from executor.scenes.generators.families import Family
 from executor.sim.detectors import GRIPPER, fingers_touching, read, touching_bodies
 from executor.sim.engine import ROBOT
 from executor.sim.render.cameras import cameras_for
+from executor.sim.render.home import home_of
 from executor.sim.render.stage import SceneRenderer
 from executor.sim.robot.kinematics import Kinematics
 from executor.sim.world import World
@@ -387,8 +388,10 @@ def draw_video(
         rate_hz: Pictures per second, one per action: the video is as long as the episode.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    cameras = cameras_for(footage.scene, (VIEW,), aspect=size[0] / size[1], task=footage.task)
+    cameras = cameras_for(footage.scene, (VIEW,), aspect=size[0] / size[1], task=footage.task, height_px=size[1])
+    home = home_of(footage.scene)
+    look = Look(cameras, home.lights, home.surfaces)
     recording = Recording(views=(VIEW,), size=size, depth=False, segmentation=False)
     rate = Fraction(rate_hz).limit_denominator(1000)
-    render_views(scene_renderer, folder, footage.scene, footage.states, Look(cameras), recording, rate)
+    render_views(scene_renderer, folder, footage.scene, footage.states, look, recording, rate)
     return footage_path(folder, VIEW)

@@ -283,6 +283,7 @@ class ResultsWriter:
     size: tuple[int, int]
     counting: Callable[[str], AbstractContextManager[OnProgress]]
     tell: Callable[[str], None]
+    plain: bool = False
     problem: str = ""
     _pool: RenderPool | None = None
     _wall_s: dict[str, float] = field(default_factory=dict)
@@ -332,7 +333,9 @@ class ResultsWriter:
         began = time.perf_counter()
         try:
             with self.counting("drawing pictures") as on_progress:
-                frames = render(rollout, scratch, size=self.size, on_progress=on_progress, pool=self._pool)
+                frames = render(
+                    rollout, scratch, size=self.size, plain=self.plain, on_progress=on_progress, pool=self._pool
+                )
             self._wall_s["pictures"] = time.perf_counter() - began
             began = time.perf_counter()
             with self.counting("encoding the video") as on_progress:

@@ -58,7 +58,7 @@ _SUPPORT = _words(
     "rack sink floor wall toilet bathtub cart trolley "
     # Compound names, and those of data sets that write them as one word.
     "garbagecan trashcan dustbin wastebasket recyclingbin garbagebin trashbin sidetable coffeetable diningtable "
-    "tvstand sinkbasin bathtubbasin stoveburner stovetop"
+    "tvstand sinkbasin bathtubbasin stoveburner stovetop hob"
 )
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "

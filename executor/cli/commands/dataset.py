@@ -17,6 +17,7 @@ from executor.cli.options import (
     CommonOptions,
     Flag,
     Maybe,
+    Plain,
     Read,
     ReplaceFile,
     ReplaceResults,
@@ -79,6 +80,7 @@ class RenderOptions(CommonOptions):
     """Cameras to draw: global, head, wrist."""
     size: tuple[int, int] = (128, 128)
     """Width and height of the pictures."""
+    plain: Plain = False
     channels: Channels = ALL_CHANNELS
     """What of each camera is kept: rgb, which always is, depth, segmentation."""
     vary: Annotated[tuple[Look, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
@@ -419,6 +421,7 @@ def _wanted(options: RenderOptions) -> RerenderSettings:
         views=options.views,
         size=check_size(options.size),
         **channels_of(options.channels),
+        home=not options.plain,
         vary=options.vary,
         look=options.seed,
     )

@@ -30,6 +30,7 @@ from executor.cli.options import (
     FullSize,
     KeepSizes,
     Maybe,
+    Plain,
     RepairScene,
     ResultsFolder,
     RobotName,
@@ -84,6 +85,7 @@ class Options(EngineOptions):
     """Cameras to draw: global, head, wrist; by default none."""
     size: tuple[int, int] = (128, 128)
     """Width and height of the pictures."""
+    plain: Plain = False
     channels: Channels = ALL_CHANNELS
     """What of each camera is kept: rgb, which always is, depth, segmentation."""
     rate_hz: float = 10.0
@@ -314,7 +316,7 @@ def _source(options: Options) -> dict[str, Any]:
 def _request_fields(options: Options) -> dict[str, Any]:
     same = ("seed", "successes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances", "repair")}
+    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances", "repair", "plain")}
     wishes["robot"] = options.robot or ""
     if options.episodes is not None:
         wishes["episodes"] = options.episodes

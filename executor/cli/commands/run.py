@@ -28,6 +28,7 @@ from executor.cli.options import (
     Maybe,
     ModelOptions,
     PhotoInputs,
+    Plain,
     Read,
     RepairScene,
     ReplaceResults,
@@ -79,6 +80,7 @@ class Options(CommonOptions):
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
+    plain: Plain = False
     record_hz: float = 10.0
     """Recorded samples a second of simulated time."""
 
@@ -237,6 +239,7 @@ def _prove_and_execute(
             limit=options.limit if options.evolve else None,
             no_video=not options.video,
             size=None if options.size == Options.size else options.size,
+            plain=options.plain,
             record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
         ),
     )
@@ -254,7 +257,7 @@ def _prove_and_execute(
         if not found:
             folder.write_report(record, None)
             return record
-    with results_writer(options.size, video=options.video, quiet=options.json) as studio:
+    with results_writer(options.size, video=options.video, quiet=options.json, plain=options.plain) as studio:
         record = (
             _evolve_plan(record, options, folder)
             if options.evolve

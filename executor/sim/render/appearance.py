@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -21,30 +21,21 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from executor.assets.build import textured_box, textured_material
-from executor.assets.library import asset_for
+from executor.assets.build import build_render_component, textured_box, textured_material
+from executor.assets.families.shapes import box
 from executor.assets.model import Shape, Vector
-from executor.geometry import Array, transform
+from executor.geometry import Array, rotation_z, transform
 from executor.sim.render.cameras import Camera, is_lens_clear
 from executor.sim.render.stage import DAYLIGHT, Lights, Surroundings
 from oag import Scene, SceneObject
-from oag.model.symbols import Kind
 
-Material = Literal["paint", "wood", "planks", "steel", "tiles"]
-FLOOR, WALL = "floor", "wall"
+Material = Literal["paint", "wood", "planks", "herringbone", "steel", "tiles", "metro", "stone", "fabric", "view"]
 
 _TEXTURE_PX = 256  # 5 mm a pixel: finer than a camera's at a metre.
-_PLANKS, _TILES = 10, 4  # Across a texture: 12 cm, 30 cm.
-_PATTERNS = 4  # Of each material; what differs beyond is colour.
-_LOOK = {"paint": (0.6, 0.3), "wood": (0.5, 0.3), "planks": (0.55, 0.3), "steel": (0.35, 0.5), "tiles": (0.3, 0.45)}
-_USUAL: Mapping[str, tuple[Material, ...]] = {
-    FLOOR: ("planks", "tiles", "wood", "paint"),
-    WALL: ("paint", "paint", "tiles", "planks"),
-    "": ("paint", "wood", "planks", "steel"),
-}
-_WOODS = ((0.42, 0.25, 0.13), (0.55, 0.38, 0.22), (0.66, 0.52, 0.36), (0.22, 0.13, 0.08), (0.50, 0.44, 0.36))
-_WORKTOP_GREY = (0.2, 0.8)
-_ITEM_COLOR_SPREAD = 0.12  # A red apple stays red.
+_PLANKS, _TILES, _METRO = 10, 4, (16, 8)  # Across a texture: 12 cm, 30 cm, and 7.5 by 15 cm.
+_PLAIN: tuple[Material, ...] = ("paint",)  # Without a texture.
+_LOOK = {"steel": (0.35, 0.5), "tiles": (0.3, 0.45), "metro": (0.25, 0.5), "stone": (0.3, 0.45), "fabric": (0.9, 0.05)}
+_USUAL_LOOK = (0.5, 0.3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,33 +53,65 @@ class Finish:
 
 
 @dataclass(frozen=True, slots=True)
+class WallPart:
+    """A box of a wall: two corners in its frame (x into the room, y along, z up) [m], and the role of its surface."""
+
+    low_m: Vector
+    high_m: Vector
+    role: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """One side of a room, which is drawn only.
+
+    Attributes:
+        position_m: A point of the plane behind which no camera sees it.
+        yaw_rad: Heading of the plane's inward normal; None for a ceiling, whose x looks down.
+    """
+
+    position_m: Vector
+    yaw_rad: float | None
+    parts: tuple[WallPart, ...]
+
+    @property
+    def T_world_wall(self) -> Array:
+        """(4, 4) pose of its frame."""
+        down = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+        return transform(down if self.yaw_rad is None else rotation_z(self.yaw_rad)[:3, :3], self.position_m)
+
+
+@dataclass(frozen=True, slots=True)
 class Surfaces:
-    """The finishes of a scene.
+    """The finishes of a scene, and the walls around it.
 
     Attributes:
         finishes: Category and original colour, as `surface_key` writes them -> finish; furniture of a kind matches.
+        roles: Role of a wall's part -> finish.
+        replaced: Walls of the scene that are not drawn, since `walls` are where they stand.
     """
 
     floor: Finish
     finishes: Mapping[str, Finish]
+    roles: Mapping[str, Finish]
+    walls: tuple[Wall, ...] = ()
+    replaced: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return them as plain data."""
-        return {"floor": asdict(self.floor), "finishes": {key: asdict(one) for key, one in self.finishes.items()}}
+        return asdict(self)
 
     def paint(self) -> Callable[[SceneObject, Shape], Any]:
         """Return a function that gives the material of a shape; it caches textures, so make one for each world."""
-        cache: dict[Finish, Any] = {}
+        look = _looks()
 
         def drawn(thing: SceneObject, shape: Shape) -> Any:
+            if thing.id in self.replaced:
+                return None
             finish = self.finishes.get(surface_key(thing.category, shape))
             if finish is None:
                 return shape.color
-            if thing.kind is Kind.ITEM or shape.kind != "box" or finish.material == "paint":
-                return (*finish.color, *shape.color[3:])
-            if finish not in cache:
-                cache[finish] = material_of(finish)
-            return cache[finish]
+            return look(finish) if shape.kind == "box" else (*finish.color, *shape.color[3:])
 
         return drawn
 
@@ -96,55 +119,34 @@ class Surfaces:
         """Return the drawn shape of a floor of these half extents, at the origin."""
         return textured_box(half_m, material_of(self.floor))
 
+    def sides(self) -> Iterator[tuple[Array, Any]]:
+        """Yield the pose (4, 4) and the render component of each wall."""
+        look = _looks()
+        for wall in self.walls:
+            shapes = [box(part.low_m, part.high_m, (1.0, 1.0, 1.0), collides=False) for part in wall.parts]
+            looks = {id(one): look(self.roles[part.role]) for one, part in zip(shapes, wall.parts, strict=True)}
+
+            def paint(shape: Shape, looks: dict[int, Any] = looks) -> Any:
+                return looks[id(shape)]
+
+            yield wall.T_world_wall, build_render_component(shapes, paint, wall=True)
+
 
 def surface_key(category: str, shape: Shape) -> str:
     """Return the key of surfaces that share one finish: "cabinet/0.80,0.79,0.76"."""
     return f"{category}/{','.join(f'{value:.2f}' for value in shape.color[:3])}"
 
 
-def sample_surfaces(rng: np.random.Generator, scene: Scene) -> Surfaces:
-    """Sample finishes for everything in a scene; what is added to a scene changes none of the others."""
-    base = int(rng.integers(2**62))
-
-    def of(key: str) -> np.random.Generator:
-        return np.random.default_rng((base, zlib.crc32(key.encode())))
-
-    finishes: dict[str, Finish] = {}
-    for thing in scene.objects.values():
-        for shape in (shape for link in asset_for(thing).links for shape in link.shapes):
-            key = surface_key(thing.category, shape)
-            # Glass stays glass.
-            if not shape.visible or len(shape.color) > 3 or key in finishes:
-                continue
-            if thing.kind is Kind.ITEM:
-                factors = 1.0 + of(key).uniform(-_ITEM_COLOR_SPREAD, _ITEM_COLOR_SPREAD, 3)
-                finishes[key] = Finish("paint", _vector(np.clip(np.multiply(shape.color, factors), 0.0, 1.0)))
-            else:
-                finishes[key] = _sample_finish(of(key), _USUAL[thing.category if thing.category in _USUAL else ""])
-    return Surfaces(_sample_finish(of(FLOOR), _USUAL[FLOOR]), finishes)
-
-
-def _sample_finish(rng: np.random.Generator, usual: tuple[Material, ...]) -> Finish:
-    material = usual[int(rng.integers(len(usual)))]
-    if material in ("wood", "planks"):
-        color = np.multiply(_WOODS[int(rng.integers(len(_WOODS)))], rng.uniform(0.8, 1.2))
-    elif material == "steel":
-        color = np.full(3, rng.uniform(0.35, 0.65))
-    else:
-        # Mostly pale, as rooms are; sometimes of a strong colour.
-        grey = np.full(3, rng.uniform(*_WORKTOP_GREY))
-        color = grey + rng.uniform(0.1, 0.9) ** 2 * (rng.uniform(0.05, 0.85, 3) - grey)
-    return Finish(material, _vector(np.clip(color, 0.02, 0.95)), int(rng.integers(_PATTERNS)))
-
-
-def _vector(color: NDArray[Any]) -> Vector:
-    r, g, b = (round(float(value), 4) for value in color)
-    return (r, g, b)
+def _looks() -> Callable[[Finish], Any]:
+    """Return a function that gives the look of a finish: a colour, or a material that is made once."""
+    return cache(lambda finish: finish.color if finish.material in _PLAIN else material_of(finish))
 
 
 def material_of(finish: Finish) -> Any:
     """Return an engine's material with a finish's texture."""
-    roughness, specular = _LOOK[finish.material]
+    roughness, specular = _LOOK.get(finish.material, _USUAL_LOOK)
+    if finish.material == "view":
+        return textured_material(_view(finish.pattern), roughness, 0.0, glow=1.0)
     colors = pattern(finish.material, finish.pattern)[..., None] * np.asarray(finish.color)
     return textured_material(colors, roughness, specular)
 
@@ -159,23 +161,80 @@ def pattern(material: Material, number: int) -> NDArray[np.float32]:
         field = gaussian_filter(rng.standard_normal((_TEXTURE_PX, _TEXTURE_PX)), sigma, mode="wrap")
         return np.asarray(field / field.std())
 
+    def brick(row_count: int, column_count: int, joint: float) -> NDArray[Any]:
+        """Return the shade of tiles in rows, each of a tone of its own, with joints between them."""
+        down = rows * row_count // _TEXTURE_PX
+        shift = 0 if row_count == column_count else _TEXTURE_PX // column_count // 2
+        across = (rows[None, :] + shift * (down % 2)[:, None]) % _TEXTURE_PX * column_count // _TEXTURE_PX
+        tone = rng.uniform(-0.05, 0.04, (row_count, column_count))[down[:, None], across]
+        gap = (np.diff(down, prepend=-1) != 0)[:, None] | (across != np.roll(across, 1, axis=1))
+        # Rolled, so that the edges of the texture are within tiles.
+        return np.roll(np.where(gap, joint, 0.95 + tone), (5, 5), axis=(0, 1))
+
     if material == "steel":
-        shade = 0.93 + 0.03 * noise((0.6, 30.0)) + 0.01 * noise((0.5, 0.5))
+        shade = 0.95 + 0.015 * noise((0.6, 30.0)) + 0.005 * noise((0.5, 0.5))
     elif material == "wood":
-        shade = 0.82 + 0.08 * np.sin(6.0 * noise((9.0, 60.0))) + 0.05 * noise((0.8, 14.0))
-    elif material == "planks":
+        shade = 0.85 + 0.06 * np.sin(6.0 * noise((9.0, 60.0))) + 0.05 * noise((0.8, 14.0))
+    elif material in ("planks", "herringbone"):
         plank = rows * _PLANKS // _TEXTURE_PX
-        tone = rng.uniform(-0.12, 0.08, _PLANKS)[plank][:, None]
-        gap = np.diff(plank, prepend=-1) != 0
-        shade = 0.86 + tone + 0.06 * noise((0.8, 18.0)) - 0.35 * gap[:, None]
+        ends = rng.integers(_TEXTURE_PX, size=_PLANKS)[plank][:, None]
+        half = ((rows[None, :] - ends) % _TEXTURE_PX) * 2 // _TEXTURE_PX
+        tone = rng.uniform(-0.12, 0.08, (_PLANKS, 2))[plank[:, None], half]
+        gap = (np.diff(plank, prepend=-1) != 0)[:, None] | (half != np.roll(half, 1, axis=1))
+        shade = 0.88 + tone + 0.05 * noise((0.8, 18.0)) - 0.3 * gap
+        if material == "herringbone":
+            shade = _herringbone(rng, noise((0.8, 10.0)))
     elif material == "tiles":
-        tile = rows * _TILES // _TEXTURE_PX
-        tone = rng.uniform(-0.05, 0.04, (_TILES, _TILES))[tile][:, tile]
-        gap = (np.diff(tile, prepend=-1) != 0) | (np.diff(tile, append=_TILES) != 0)
-        shade = np.where(gap[:, None] | gap[None, :], 0.6, 0.93 + tone + 0.015 * noise((2.0, 2.0)))
+        shade = brick(_TILES, _TILES, 0.68) + 0.015 * noise((2.0, 2.0))
+    elif material == "metro":
+        shade = brick(*_METRO, 0.72)
+    elif material == "stone":
+        veins = np.exp(-((noise((14.0, 22.0)) / 0.05) ** 2))
+        shade = 0.95 - 0.10 * veins + 0.015 * noise((1.0, 1.0))
+    elif material == "fabric":
+        weave = 0.04 * np.where((rows[:, None] + rows[None, :]) // 2 % 2, 1.0, -1.0)
+        shade = 0.9 + weave + 0.04 * noise((1.5, 1.5))
     else:
         shade = 0.97 + 0.012 * noise((3.0, 3.0))
     return np.asarray(np.clip(shade, 0.0, 1.0), np.float32)
+
+
+def _herringbone(rng: np.random.Generator, grain: NDArray[Any]) -> NDArray[Any]:
+    """Return the shade of blocks, four times as long as wide, laid at right angles to each other."""
+    cell = _TEXTURE_PX // 16
+    y, x = np.mgrid[:_TEXTURE_PX, :_TEXTURE_PX] // cell
+    # In each row a block lies along, four cells long, and next to it four blocks stand; rows are shifted by one cell.
+    place = (x - y) % 8
+    lies = place < 4
+    first = np.where(lies, x - place, x) % 16
+    top = np.where(lies, y, y - (7 - place)) % 16
+    tone = rng.uniform(-0.10, 0.08, (16, 16, 2))[top, first, lies.astype(int)]
+    inside = np.mgrid[:_TEXTURE_PX, :_TEXTURE_PX] % cell
+    gap = np.where(lies, (inside[0] == 0) | ((place == 0) & (inside[1] == 0)), (inside[1] == 0))
+    gap |= ~lies & (place == 7) & (inside[0] == 0)
+    return 0.88 + tone + 0.05 * np.where(lies, grain, grain.T) - 0.25 * gap
+
+
+@lru_cache(maxsize=8)
+def _view(number: int) -> NDArray[np.float32]:
+    """Return (H, W, 3) linear RGB of what is outside a window: sky, trees and a lawn, out of focus.
+
+    Rows go up, and the middle of the pane is row 0: texture coordinates begin there.
+    """
+    rng = np.random.default_rng((zlib.crc32(b"view"), number))
+    up = (np.arange(_TEXTURE_PX) / _TEXTURE_PX - 0.5)[:, None]
+
+    def noise(sigma: float) -> NDArray[Any]:
+        field = gaussian_filter(rng.standard_normal((_TEXTURE_PX, _TEXTURE_PX)), sigma, mode="wrap")
+        return np.asarray(field / field.std())
+
+    sky = np.array([0.62, 0.78, 0.95]) + np.clip(0.4 - up, 0.0, 1.0)[..., None] * np.array([0.35, 0.2, 0.05])
+    color = np.broadcast_to(sky, (_TEXTURE_PX, _TEXTURE_PX, 3)).copy()
+    tree = up < 0.02 + 0.10 * noise(24.0)[:1]
+    color[tree] = (np.array([0.16, 0.26, 0.10]) * (1.0 + 0.30 * noise(5.0)[..., None]))[tree]
+    color[np.broadcast_to(up < -0.24, tree.shape)] = (0.30, 0.42, 0.16)
+    blurred = gaussian_filter(np.clip(color, 0.0, 1.0), (3.0, 3.0, 0.0), mode=("nearest", "wrap", "nearest"))
+    return np.roll(blurred, -_TEXTURE_PX // 2, axis=0).astype(np.float32)
 
 
 TINTS: Mapping[Surroundings, Vector] = {

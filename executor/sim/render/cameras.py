@@ -18,11 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from executor.assets.asset_geometry import box_around_shape, joint_transform
 from executor.assets.library import asset_for
@@ -208,6 +209,9 @@ WALL = "wall"
 
 _NOT_SHOWN = (WALL, FLOOR)
 
+TARGET_PX = 40
+"""Least number of pixels of the first target in an overview's picture."""
+
 LENS_GAP_M = 0.15
 """No lens is nearer to anything solid: at 5 cm, where its picture begins, one piece would fill it."""
 
@@ -224,6 +228,9 @@ _AT_WORK_M = 0.60  # How far before a front the middle of the robot's base is wh
 _AT_WORK_HALF_M = (0.16, 0.16, 0.42)  # Base and folded arm; what is above them is thin.
 _BAR_M = 0.04  # From the middle of a handle's bar this far out nothing of it is left.
 _OPENED = 0.8  # Of their range; doors are seldom opened wider.
+
+_FILLED = 0.45  # Of a box's outline that is sure to be the thing's own: balls and bottles have less than boxes.
+_FOLLOW_S = 1.2  # Over which a following camera smooths its way.
 
 # Weights of the visible share of each target, and of a metre's distance. Chosen by eye over forty episodes.
 _ITEM_WEIGHT = 4.0
@@ -245,7 +252,12 @@ class _ViewTarget:
 
 
 def cameras_for(
-    scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0, *, task: Task | None = None
+    scene: Scene,
+    views: Iterable[str] = VIEWS,
+    aspect: float = 1.0,
+    *,
+    task: Task | None = None,
+    height_px: int | None = None,
 ) -> tuple[Camera, ...]:
     """Return the cameras of a scene, in the order of `views`.
 
@@ -254,12 +266,13 @@ def cameras_for(
         views: Names out of `VIEWS`.
         aspect: Width of the pictures over their height.
         task: What the global camera is to show; by default the whole scene.
+        height_px: As for `global_camera`.
 
     Raises:
         ValueError: When a view is not one of `VIEWS`.
     """
     makers = {
-        "global": lambda: global_camera(scene, aspect, task),
+        "global": lambda: global_camera(scene, aspect, task, height_px),
         "head": lambda: head_camera(scene.robot.model),
         "wrist": lambda: wrist_camera(scene.robot.model),
     }
@@ -270,27 +283,91 @@ def cameras_for(
     return tuple(makers[view]() for view in views)
 
 
-def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -> Camera:
+def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None, height_px: int | None = None) -> Camera:
     """Return a still camera that sees the objects that matter, the robot, and into what has doors and drawers.
 
     The objects that matter are all of them, or those of a task: in a large home the rest would make them small. A plan
     without subtasks is about all of them.
+
+    Args:
+        scene: The concrete scene.
+        aspect: Width of the pictures over their height.
+        task: What it is to show; by default the whole scene.
+        height_px: Height of its pictures. The camera then comes as near to the first target as `TARGET_PX` needs, even
+            where others leave the picture.
     """
     about = None if task is None or not task.subtasks else _objects_of(task)
     points = interest_points(scene, about)
     targets = list(_view_targets(scene, task if about is not None else None))
     solids = (Solids.of(scene), Solids.of(scene, _all_open(scene)))
 
-    def worth(camera: Camera) -> tuple[bool, float]:
+    first = None if task is None or about is None or height_px is None else scene.objects.get(task.subtasks[0].target)
+    others = None if first is None else solids[0].without([first.id])
+
+    def large_share(eye: Array) -> float:
+        """How large the first target is in the picture, at most 1: as large as needed."""
+        if first is None or others is None or height_px is None:
+            return 1.0
+        T, half = _box(first)
+        visible = float(np.mean(~others.hidden(eye, _corners(T, half * 0.8))))
+        return min(visible * (_large_from_m(first, eye, height_px) / math.dist(eye, T[:3, 3])) ** 2, 1.0)
+
+    def worth(camera: Camera) -> tuple[bool, float, float]:
         eye = camera.T_mount_camera[:3, 3]
         clear = all(each.gap_m(eye) >= LENS_GAP_M for each in solids)
         score = sum(s.weight * float(np.mean(~s.solids.hidden(eye, s.points))) for s in targets)
         score += 0.0 if about is None else _side_view_score(scene, about, eye)
-        return clear, round(score, 9)
+        return clear, round(large_share(eye), 1), round(score, 9)
+
+    def nearer(camera: Camera) -> Camera:
+        if first is None or height_px is None:
+            return camera
+        eye, target = camera.T_mount_camera[:3, 3], np.asarray(first.position)
+        share = 0.98 * _large_from_m(first, eye, height_px) / math.dist(eye, target)
+        if share >= 1.0:
+            return camera
+        # Along the ray the target keeps its place in the picture; nearer by, it comes to the middle.
+        ahead = camera.T_mount_camera[:3, 0]
+        centre = eye + ahead * float((target - eye) @ ahead)
+        eye = target + share * (eye - target)
+        return replace(camera, T_mount_camera=look_at(eye, target + share**2 * (centre - target)))
 
     azimuths = [2 * math.pi * (k + 0.5) / _AZIMUTHS for k in range(_AZIMUTHS)]
     directions = ((azimuth, math.radians(elevation)) for elevation in _ELEVATION_DEG for azimuth in azimuths)
-    return max((_framing_camera(points, *direction, aspect) for direction in directions), key=worth)
+    return max((nearer(_framing_camera(points, *direction, aspect)) for direction in directions), key=worth)
+
+
+def _large_from_m(thing: SceneObject, eye: Array, height_px: int) -> float:
+    """Return how far away a thing still has enough pixels in a picture from the overview's direction."""
+    T, half = _box(thing)
+    way = np.asarray(eye) - T[:3, 3]
+    facing = np.abs(T[:3, :3].T @ (way / np.linalg.norm(way)))
+    area = 4.0 * float(facing @ [half[1] * half[2], half[0] * half[2], half[0] * half[1]])
+    focal_px = height_px / 2.0 / math.tan(_FOV_RAD / 2)
+    return focal_px * math.sqrt(_FILLED * area / TARGET_PX)
+
+
+def following(
+    camera: Camera, points: NDArray[np.floating[Any]], solids: Solids, aspect: float, rate_hz: float
+) -> Array:
+    """Return (N, 4, 4) poses of an overview camera that follows the task without turning.
+
+    Args:
+        camera: The still camera, from whose side it looks.
+        points: (N, P, 3) what each picture has to show.
+        solids: What it keeps clear of; where it cannot, it stays nearer to the still camera.
+        aspect: Width of the pictures over their height.
+        rate_hz: Pictures per second of simulated time.
+    """
+    T = camera.T_mount_camera
+    eyes = np.array([_framing_eye(T[:3, :3], around, aspect) for around in points])
+    eyes = gaussian_filter1d(eyes, _FOLLOW_S * rate_hz, axis=0, mode="nearest")
+    shares = (1.0, 0.75, 0.5, 0.25)
+    paths = (T[:3, 3] + share * (eyes - T[:3, 3]) for share in shares)
+    free = (path for path in paths if all(solids.gap_m(eye) >= LENS_GAP_M for eye in path[:: round(rate_hz)]))
+    poses = np.tile(T, (len(points), 1, 1))
+    poses[:, :3, 3] = next(free, poses[:, :3, 3])
+    return poses
 
 
 def is_lens_clear(scene: Scene, eye: Array) -> bool:
@@ -455,6 +532,11 @@ def _framing_camera(points: Array, azimuth_rad: float, elevation_rad: float, asp
         ]
     )
     R = look_at(outward, np.zeros(3))[:3, :3]
+    return Camera("global", None, transform(R, _framing_eye(R, points, aspect)), _FOV_RAD, near_m=0.05)
+
+
+def _framing_eye(R: Array, points: Array, aspect: float) -> Array:
+    """Return (3,) the nearest place from which a camera of an orientation has all points in its picture, centred."""
     along = points @ R
     slope_z = math.tan(_FOV_RAD / 2) * _MARGIN
     bounds = []
@@ -464,8 +546,7 @@ def _framing_camera(points: Array, azimuth_rad: float, elevation_rad: float, asp
         high = float(np.min(along[:, axis] + slope * along[:, 0]))
         bounds.append(((low + high) / 2, (high - low) / (2 * slope)))
     ahead = min(limit for _, limit in bounds)
-    position = R @ np.array([ahead, bounds[0][0], bounds[1][0]])
-    return Camera("global", None, transform(R, position), _FOV_RAD, near_m=0.05)
+    return np.asarray(R @ np.array([ahead, bounds[0][0], bounds[1][0]]))
 
 
 def _side_view_score(scene: Scene, about: Collection[str], eye: Array) -> float:

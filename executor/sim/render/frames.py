@@ -13,7 +13,7 @@ import json
 import math
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
@@ -28,8 +28,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bddl.errors import Scene2DemoError
 from bddl.files import atomic_path
+from executor.geometry import Array, transform_from_quaternion
 from executor.records import Caption, Rollout, StepRecord, Trajectory
-from executor.sim.render.cameras import VIEWS, Camera, cameras_for
+from executor.sim.render.cameras import VIEWS, Camera, Solids, cameras_for, following
 from executor.system import vulkan
 from executor.system.extras import require
 from executor.system.progress import OnProgress
@@ -51,11 +52,13 @@ class Frames:
     Attributes:
         views: View name -> (N, H, W, 3) uint8 RGB; row i belongs to row i of the trajectory.
         size: Width and height of the robot's own views.
+        overview: (N, 4, 4) poses of the overview, which follows the task.
     """
 
     views: Mapping[str, Picture]
     size: tuple[int, int]
     renderer: str = ""
+    overview: Array | None = None
 
     @property
     def count(self) -> int:
@@ -76,6 +79,12 @@ def view_size(view: str, size: tuple[int, int]) -> tuple[int, int]:
     """Return the width and height at which a view is drawn, given those of the robot's own views."""
     factor = GLOBAL_FACTOR if view == "global" else 1
     return size[0] * factor, size[1] * factor
+
+
+def cameras_of(scene: Scene, task: Task, views: Iterable[str], size: tuple[int, int]) -> tuple[Camera, ...]:
+    """Return the cameras of a rollout's pictures, given the size of the robot's own views."""
+    height_px = view_size("global", size)[1]
+    return cameras_for(scene, views, aspect=size[0] / size[1], task=task, height_px=height_px)
 
 
 def frames_path(folder: Path, view: str) -> Path:
@@ -292,7 +301,7 @@ def check_size(size: tuple[int, int]) -> tuple[int, int]:
     return size
 
 
-JOB_SCENE, JOB_STATES, JOB_CAMERAS = "scene.json", "states.npy", "cameras.json"
+JOB_SCENE, JOB_STATES, JOB_CAMERAS, JOB_OVERVIEW = "scene.json", "states.npy", "cameras.json", "overview.npy"
 
 
 def write_job(
@@ -301,11 +310,16 @@ def write_job(
     cameras: Sequence[Camera],
     states: Sequence[bytes],
     size: tuple[int, int],
+    *,
+    plain: bool = False,
+    overview: Array | None = None,
 ) -> None:
     """Write a job, and empty arrays for its pictures, into a folder.
 
     Args:
         states: Packed physical states, one a picture.
+        plain: Whether assets are drawn in their own colours, without their home.
+        overview: (N, 4, 4) poses of the overview; by default it stands still.
 
     Raises:
         ValueError: When there are no states, or they differ in length.
@@ -318,7 +332,10 @@ def write_job(
     described = {
         "cameras": [{**asdict(camera), "T_mount_camera": camera.T_mount_camera.tolist()} for camera in cameras],
         "sizes": {camera.name: view_size(camera.name, size) for camera in cameras},
+        "plain": plain,
     }
+    if overview is not None:
+        np.save(folder / JOB_OVERVIEW, overview)
     (folder / JOB_CAMERAS).write_text(json.dumps(described), encoding="utf-8")
     for camera in cameras:
         width, height = view_size(camera.name, size)
@@ -363,6 +380,8 @@ class RenderPool:
         *,
         views: Sequence[str] = VIEWS,
         size: tuple[int, int] = DEFAULT_SIZE,
+        plain: bool = False,
+        overview: Array | None = None,
         on_progress: OnProgress | None = None,
     ) -> dict[str, Picture]:
         """Return view -> (N, H, W, 3) uint8 pictures of packed physical states, read from arrays in a folder.
@@ -370,14 +389,15 @@ class RenderPool:
         Args:
             folder: Where the arrays go; it exists.
             states: Packed physical states of the scene, one a picture.
-            views, size, on_progress: As for `render`.
+            views, size, plain, on_progress: As for `render`.
+            overview: As for `write_job`.
 
         Raises:
             RenderFailed: When a worker reports an error, or its replacement dies too.
             ValueError: When a view is unknown, or there are no states.
         """
-        cameras = cameras_for(scene, views, aspect=size[0] / size[1], task=task)
-        write_job(folder, scene, cameras, states, size)
+        cameras = cameras_of(scene, task, views, size)
+        write_job(folder, scene, cameras, states, size, plain=plain, overview=overview)
         count = len(states)
         shares = min(self._count, count)
         done = [0] * shares
@@ -445,6 +465,7 @@ def render(
     *,
     views: Sequence[str] = VIEWS,
     size: tuple[int, int] = DEFAULT_SIZE,
+    plain: bool = False,
     on_progress: OnProgress | None = None,
     pool: RenderPool | None = None,
 ) -> Frames:
@@ -454,7 +475,8 @@ def render(
         rollout: What was recorded; its scene rebuilds the world.
         out_dir: Folder for the arrays (about 1 MB a sample at the default size); it is made when absent.
         views: Names out of `executor.sim.render.cameras.VIEWS`.
-        size: Width and height of the robot's own views; the overview is drawn twice as large.
+        size: Width and height of the robot's own views; the overview is drawn twice as large, and follows the task.
+        plain: Whether assets are drawn in their own colours, without their home.
         on_progress: Called with the number of samples done, and the total; from any thread, but never twice at once.
         pool: Worker processes to reuse; without one, they are started and ended here.
     """
@@ -463,6 +485,7 @@ def render(
     folder.mkdir(parents=True, exist_ok=True)
     with RenderPool() if pool is None else nullcontext(pool) as drawing:
         states = rollout.trajectory.packed_states
+        overview = follow_task(rollout, size) if "global" in views else None
         pictures = drawing.draw(
             folder,
             rollout.scene,
@@ -470,6 +493,35 @@ def render(
             states,
             views=views,
             size=size,
+            plain=plain,
+            overview=overview,
             on_progress=on_progress,
         )
-        return Frames(pictures, size, drawing.renderer.why)
+        return Frames(pictures, size, drawing.renderer.why, overview)
+
+
+def follow_task(rollout: Rollout, size: tuple[int, int]) -> Array:
+    """Return (N, 4, 4) poses of the overview, which has robot, target and goal's support in its picture throughout."""
+    motion, scene, task = rollout.trajectory, rollout.scene, rollout.task
+    (still,) = cameras_of(scene, task, ("global",), size)
+    rate_hz = rollout.record_hz
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+
+    def corners(name: str | None) -> Array:
+        """Return (N, 8, 3) corners of a thing where it is in each picture; those around the hand without one."""
+        thing = None if name is None else scene.objects.get(name)
+        if name is None or thing is None:
+            return motion.eef_pose[:, None, :3] + signs * [0.3, 0.3, 0.25]
+        R = transform_from_quaternion((0.0, 0.0, 0.0), thing.orientation)[:3, :3]
+        moved = motion.object_poses.get(name)
+        at = np.tile(thing.position, (len(motion.time_s), 1)) if moved is None else moved[:, :3]
+        return np.asarray(at[:, None] + signs * np.asarray(thing.extent_m) / 2 @ R.T)
+
+    shown = [corners(None)]
+    for role in ("target", "support_goal"):
+        of_each = np.array([corners(getattr(part, role)) for part in task.subtasks])
+        shown.append(of_each[np.clip(motion.subtask, 0, len(of_each) - 1), np.arange(len(motion.time_s))])
+    base = np.zeros((len(motion.time_s), 1, 3))
+    base[:, 0, :2] = motion.robot_qpos[:, :2]
+    points = np.concatenate([*shown, base + [0.0, 0.0, 0.4] + signs * [0.3, 0.3, 0.4]], axis=1)
+    return following(still, points, Solids.of(scene), size[0] / size[1], rate_hz)

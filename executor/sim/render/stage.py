@@ -32,6 +32,9 @@ SHADERS = Path(__file__).with_name("shaders")
 """What the engine draws by: surfaces are lit as they are drawn, in one pass. Its own shaders first note down seven
 numbers of each pixel and light them afterwards, twice as long, and take 25 samples of the shadow map for each."""
 
+ROOM = "room"
+"""Owner of drawn walls in a segmentation."""
+
 _GEOMETRY = "PositionSegmentation"  # The engine's name of the shaders' output: two numbers unused, depth in mm, body.
 _VIEW = "global"
 _SHADOW_MAP_SIZE = 1024
@@ -75,6 +78,9 @@ class Materials(Protocol):
 
     def slab(self, half_m: Vector) -> Any:
         """Return the drawn shape of a floor of these half extents, at the origin."""
+
+    def sides(self) -> Iterable[tuple[Array, Any]]:
+        """Return the pose (4, 4) and the render component of each wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +126,9 @@ class Stage:
         plain = np.asarray(lights.ambient, np.float32).reshape(1, 1, 3)
         self._panorama = plain if panorama is None else panorama
         self._add_lights(lights, shadow_map_px if shadows else None)
+        sides = () if materials is None else materials.sides()
+        # What walls hide of the floor is not shaded where they are drawn first.
+        self._walls = [self._add_drawn("wall", component, T) for T, component in sides]
         self._floor = self._add_floor(materials)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
@@ -153,7 +162,13 @@ class Stage:
 
     def legend(self) -> dict[int, BodyRef]:
         """Return the body of each number of a segmentation."""
-        return {**self._world.bodies_by_number(), int(self._floor.per_scene_id): BodyRef(GROUND, GROUND)}
+        walls = {int(wall.per_scene_id): BodyRef(ROOM, "wall") for wall in self._walls}
+        return {**self._world.bodies_by_number(), int(self._floor.per_scene_id): BodyRef(GROUND, GROUND), **walls}
+
+    def aim(self, view: str, T_world_camera: Array) -> None:
+        """Move a camera that no link carries to a pose (4, 4) in the frame of `Camera`."""
+        vector = pose_vector(T_world_camera)
+        self._cameras[view].set_entity_pose(load_sapien().Pose(vector[:3], vector[3:]))
 
     def intrinsics(self, view: str) -> Array:
         """Return a camera's (3, 3) matrix, in pixels."""
@@ -168,7 +183,7 @@ class Stage:
     def close(self) -> None:
         """Release the cameras, which keep the engine's scene alive."""
         self._cameras = {}
-        self._floor = None
+        self._floor, self._walls = None, []
 
     def _add_lights(self, lights: Lights, shadow_map_px: int | None) -> None:
         scene = self._world.sapien_scene
@@ -197,9 +212,14 @@ class Stage:
         slab.local_pose = sapien.Pose([0.0, 0.0, -_FLOOR_HALF_M])
         component = sapien.render.RenderBodyComponent()
         component.attach(slab)
+        return self._add_drawn("floor", component, np.eye(4))
+
+    def _add_drawn(self, name: str, component: Any, T_world_entity: Array) -> Any:
+        sapien, vector = load_sapien(), pose_vector(T_world_entity)
         entity = sapien.Entity()
-        entity.set_name("floor")
+        entity.set_name(name)
         entity.add_component(component)
+        entity.set_pose(sapien.Pose(vector[:3], vector[3:]))
         self._world.sapien_scene.add_entity(entity)
         return entity
 

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.lib.format import open_memmap
 
 from executor.sim.render.cameras import Camera
-from executor.sim.render.frames import JOB_CAMERAS, JOB_SCENE, JOB_STATES, frames_path
-from executor.sim.render.stage import Stage, warm_up
+from executor.sim.render.frames import JOB_CAMERAS, JOB_OVERVIEW, JOB_SCENE, JOB_STATES, frames_path
+from executor.sim.render.home import home_of
+from executor.sim.render.stage import DAYLIGHT, Stage, warm_up
 from executor.sim.world import World
 from executor.system import vulkan
 from executor.system.workers import answer, requests, take_stdout
@@ -53,9 +54,15 @@ def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> No
     pictures = {camera.name: open_memmap(frames_path(folder, camera.name), mode="r+") for camera in cameras}
     states = np.load(folder / JOB_STATES)
     rows = range(first, len(states), step)[skip:]
-    with World(Scene.from_json(folder / JOB_SCENE), visual=True) as world:
-        stage = Stage(world, cameras, described["sizes"])
+    scene, overview = Scene.from_json(folder / JOB_SCENE), folder / JOB_OVERVIEW
+    poses = np.load(overview) if overview.is_file() else None
+    home = None if described["plain"] else home_of(scene)
+    surfaces, lights = (None, DAYLIGHT) if home is None else (home.surfaces, home.lights)
+    with World(scene, visual=True, paint=None if surfaces is None else surfaces.paint()) as world:
+        stage = Stage(world, cameras, described["sizes"], lights=lights, materials=surfaces)
         for done, row in enumerate(rows, start=1):
+            if poses is not None:
+                stage.aim("global", poses[row])
             for name, picture in stage.show(states[row].tobytes()).items():
                 pictures[name][row] = picture
             if done % _REPORT_EVERY == 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ KIND_OF_MOTION = {"articulated": Kind.ARTICULATED, "static": Kind.SUPPORT, "dyna
 FINGERS_M = (PAPER_GRIPPER.opening_m / 2 + 0.015, 0.012, 0.030, 0.020)
 
 
+@cache
 def assets(model: str) -> list[Asset]:
     """Return five variations of a model."""
     return [asset_for(sample(model, seed)) for seed in SEEDS]

@@ -83,7 +83,7 @@ void main() {
   float power = 2.0 / (alpha * alpha) - 2.0;
   vec3 mirror = mix(vec3(materialBuffer.fresnel * 0.08), base.rgb, materialBuffer.metallic);
   vec3 matt = base.rgb * (1.0 - materialBuffer.metallic);
-  vec3 color = base.rgb * sceneBuffer.ambientLight.rgb;
+  vec3 color = base.rgb * (sceneBuffer.ambientLight.rgb + materialBuffer.emission.rgb);
   for (int k = 0; k < NUM_DIRECTIONAL_LIGHTS; ++k) {
     vec3 toLamp = -sceneBuffer.directionalLights[k].direction.xyz;
     float upright = max(dot(normal, toLamp), 0.0);

@@ -1,6 +1,7 @@
 // From a mesh to the picture: where a vertex is, and how its surface is turned, in the world.
 
 #include "./sets.glsl"
+#include "./wall.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -19,6 +20,9 @@ void main() {
   vec4 place = T_world_body * vec4(position, 1);
   vec4 seen = cameraBuffer.viewMatrix * place;
   gl_Position = cameraBuffer.projectionMatrix * seen;
+  // A wall is not drawn for an eye behind it: its x axis looks into the room.
+  vec3 toEye = cameraBuffer.viewMatrixInverse[3].xyz - T_world_body[3].xyz;
+  if (isWall(uv) && dot(T_world_body[0].xyz, toEye) < 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   outPlace = vec4(place.xyz, -seen.z);
   // Bodies are turned and stretched, never sheared: dividing by the squared stretch is the inverse's transpose.
   mat3 turn = mat3(T_world_body);
@@ -26,6 +30,6 @@ void main() {
   outUV = uv;
   // A number below -1 is no place in a texture but a colour: red and green as its digits to the base of 4096, then blue.
   float code = -1.0 - uv.x, red = floor(code / 4096.0);
-  outTint = uv.x < -0.5 ? vec4(red, code - 4096.0 * red, uv.y, 4095.0) / 4095.0 : vec4(0.0);
+  outTint = uv.x < -0.5 ? vec4(red, code - 4096.0 * red, mod(uv.y, 4096.0), 4095.0) / 4095.0 : vec4(0.0);
   outBody = objectDataBuffer.segmentation.y;
 }

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+import llm
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.scenes import library
@@ -16,9 +18,13 @@ from executor.scenes.generators import household
 from executor.scenes.generators.long_horizon import draw
 from executor.scenes.vary import vary
 from executor.sim.render.cameras import (
+    LENS_GAP_M,
+    TARGET_PX,
     VIEWS,
     Camera,
+    Solids,
     cameras_for,
+    following,
     global_camera,
     head_camera,
     interest_points,
@@ -105,6 +111,36 @@ def test_a_plan_without_subtasks_is_about_the_whole_scene() -> None:
     scene = library.load("kitchen_t1")
     nothing = oag.Task.from_json({"goal": "(not (open refrigerator_0))", "sub_tasks": []}, scene=scene)
     assert np.array_equal(global_camera(scene, task=nothing).T_mount_camera, global_camera(scene).T_mount_camera)
+
+
+@pytest.mark.parametrize("height_px", [96, 448])
+def test_the_overview_is_so_near_that_the_first_target_has_enough_pixels(height_px: int) -> None:
+    scene = library.load("kitchen_t3")
+    task = llm.propose("put the apple into the bowl", scene).task
+    size = (height_px, height_px)
+    still, near = (global_camera(scene, 1.0, task, height) for height in (None, height_px))
+    apple = scene.objects[task.subtasks[0].target]
+    corners = np.asarray(apple.position) + np.array(list(product((-1, 1), repeat=3))) * np.asarray(apple.extent_m) / 2
+    ends = project(near, np.eye(4), corners, size)
+    assert in_picture(ends, size).all()
+    # A ball takes pi / 4 of the square around it, and more of it is in the outline of its box's corners.
+    assert np.ptp(ends[:, :2], axis=0).prod() * 0.5 >= TARGET_PX
+    eyes = [each.T_mount_camera[:3, 3] for each in (near, still)]
+    assert Solids.of(scene).gap_m(eyes[0]) >= LENS_GAP_M
+    assert math.dist(eyes[0], apple.position) <= math.dist(eyes[1], apple.position) + 1e-9
+
+
+def test_a_following_overview_turns_nowhere_and_has_in_its_picture_what_it_is_to_show() -> None:
+    scene = library.load("kitchen_t1")
+    still = global_camera(scene)
+    rng = np.random.default_rng(5)
+    around = np.asarray(scene.objects["glass_0"].position) + rng.uniform(-0.4, 0.4, (1, 9, 3))
+    poses = following(still, np.repeat(around, 30, axis=0), Solids.of(scene), 1.0, 10.0)
+    assert (poses[:, :3, :3] == still.T_mount_camera[:3, :3]).all()
+    camera = replace(still, T_mount_camera=poses[15])
+    assert in_picture(project(camera, np.eye(4), around[0], (200, 200)), (200, 200)).all()
+    middle = around[0].mean(axis=0)
+    assert math.dist(poses[15, :3, 3], middle) < math.dist(still.T_mount_camera[:3, 3], middle)
 
 
 def test_a_point_ahead_is_in_the_middle_and_left_is_left() -> None:

@@ -10,9 +10,11 @@ import pytest
 
 from executor.assets.build import textured_box, textured_material
 from executor.assets.model import Shape, Vector
+from executor.geometry import inverse
 from executor.scenes import library
 from executor.sim.render.cameras import cameras_for
-from executor.sim.render.stage import SceneRenderer
+from executor.sim.render.home import home_of
+from executor.sim.render.stage import ROOM, SceneRenderer
 from executor.sim.world import World
 from oag import SceneObject
 
@@ -36,6 +38,9 @@ class RedHandles:
     def slab(self, half_m: Vector) -> Any:
         return textured_box(half_m, textured_material(np.full((4, 4, 3), (0.0, 0.0, 0.6)), 0.9, 0.0))
 
+    def sides(self) -> tuple[()]:
+        return ()
+
 
 def test_every_colour_is_where_it_belongs() -> None:
     scene_renderer = SceneRenderer()
@@ -53,6 +58,30 @@ def test_every_colour_is_where_it_belongs() -> None:
     assert np.mean(strongest[fridge] == 1) > 0.9
     assert np.mean(strongest[owners == "ground"] == 2) > 0.99
     assert np.mean(strongest[owners == "table_0"] != 2) == 1.0
+
+
+def test_a_home_is_closed_for_who_is_in_it_and_open_for_who_looks_in_and_moves_nothing() -> None:
+    scene_renderer = SceneRenderer()
+    home = home_of(SCENE)
+    sizes = {"global": (96, 96), "head": (96, 96)}
+    with scene_renderer.stage(
+        SCENE, cameras_for(SCENE, tuple(sizes)), sizes, lights=home.lights, materials=home.surfaces
+    ) as stage:
+        images, legend = stage.sense(None), stage.legend()
+        packed = stage._world.pack()
+    scene_renderer.close()
+    with World(SCENE) as bare:
+        assert packed == bare.pack()
+    walls = [number for number, body in legend.items() if body.owner == ROOM]
+    for view, seen in images.items():
+        assert seen.segmentation is not None and seen.depth_mm is not None
+        assert (seen.depth_mm > 0).all(), view
+        assert np.isin(seen.segmentation, walls).any(), view
+    # The overview stands outside: a wall is between it and the table.
+    eye = cameras_for(SCENE, ("global",))[0].T_mount_camera[:3, 3]
+    assert any((inverse(wall.T_world_wall) @ [*eye, 1.0])[0] < 0.0 for wall in home.surfaces.walls)
+    owners = {legend[int(number)].owner for number in np.unique(images["global"].segmentation)}
+    assert set(SCENE.objects) <= owners
 
 
 def test_a_link_is_one_mesh() -> None:
