@@ -258,7 +258,8 @@ class _Export:
         placed = {(p.placement.relation, p.target, p.placement.support) for p in parts if p.placement is not None}
         for part in parts:
             placed.update(own_places((part.primitive,), part.target, part.support))
-        carriage = carriage_in(self.scene, scene_facts(self.scene), placed)
+        items = {key for key, thing in self.scene.objects.items() if thing.kind is Kind.ITEM}
+        carriage = carriage_in(self.scene, items, scene_facts(self.scene), placed)
         self._carriers = {name for name, _ in carriage.riders}
         for each in self._goal:
             moved = held_by(each.value) if each.fact == HAND else each.fact[1] if is_place(each.fact) else None
