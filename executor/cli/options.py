@@ -70,8 +70,8 @@ RobotName = Annotated[
     Maybe[Literal["paper", "panda", "panda-lift", "ur5-lift"]],
     option_help(
         "Which robot: the paper's Panda of 0.7 of its size, one of full size (what --full-size says too), that on a "
-        "lift, or a UR5 with a parallel gripper on one. By default the scene's; a file that names none is for the Panda "
-        "on a lift, and T1 to T6 have the paper's."
+        "lift, or a UR5 with a parallel gripper on one. By default the scene's; a file that names none is for the "
+        "Panda on a lift, and T1 to T6 have the paper's."
     ),
 ]
 RepairScene = Annotated[
