@@ -94,7 +94,7 @@ def _object(key: str, given: object, domain: Domain) -> SceneObject:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PlanStep:
     """One step of a plan that `task` writes out as a simple task.
 
     Attributes:
@@ -113,13 +113,13 @@ class Step:
 
     def __repr__(self) -> str:
         where = "" if self.placement is None else f" {self.placement.relation} {self.placement.support}"
-        return brief(f"<Step {self.verb} {self.target}{where}>")
+        return brief(f"<PlanStep {self.verb} {self.target}{where}>")
 
 
 Condition = bddl.Formula | str | None
 
 
-def open(fixture: str, *, init: Condition = None, flow: object = None) -> Step:
+def open(fixture: str, *, init: Condition = None, flow: object = None) -> PlanStep:
     """Return the step that opens a door or a drawer.
 
     Args:
@@ -130,12 +130,12 @@ def open(fixture: str, *, init: Condition = None, flow: object = None) -> Step:
     return _step("open", fixture, None, init, flow)
 
 
-def close(fixture: str, *, init: Condition = None, flow: object = None) -> Step:
+def close(fixture: str, *, init: Condition = None, flow: object = None) -> PlanStep:
     """Return the step that closes a door or a drawer; arguments as for `open`."""
     return _step("close", fixture, None, init, flow)
 
 
-def pick(item: str, *, init: Condition = None, flow: object = None) -> Step:
+def pick(item: str, *, init: Condition = None, flow: object = None) -> PlanStep:
     """Return the step that picks an item up from wherever it is; arguments as for `open`."""
     return _step("pick", item, None, init, flow)
 
@@ -147,7 +147,7 @@ def place(
     ontop: str | None = None,
     init: Condition = None,
     flow: object = None,
-) -> Step:
+) -> PlanStep:
     """Return the step that puts an item, which the hand holds, into one object or onto it.
 
     Args:
@@ -168,19 +168,19 @@ def place(
     return _step("place", item, places[0], init, flow)
 
 
-def _step(verb: Verb, target: str, placement: Placement | None, init: Condition, flow: object) -> Step:
+def _step(verb: Verb, target: str, placement: Placement | None, init: Condition, flow: object) -> PlanStep:
     for given in (target, *(() if placement is None else (placement.support,))):
         named: object = given
         if not isinstance(named, str):
             raise TaskError(f"expected the id of an object, got {shown(named)}", source=_ARGUMENT, place=verb)
     start = None if init is None else formula_of(init, "init")
-    return Step(verb, target, placement, start, None if flow is None else flow_of(flow))
+    return PlanStep(verb, target, placement, start, None if flow is None else flow_of(flow))
 
 
 def task(
     scene: Scene,
     *,
-    steps: Iterable[Step | SimpleTask | str] = (),
+    steps: Iterable[PlanStep | SimpleTask | str] = (),
     goal: Condition = None,
     name: str = "task",
     detail: str = "",
@@ -214,7 +214,7 @@ def task(
     state = start_state(scene, drafts[0].target if drafts else None)
     subtasks, time = [], START
     for one, draft, compiled in zip(given, drafts, compile_plan(drafts, scene), strict=True):
-        written = _written(one, draft, state, scene) if isinstance(one, Step) else draft
+        written = _written(one, draft, state, scene) if isinstance(one, PlanStep) else draft
         subtasks.append(written)
         for action in written.flow or ():
             time += 1
@@ -226,7 +226,7 @@ def task(
     return Task(name, detail, wanted, goal is not None, tuple(subtasks), dict(scales or {}), scene)
 
 
-def _own_step(one: Step | SimpleTask | str, scene: Scene) -> Step | SimpleTask | str:
+def _own_step(one: PlanStep | SimpleTask | str, scene: Scene) -> PlanStep | SimpleTask | str:
     return read_acting(one, scene) or one if isinstance(one, str) else one
 
 
@@ -235,7 +235,7 @@ def _draft(index: int, one: object, scene: Scene) -> SimpleTask:
     if isinstance(one, SimpleTask):
         scene[one.target]
         return one
-    if not isinstance(one, Step):
+    if not isinstance(one, PlanStep):
         hint = 'such as oag.pick("apple_0")'
         raise TaskError(f"expected a step, got {shown(one)}", source=_ARGUMENT, place=f"steps[{index}]", hint=hint)
     scene[one.target]
@@ -253,14 +253,14 @@ def _draft(index: int, one: object, scene: Scene) -> SimpleTask:
 
 
 def _simple(
-    words: str, one: Step, goal: bddl.Formula, flow: Iterable[Primitive], support_goal: str | None = None
+    words: str, one: PlanStep, goal: bddl.Formula, flow: Iterable[Primitive], support_goal: str | None = None
 ) -> SimpleTask:
     actions = tuple(map(Action, flow)) if one.flow is None else one.flow
     sentence, init = f"{words[0].upper()}{words[1:]}.", _NOTHING if one.init is None else one.init
     return SimpleTask(words.replace(" ", "_"), sentence, one.target, None, support_goal, init, goal, actions)
 
 
-def _written(one: Step, draft: SimpleTask, state: State, scene: Scene) -> SimpleTask:
+def _written(one: PlanStep, draft: SimpleTask, state: State, scene: Scene) -> SimpleTask:
     """Return a step's simple task where it begins in a state: with the initial condition, supports and flow."""
     target, origin = one.target, None
     if one.verb in ("open", "close"):

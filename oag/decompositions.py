@@ -60,7 +60,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class DecompositionForm:
     """One outcome, with the runs that had it.
 
     Attributes:
@@ -94,7 +94,7 @@ class Form:
         return self.outcome if self.subtasks is None else self.outcome[:12]
 
     def __repr__(self) -> str:
-        return brief(f"<Form {self.name}: {pluralize(self.count, 'run')}, {self._verdicts()}>")
+        return brief(f"<DecompositionForm {self.name}: {pluralize(self.count, 'run')}, {self._verdicts()}>")
 
     def _verdicts(self) -> str:
         return ", ".join(f"{count} {verdict}" for verdict, count in self.verdicts.items()) or "no task"
@@ -148,7 +148,7 @@ class Stability:
 
     query: str
     runs: tuple[Run, ...]
-    forms: tuple[Form, ...] = field(repr=False)
+    forms: tuple[DecompositionForm, ...] = field(repr=False)
 
     def __bool__(self) -> bool:
         return len(self.forms) == 1
@@ -316,7 +316,7 @@ def _task_of(made: object, scene: Scene) -> Task:
     raise TaskError(problem, source=_ARGUMENT, place="decompose")
 
 
-def _forms(runs: Sequence[Run], *, flows: bool) -> tuple[Form, ...]:
+def _forms(runs: Sequence[Run], *, flows: bool) -> tuple[DecompositionForm, ...]:
     grouped: dict[str, list[Run]] = {}
     for run in runs:
         grouped.setdefault(run.outcome, []).append(run)
@@ -324,13 +324,13 @@ def _forms(runs: Sequence[Run], *, flows: bool) -> tuple[Form, ...]:
     return tuple(map(partial(_form, runs, flows=flows), *zip(*ordered, strict=True)))
 
 
-def _form(runs: Sequence[Run], outcome: str, group: Sequence[Run], *, flows: bool) -> Form:
+def _form(runs: Sequence[Run], outcome: str, group: Sequence[Run], *, flows: bool) -> DecompositionForm:
     example, reference = group[0].task, runs[0].task
     script = None
     if example is not None and reference is not None and outcome != runs[0].outcome:
         script = edit_script(reference, example, flows=flows)
     verdicts = Counter(run.verdict.value for run in group if run.verdict is not None)
-    return Form(
+    return DecompositionForm(
         outcome,
         tuple(group),
         clopper_pearson(len(group), len(runs)),

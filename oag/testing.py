@@ -16,7 +16,7 @@ from typing import Any
 import bddl
 from bddl.errors import MissingExtra
 from oag import authoring
-from oag.authoring import Step
+from oag.authoring import PlanStep
 from oag.graph import compose
 from oag.model.scene import FLOOR, Scene
 from oag.model.symbols import GRIPPER, Kind, Primitive, has_inside
@@ -97,7 +97,7 @@ def tasks(scene: Scene, *, most_steps: int = 4) -> Strategy[Task]:
 
 @st.composite
 def _tasks(draw: st.DrawFn, scene: Scene, most_steps: int) -> Task:
-    steps: list[Step] = []
+    steps: list[PlanStep] = []
     for _ in range(draw(st.integers(1, max(1, most_steps)))):
         possible = list(_next_steps(scene, steps))
         if not possible:
@@ -107,7 +107,7 @@ def _tasks(draw: st.DrawFn, scene: Scene, most_steps: int) -> Task:
     return replace(made, goal_given=True)
 
 
-def _next_steps(scene: Scene, steps: Sequence[Step]) -> Iterator[Step]:
+def _next_steps(scene: Scene, steps: Sequence[PlanStep]) -> Iterator[PlanStep]:
     """Yield the steps that work after others, and change something."""
     report = compose(authoring.task(scene, steps=steps)).verify()
     state = report.state_after(len(steps))
@@ -115,7 +115,7 @@ def _next_steps(scene: Scene, steps: Sequence[Step]) -> Iterator[Step]:
         return
     kinds = {key: thing.kind for key, thing in scene.objects.items()}
     held = next((key for key in kinds if state.holds(f"(inside {key} {GRIPPER})")), None)
-    candidates: list[Step] = []
+    candidates: list[PlanStep] = []
     for key, kind in kinds.items():
         if kind is Kind.ARTICULATED and held is None and state.holds(f"(open {key})") is not None:
             candidates.append(authoring.close(key) if state.holds(f"(open {key})") else authoring.open(key))

@@ -26,7 +26,7 @@ Reader = Callable[[Atom], bool | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class SuccessDecision:
     """Whether a goal holds.
 
     Attributes:
@@ -38,7 +38,7 @@ class Decision:
     missing: tuple[str, ...] = ()
 
 
-def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> Decision:
+def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> SuccessDecision:
     """Return whether a goal holds in a state.
 
     Args:
@@ -62,8 +62,8 @@ def decide(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> De
     }
     missing = tuple(part for part, found in values.items() if found != [True, True])
     if not missing:
-        return Decision(True)
-    return Decision(False if any(False in found for found in values.values()) else None, missing)
+        return SuccessDecision(True)
+    return SuccessDecision(False if any(False in found for found in values.values()) else None, missing)
 
 
 def holds(goal: Formula, scene: Scene, before: Snapshot, after: Snapshot) -> bool:

@@ -30,7 +30,7 @@ WORKER = "executor.audit.worker"
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class EpisodeVerdict:
     """What the audit of an episode found.
 
     Attributes:
@@ -46,7 +46,7 @@ class Verdict:
     findings: tuple[Finding, ...] = ()
 
     @classmethod
-    def of(cls, episode: str, findings: Iterable[Finding], *, replayed: bool) -> Verdict:
+    def of(cls, episode: str, findings: Iterable[Finding], *, replayed: bool) -> EpisodeVerdict:
         """Return the verdict that findings amount to."""
         found = tuple(findings)
         kinds = {finding.kind for finding in found}
@@ -63,13 +63,13 @@ class Verdict:
         return {**asdict(self), "kinds": list(self.kinds)}
 
     @classmethod
-    def from_json(cls, value: Any) -> Verdict:
+    def from_json(cls, value: Any) -> EpisodeVerdict:
         """Read what `to_json` returned."""
         findings = tuple(Finding(found["kind"], found["text"]) for found in value["findings"])
         return cls(value["episode"], value["verdict"], bool(value["replayed"]), findings)
 
 
-def audit_episode(episode: StoredEpisode, *, with_replay: bool = True) -> Verdict:
+def audit_episode(episode: StoredEpisode, *, with_replay: bool = True) -> EpisodeVerdict:
     """Return the verdict on an episode.
 
     Args:
@@ -84,7 +84,7 @@ def audit_episode(episode: StoredEpisode, *, with_replay: bool = True) -> Verdic
         findings.append(Finding("asset", f"an asset of its scene cannot be built: {problem}"))
     except Exception as problem:  # Whatever the engine or a library makes of a forged record: the others are audited.
         findings.append(Finding("unreadable", f"{type(problem).__name__}: {problem}"))
-    return Verdict.of(episode.name, findings, replayed=with_replay)
+    return EpisodeVerdict.of(episode.name, findings, replayed=with_replay)
 
 
 def _findings(episode: StoredEpisode, *, with_replay: bool) -> Iterator[Finding]:
@@ -110,7 +110,7 @@ def _findings(episode: StoredEpisode, *, with_replay: bool) -> Iterator[Finding]
         yield from replay(episode)
 
 
-def keep_verdict(episode: StoredEpisode, verdict: Verdict) -> None:
+def keep_verdict(episode: StoredEpisode, verdict: EpisodeVerdict) -> None:
     """Write a verdict into its episode's folder.
 
     Raises:
@@ -119,13 +119,13 @@ def keep_verdict(episode: StoredEpisode, verdict: Verdict) -> None:
     write_json(episode.path / AUDIT, {"schema": SCHEMA, "content": episode.content_hash, **verdict.to_json()})
 
 
-def kept_verdict(episode: StoredEpisode) -> Verdict | None:
+def kept_verdict(episode: StoredEpisode) -> EpisodeVerdict | None:
     """Return the verdict on an episode's present content; None where there is none."""
     kept = episode.audited
     if kept is None or kept.get("schema") != SCHEMA:
         return None
     try:
-        return Verdict.from_json(kept)
+        return EpisodeVerdict.from_json(kept)
     except (KeyError, TypeError):
         return None
 
@@ -146,7 +146,7 @@ def audit_store(
     workers: int = 1,
     again: bool = False,
     on_progress: OnProgress = ignore_progress,
-) -> Iterator[Verdict]:
+) -> Iterator[EpisodeVerdict]:
     """Yield the verdict on every episode of a store, and write it into the store; those that are there count.
 
     Args:
@@ -179,7 +179,7 @@ def audit_store(
 
 def _audited(
     store: EpisodeStore, names: Sequence[str], with_replay: bool, workers: int
-) -> Generator[Verdict, None, None]:
+) -> Generator[EpisodeVerdict, None, None]:
     if workers <= 1:
         for name in names:
             yield audit_episode(store.episode(name), with_replay=with_replay)
@@ -188,15 +188,15 @@ def _audited(
     with closing(WorkerPool(WORKER, workers, environment={"OMP_NUM_THREADS": "1"}).run(asked)) as outcomes:
         for outcome in outcomes:
             if outcome.ending == "finished":
-                yield Verdict.from_json(outcome.answer)
+                yield EpisodeVerdict.from_json(outcome.answer)
             elif outcome.ending == "error" and outcome.answer.get("kind") == NotADataset.__name__:
                 raise NotADataset(str(outcome.answer.get("error", outcome.message)))
             else:
                 # The engine itself does not survive some forged states.
                 finding = Finding("unreadable", f"the process that read it ended: {outcome.message}")
-                yield Verdict.of(outcome.request["episode"], [finding], replayed=with_replay)
+                yield EpisodeVerdict.of(outcome.request["episode"], [finding], replayed=with_replay)
 
 
-def count_kinds(verdicts: Iterable[Verdict]) -> Counter[str]:
+def count_kinds(verdicts: Iterable[EpisodeVerdict]) -> Counter[str]:
     """Return in how many episodes each kind was found."""
     return Counter(kind for verdict in verdicts for kind in verdict.kinds)

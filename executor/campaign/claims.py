@@ -34,7 +34,7 @@ class BenchBusy(Scene2DemoError):
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ClaimedRun:
     """A run that has claimed units, and may have ended since.
 
     Attributes:
@@ -118,7 +118,7 @@ def _claim(folder: Path, wanted: set[str]) -> tuple[Path, IO[str]]:
     return path, card
 
 
-def runs_in(folder: Path) -> tuple[Run, ...]:
+def runs_in(folder: Path) -> tuple[ClaimedRun, ...]:
     """Return the runs that have claimed units of a folder: those that live, and those that ended without a word.
 
     Where the folder cannot be written, or has no locks, all count as living.
@@ -136,9 +136,9 @@ def runs_in(folder: Path) -> tuple[Run, ...]:
     return tuple(found)
 
 
-def _run_of(path: Path, card: IO[str], *, lives: bool) -> Run:
+def _run_of(path: Path, card: IO[str], *, lives: bool) -> ClaimedRun:
     kept = json.load(card)
-    return Run(str(kept["host"]), int(kept["process"]), frozenset(kept["units"]), path.stat().st_mtime, lives)
+    return ClaimedRun(str(kept["host"]), int(kept["process"]), frozenset(kept["units"]), path.stat().st_mtime, lives)
 
 
 def _live_runs(place: Path, wanted: set[str]) -> Iterator[Mapping[str, Any]]:

@@ -59,7 +59,7 @@ class NodePool:
 
 
 @dataclass
-class _Node:
+class _RayNode:
     """A machine at work.
 
     Attributes:
@@ -105,7 +105,7 @@ class RayEngine:
         self._ray: Any = require("ray", "ray")
         self._arguments = module, workers, limit_s
         self._address, self._version, self._renders = address, version, renders
-        self._nodes: dict[str, _Node] = {}
+        self._nodes: dict[str, _RayNode] = {}
         self.refused: dict[str, str] = {}
         self.lost = 0
 
@@ -194,7 +194,7 @@ class RayEngine:
         else:
             yield WorkerOutcome(request=request, **answer)
 
-    def _admit(self, name: str, node: _Node, version: str, undrawable: str) -> None:
+    def _admit(self, name: str, node: _RayNode, version: str, undrawable: str) -> None:
         own = self._version()
         node.checked = version == own and not undrawable
         if not node.checked:
@@ -202,7 +202,7 @@ class RayEngine:
             self._refuse(name, node, words, deque(), None)
 
     def _refuse(
-        self, name: str, node: _Node, why: str, again: deque[Mapping[str, Any]], request: Mapping[str, Any] | None
+        self, name: str, node: _RayNode, why: str, again: deque[Mapping[str, Any]], request: Mapping[str, Any] | None
     ) -> None:
         """Give a machine no more work, and its requests to others."""
         again.extend(flying for flying, _ in node.flying.values())
@@ -224,7 +224,7 @@ class RayEngine:
                 num_cpus=room, max_concurrency=room + 1, max_restarts=0, scheduling_strategy=here
             )
             actor = pool.remote(module, workers, limit_s, os.getcwd())
-            self._nodes[name] = _Node(actor, room, actor.check.remote(self._version, renders=self._renders))
+            self._nodes[name] = _RayNode(actor, room, actor.check.remote(self._version, renders=self._renders))
 
     def _why(self) -> str:
         reasons = [f"{name[:8]}: {why}" for name, why in self.refused.items()]

@@ -37,7 +37,7 @@ _OLDEST_PYTHON, _TOO_NEW_PYTHON = (3, 11), (3, 14)
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DoctorFinding:
     """The result of one examination.
 
     Attributes:
@@ -57,7 +57,7 @@ class Finding:
         return asdict(self)
 
 
-def examine() -> tuple[Finding, ...]:
+def examine() -> tuple[DoctorFinding, ...]:
     """Return all findings, in a fixed order; dropping and drawing a box takes several seconds."""
     return (
         _python(),
@@ -70,7 +70,7 @@ def examine() -> tuple[Finding, ...]:
     )
 
 
-def healthy(findings: tuple[Finding, ...]) -> bool:
+def healthy(findings: tuple[DoctorFinding, ...]) -> bool:
     """Return whether no finding is a problem."""
     return all(finding.status != "problem" for finding in findings)
 
@@ -79,84 +79,84 @@ def _versions(distributions: tuple[str, ...]) -> str:
     return ", ".join(f"{name} {version}" for name in distributions if (version := extras.installed_version(name)))
 
 
-def _python() -> Finding:
+def _python() -> DoctorFinding:
     detail = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, "
     detail += f"{os.cpu_count()} cores, in {sys.prefix}"
     if _OLDEST_PYTHON <= sys.version_info[:2] < _TOO_NEW_PYTHON:
-        return Finding("python", "ok", detail)
-    return Finding("python", "problem", detail, "Use Python 3.11, 3.12 or 3.13.")
+        return DoctorFinding("python", "ok", detail)
+    return DoctorFinding("python", "problem", detail, "Use Python 3.11, 3.12 or 3.13.")
 
 
-def _core() -> Finding:
+def _core() -> DoctorFinding:
     own = extras.installed_version("scene2demo")
     detail = f"scene2demo {own or 'not installed'}; {_versions(_REPORTED_VERSIONS)}"
     if own is None:
-        return Finding("packages", "note", detail, "In the checkout, run: make setup")
-    return Finding("packages", "ok", detail)
+        return DoctorFinding("packages", "note", detail, "In the checkout, run: make setup")
+    return DoctorFinding("packages", "ok", detail)
 
 
-def _extra(extra: str) -> Finding:
+def _extra(extra: str) -> DoctorFinding:
     """Return whether an extra's libraries are installed; a missing one hinders only what needs it."""
     missing = extras.missing(extra)
     if not missing:
-        return Finding(f"extra {extra}", "ok", _versions(extras.EXTRAS[extra]))
-    return Finding(f"extra {extra}", "note", f"not installed: {', '.join(missing)}", _install(extra))
+        return DoctorFinding(f"extra {extra}", "ok", _versions(extras.EXTRAS[extra]))
+    return DoctorFinding(f"extra {extra}", "note", f"not installed: {', '.join(missing)}", _install(extra))
 
 
 def _install(extra: str) -> str:
     return f"In the checkout, run: {extras.install_command(extra)}"
 
 
-def _physics() -> Finding:
+def _physics() -> DoctorFinding:
     if "sapien" in extras.missing("sim"):
-        return Finding("physics", "problem", "SAPIEN is not installed", _install("sim"))
+        return DoctorFinding("physics", "problem", "SAPIEN is not installed", _install("sim"))
     problem = problem_with("physics")
     if problem:
-        return Finding("physics", "problem", f"SAPIEN does not run: {problem}", _REPAIR)
-    return Finding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
+        return DoctorFinding("physics", "problem", f"SAPIEN does not run: {problem}", _REPAIR)
+    return DoctorFinding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
 
 
-def _rendering() -> Finding:
+def _rendering() -> DoctorFinding:
     """Return how pictures are drawn; physics and planning do without."""
     renderer = vulkan.find_renderer()
     if not renderer:
-        return Finding("rendering", "problem", renderer.why, renderer.remedy)
+        return DoctorFinding("rendering", "problem", renderer.why, renderer.remedy)
     if "sapien" in extras.missing("sim"):
-        return Finding("rendering", "problem", "SAPIEN is not installed", _install("sim"))
+        return DoctorFinding("rendering", "problem", "SAPIEN is not installed", _install("sim"))
     problem = problem_with("drawing")
     if problem:
-        return Finding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", _REPAIR)
-    return Finding("rendering", "ok", renderer.why)
+        return DoctorFinding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", _REPAIR)
+    return DoctorFinding("rendering", "ok", renderer.why)
 
 
-def _model_key() -> Finding:
+def _model_key() -> DoctorFinding:
     """Return which variables for a model are set, by name only."""
     present = [name for name in MODEL_KEY_VARIABLES if os.environ.get(name)]
     if present:
-        return Finding("model", "ok", f"{' and '.join(present)} set; --model openai:NAME uses it")
-    return Finding("model", "ok", "no key is set and none is needed: the offline planner serves")
+        return DoctorFinding("model", "ok", f"{' and '.join(present)} set; --model openai:NAME uses it")
+    return DoctorFinding("model", "ok", "no key is set and none is needed: the offline planner serves")
 
 
-def _hazards() -> tuple[Finding, ...]:
+def _hazards() -> tuple[DoctorFinding, ...]:
     """Return what is known to go wrong with packages that this environment happens to have."""
     found = []
     numpy = extras.installed_version("numpy") or ""
     mplib = extras.installed_version("mplib")
     if mplib and not numpy.startswith("1."):
         detail = f"mplib {mplib} with numpy {numpy}: its planner ends the process on numpy 2"
-        found.append(Finding("mplib", "note", detail, "Nothing here uses it; pip uninstall mplib"))
+        found.append(DoctorFinding("mplib", "note", detail, "Nothing here uses it; pip uninstall mplib"))
     if importlib.util.find_spec("pinocchio") is not None:
         detail = "pinocchio can be imported: SAPIEN then solves inverse kinematics with it, about ten times slower"
-        found.append(Finding("pinocchio", "note", detail, "pip uninstall pin"))
+        found.append(DoctorFinding("pinocchio", "note", detail, "pip uninstall pin"))
     found.append(_own_bddl())
     return tuple(found)
 
 
-def _own_bddl() -> Finding:
+def _own_bddl() -> DoctorFinding:
     if other := extras.installed_version("bddl"):
         detail = f"another distribution named bddl ({other}) is installed; this project's own is found first"
-        return Finding("bddl", "note", detail, "pip uninstall bddl")
-    return Finding("bddl", "ok", "this project's own package is found")
+        return DoctorFinding("bddl", "note", detail, "pip uninstall bddl")
+    return DoctorFinding("bddl", "ok", "this project's own package is found")
 
 
 def problem_with(check: Check) -> str:

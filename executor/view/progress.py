@@ -16,7 +16,7 @@ from typing import Any
 
 from executor.bench import folder as bench_folder
 from executor.bench.folder import BenchFolder
-from executor.campaign.claims import Run, runs_in
+from executor.campaign.claims import ClaimedRun, runs_in
 from executor.campaign.versions import outcome_version
 from executor.data.store import INDEX, EpisodeStore, NotADataset
 from executor.data.units import DemoSeries
@@ -43,7 +43,7 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class FolderProgress:
     """How far a folder is.
 
     Attributes:
@@ -61,7 +61,7 @@ class Progress:
     asked: int
     endings: Counter[str]
     failures: Counter[str]
-    runs: tuple[Run, ...]
+    runs: tuple[ClaimedRun, ...]
     running: int
     lost: int
     an_hour: float | None
@@ -94,7 +94,7 @@ class Progress:
         }
 
 
-def progress_of(path: Path) -> Progress:
+def progress_of(path: Path) -> FolderProgress:
     """Return how far the folder of a store, a benchmark or an evaluation is.
 
     Raises:
@@ -108,7 +108,7 @@ def progress_of(path: Path) -> Progress:
     return _progress(path, "store", list(_asked_of_store(path, endings)), endings)
 
 
-def _progress(path: Path, kind: str, asked: list[Asked], endings: dict[str, tuple[str, str]]) -> Progress:
+def _progress(path: Path, kind: str, asked: list[Asked], endings: dict[str, tuple[str, str]]) -> FolderProgress:
     asked = list(dict.fromkeys(asked))  # Requests may have units in common.
     done = {unit.id: endings[unit.file] for unit in asked if unit.file in endings}
     left = {unit.id for unit in asked} - set(done)
@@ -118,7 +118,7 @@ def _progress(path: Path, kind: str, asked: list[Asked], endings: dict[str, tupl
     lost = left & {unit for run in runs for unit in run.units} - running
     failures = Counter(kind for ended, kind in done.values() if ended != "succeeded" and kind)
     files = [unit.file for unit in asked if unit.id in done]
-    return Progress(
+    return FolderProgress(
         kind,
         len(asked),
         Counter(ended for ended, _ in done.values()),

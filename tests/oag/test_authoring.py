@@ -34,7 +34,7 @@ def kitchen(**given: Any) -> oag.Scene:
     return oag.scene(**({"objects": KITCHEN, "facts": FACTS, "closed": "all"} | given))
 
 
-def report_of(*steps: oag.authoring.Step, goal: str | None = STORED, scene: oag.Scene | None = None) -> oag.Report:
+def report_of(*steps: oag.authoring.PlanStep, goal: str | None = STORED, scene: oag.Scene | None = None) -> oag.Report:
     return oag.compose(oag.task(scene or kitchen(), goal=goal, steps=steps)).verify()
 
 

@@ -78,7 +78,7 @@ def read_urdf(file: Path, *, handles_by_mesh: bool = False) -> RawAsset:
         ImportRefused: The file is no URDF, or an element is unusable; the message names it. A missing mesh, or one
             without faces, is left out, and a note records it.
     """
-    return _Reader(file, _parsed(file), handles_by_mesh=handles_by_mesh).asset()
+    return _UrdfReader(file, _parsed(file), handles_by_mesh=handles_by_mesh).asset()
 
 
 def _parsed(file: Path) -> Any:
@@ -118,7 +118,7 @@ def _is_handle_name(*names: str | None) -> bool:
     return any(name is not None and _HANDLE.search(name.replace("_", " ")) for name in names)
 
 
-class _Reader:
+class _UrdfReader:
     """Walks a URDF's links from the body outwards, without recursion."""
 
     def __init__(self, file: Path, model: Any, *, handles_by_mesh: bool) -> None:

@@ -277,13 +277,13 @@ def _check(options: CheckStoreOptions) -> int:
 
 
 def _audit(options: AuditOptions) -> int:
-    from executor.audit.episodes import Verdict, audit_store, count_kinds
+    from executor.audit.episodes import EpisodeVerdict, audit_store, count_kinds
     from executor.campaign.rate import Rate
     from executor.cli.execution import check_workers, command_line
     from executor.data.store import EpisodeStore
 
     check_workers(options.workers)
-    store, found = EpisodeStore.open(options.store), list[Verdict]()
+    store, found = EpisodeStore.open(options.store), list[EpisodeVerdict]()
     interrupted = False
     with counting("auditing episodes", quiet=options.json) as progress:
         verdicts = audit_store(

@@ -79,7 +79,7 @@ def execute(options: Options) -> int:
         sizing=Sizing(options.seed, options.keep_sizes),
         on_refusal=lambda wish, why: refused.append((wish, why)),
     )
-    listing = _Listing(quiet)
+    listing = _FeasibleTasks(quiet)
     if options.feasible:
         from executor.rollouts.admitted import Answers
 
@@ -101,7 +101,7 @@ def execute(options: Options) -> int:
     return code
 
 
-class _Listing:
+class _FeasibleTasks:
     """The wishes so far, shown as they come."""
 
     def __init__(self, quiet: bool) -> None:

@@ -71,11 +71,11 @@ class LayoutError(ValueError):
     """A layout file cannot be arranged; the message names layout and place."""
 
 
-class _Form(BaseModel):
+class _RoomForm(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class ThingKind(_Form):
+class ThingKind(_RoomForm):
     """A kind of thing; `data/kinds.toml` documents its fields."""
 
     models: tuple[str, ...]
@@ -87,7 +87,7 @@ class ThingKind(_Form):
     unit: bool = False
 
 
-class _Kinds(_Form):
+class _Kinds(_RoomForm):
     kinds: dict[str, ThingKind]
     clutter: dict[str, tuple[str, ...]]
 
@@ -145,7 +145,7 @@ _Row = tuple[Annotated[Thing | float | Literal["..."], BeforeValidator(_in_a_row
 _Top = tuple[Annotated[Thing | int, BeforeValidator(_on_top)], ...]
 
 
-class RoomWish(_Form):
+class RoomWish(_RoomForm):
     """The request in one variation of a room.
 
     Attributes:
@@ -174,7 +174,7 @@ class RoomWish(_Form):
         return "T6" if self.deed == "pick" else "T5"
 
 
-class Layout(_Form):
+class Layout(_RoomForm):
     """One room.
 
     Attributes:

@@ -13,7 +13,7 @@ import pytest
 
 from executor.audit import checks
 from executor.audit.checks import Finding
-from executor.audit.episodes import Verdict, audit_episode, audit_store, kept_verdict
+from executor.audit.episodes import EpisodeVerdict, audit_episode, audit_store, kept_verdict
 from executor.cli.app import run
 from executor.data.formats.selection import Selection
 from executor.data.formats.store_reader import stream_of
@@ -49,7 +49,7 @@ def test_clean_episodes_are_sound_also_when_they_are_repeated(clean: EpisodeStor
     episodes = list(clean.demonstrations())
     assert len(episodes) == 2
     for episode in episodes:
-        assert audit_episode(episode) == Verdict(episode.name, "sound", replayed=True)
+        assert audit_episode(episode) == EpisodeVerdict(episode.name, "sound", replayed=True)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import json
 import pytest
 
 from executor.system import doctor, extras, vulkan
-from executor.system.doctor import Finding
 from executor.system.vulkan import Renderer
 
 
