@@ -17,7 +17,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "problem_with", lambda check: "")
 
 
-def by_topic() -> dict[str, Finding]:
+def by_topic() -> dict[str, DoctorFinding]:
     return {finding.topic: finding for finding in doctor.examine()}
 
 
