@@ -8,6 +8,7 @@ import json
 import pytest
 
 from executor.system import doctor, extras, vulkan
+from executor.system.doctor import DoctorFinding
 from executor.system.vulkan import Renderer
 
 
