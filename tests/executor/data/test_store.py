@@ -15,7 +15,7 @@ from executor.campaign.engine import pending
 from executor.campaign.versions import UNORDERED_VERSION
 from executor.data.generation import series_of
 from executor.data.store import INDEX, META, EpisodeStore, NotADataset, StoredEpisode
-from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation
+from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation, View
 from executor.data.upkeep import recorded_key
 from executor.data.work import Made, Prepared, meta_of
 from executor.records import Detour
@@ -186,7 +186,8 @@ def test_the_robot_of_a_family_has_one_id_and_that_of_its_name_counts() -> None:
 
 
 def test_pictures_of_varied_surfaces_without_a_home_have_a_version_of_their_own() -> None:
-    views, surfaces = ("head",), Variation(surfaces=True)
+    views: tuple[View, ...] = ("head",)
+    surfaces = Variation(surfaces=True)
     for recording, variation, own in (
         (Recording(views=views), surfaces, True),
         (Recording(views=views, home=True), surfaces, False),
