@@ -261,8 +261,8 @@ class EpisodeStore:
         return self.path / UNITS / unit.folder(version)
 
     def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
-        """Return a unit's episode, under any program's id of it, or None when it is not made yet."""
-        for unit_id in unit.ids(version):
+        """Return a unit's episode, under any id of an equal outcome, or None when it is not made yet."""
+        for unit_id in unit.equal_ids(version):
             try:
                 found = self.episode(unit.folder_of(unit_id))
             except NotADataset:

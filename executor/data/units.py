@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
 
-from executor.campaign.versions import UNORDERED_VERSION
+from executor.campaign.versions import SURFACES_VERSION, UNORDERED_VERSION
 from executor.scenes.generators.families import HOUSEHOLD, LONG_HORIZON, Family, Flows, Seed, pair_name, pairs_from
 from executor.scenes.room import Draws, Perturbation
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
@@ -210,6 +210,8 @@ class DemoUnit:
             # One request has one id, however it was worded.
             object.__setattr__(self, "full_size", True)
             object.__setattr__(self, "robot", "")
+        if self.robot == PAPER_ROBOT.name and self.origin.family is not None:
+            object.__setattr__(self, "robot", "")
         if self.robot and self.full_size:
             raise ValueError(f"the robot {self.robot} is not the Panda of full size; keep one of them")
         if self.takeover is not None and (self.evolve or self.flows == "paper"):
@@ -237,28 +239,60 @@ class DemoUnit:
         Args:
             version: Hash of the program (`executor.campaign.versions.outcome_version`).
         """
-        data = self.to_json()
-        if self.origin.scene_key:
-            data["origin"]["scene"] = ""  # The content identifies the scene, wherever its file lies.
-        if not robot_named(self.robot_name or PAPER_ROBOT.name).keeps_order:
-            version = f"{version} unordered {UNORDERED_VERSION}"
-        return _id_of(data, version)
+        return next(self.equal_ids(version))
 
-    def ids(self, version: str) -> Iterator[str]:
-        """Yield the unit's id, then the ids of earlier programs, under which a store may have it.
+    def equal_ids(self, version: str) -> Iterator[str]:
+        """Yield the unit's id, then those that earlier programs gave a unit of the same outcome.
 
         Earlier programs treated 10 and 10.0 as different requests, as well as other orders of views and copies of a
-        scene's file. They had no version of their own for robots that keep no order.
+        scene's file, and a family's own robot by its name.
 
         Args:
             version: Hash of the program.
         """
-        yield self.id(version)
-        for rate_hz, noise_m in product(_spellings(self.recording.rate_hz), _spellings(self.variation.noise_m)):
-            data = self.to_json()
-            data["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
-            data["variation"]["noise_m"] = noise_m
-            yield _id_of(data, version)
+        return self._ids_under(self._full_version(version))
+
+    def ids(self, version: str) -> Iterator[str]:
+        """Yield all ids that a program of this version may have given the unit, those of `equal_ids` first.
+
+        Outcomes under the others may differ by now: programs had earlier versions, or none, for robots that keep no
+        order, and none for pictures of varied surfaces.
+
+        Args:
+            version: Hash of the program.
+        """
+        yield from self.equal_ids(version)
+        earlier = [version]
+        if not self._keeps_order:
+            earlier += [f"{version} unordered {number}" for number in range(1, UNORDERED_VERSION + 1)]
+        for full_version in earlier:
+            yield from self._ids_under(full_version)
+
+    def _ids_under(self, full_version: str) -> Iterator[str]:
+        """Yield the id of this program, then those of programs that kept numbers, views and paths as typed."""
+        for robot in ("", PAPER_ROBOT.name) if self.origin.family and not self.robot_name else ("",):
+            more = {"robot": robot} if robot else {}
+            data = self.to_json() | more
+            if self.origin.scene_key:
+                data["origin"]["scene"] = ""  # The content identifies the scene, wherever its file lies.
+            yield _id_of(data, full_version)
+            for rate_hz, noise_m in product(_spellings(self.recording.rate_hz), _spellings(self.variation.noise_m)):
+                data = self.to_json() | more
+                data["recording"] |= {"rate_hz": rate_hz, "views": self.recording.views}
+                data["variation"]["noise_m"] = noise_m
+                yield _id_of(data, full_version)
+
+    @property
+    def _keeps_order(self) -> bool:
+        return robot_named(self.robot_name or PAPER_ROBOT.name).keeps_order
+
+    @property
+    def _varies_plain_looks(self) -> bool:
+        return bool(self.recording.views) and self.variation.surfaces and not self.recording.home
+
+    def _full_version(self, version: str) -> str:
+        version = version if self._keeps_order else f"{version} unordered {UNORDERED_VERSION}"
+        return f"{version} surfaces {SURFACES_VERSION}" if self._varies_plain_looks else version
 
     def folder(self, version: str) -> str:
         """Return the name of the unit's folder: its own name, and the begin of its id."""

@@ -7,8 +7,10 @@ import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.data import samples
 from executor.data.formats.store_reader import joint_names
@@ -59,7 +61,7 @@ def find_flaws(store: EpisodeStore, on_progress: OnProgress = ignore_progress) -
         try:
             episode = store.episode(name)
             yield from (StoreFlaw(name, what) for what in _flaws_of(episode))
-            if episode.has_samples and (first := known.setdefault(_content(episode), name)) != name:
+            if episode.has_samples and (first := known.setdefault(recorded_key(episode), name)) != name:
                 yield StoreFlaw(name, f"it repeats {first}, whose states, actions, sentence and pictures it has")
         except (NotADataset, VideoFailed, InputError) as problem:
             yield StoreFlaw(name, str(problem))
@@ -67,13 +69,15 @@ def find_flaws(store: EpisodeStore, on_progress: OnProgress = ignore_progress) -
             yield StoreFlaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
 
 
-def _content(episode: StoredEpisode) -> str:
+def recorded_key(episode: StoredEpisode) -> str:
     """Return a key of the recorded content; episodes with equal keys are duplicates."""
-    # Views, not copies: recordings may be as large as a file of samples.
-    recorded = (
-        part for name in _PER_SAMPLE for part in (name, np.ascontiguousarray(episode.arrays[name]).data.cast("B"))
-    )
+    recorded = (part for name in _PER_SAMPLE for part in (name, _bytes_of(episode.arrays[name])))
     return content_key(json_text([episode.meta.get("query"), episode.meta.get("pictures")]), *recorded)
+
+
+def _bytes_of(rows: NDArray[Any]) -> memoryview | bytes:
+    # Views, not copies: recordings may be as large as a file of samples. An empty array has no view.
+    return np.ascontiguousarray(rows).data.cast("B") if rows.size else b""
 
 
 def _flaws_of(episode: StoredEpisode) -> Iterator[str]:

@@ -37,7 +37,8 @@ from executor.envs.episodes import (
 from executor.envs.hand_control import Elbow, HandFollower, arm_speeds
 from executor.geometry import Array
 from executor.rollouts.checkpoint import Checkpoint
-from executor.scenes.generators.families import Family
+from executor.scenes.file import load_scene
+from executor.scenes.generators.families import Family, varies_with_seed
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED, check_seed
 from executor.sim.engine import STANDARD, TIMESTEP_S, Physics
@@ -231,7 +232,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.family = family
         chosen = known_robot(chosen_robot(robot, full_size=full_size))
         self._episode_source = _episode_source(family, scene, query, task, physics, variation, chosen, start)
-        self._robot = scene.robot.model if isinstance(scene, Scene) else robot_named(chosen or PAPER_ROBOT.name)
+        self._robot = _robot_of(scene, chosen)
         _check_choice("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
         _check_choice("action_mode", action_mode, ("joint_target", "paper"))
         _check_choice("render_mode", render_mode, (None, "rgb_array"))
@@ -480,6 +481,15 @@ def _episode_source(
     if family is None and task is None and query and isinstance(scene, str | Path):
         return query_source(query, str(scene), variation, robot=robot)
     raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")
+
+
+def _robot_of(scene: str | Path | Scene | None, chosen: str) -> Robot:
+    if isinstance(scene, Scene):
+        return scene.robot.model
+    if chosen or scene is None:
+        return robot_named(chosen or PAPER_ROBOT.name)
+    # The kitchens that seeds draw are for the paper's robot.
+    return PAPER_ROBOT if varies_with_seed(str(scene)) else load_scene(scene).robot.model
 
 
 def _check_choice(name: str, value: object, values: tuple[object, ...]) -> None:

@@ -53,6 +53,8 @@ class Policy(Protocol):
     step: int
     picture_size: tuple[int, int] | None
     """Width and height of the pictures that it observes; None where it observes none."""
+    home: bool
+    """Whether these show a home, as those that it was trained on did."""
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begin an episode with the step numbers of its plan and its seed."""
@@ -96,6 +98,7 @@ class TrainedPolicy:
         self.name, self.record = name, record
         self.folder = folder or name
         self.picture_size: tuple[int, int] | None = None
+        self.home = False
         self.step = record.settings.training.steps if step is None else step
         self._network, self._settings = network.eval(), record.settings
         self.execute = execute or record.settings.acts.execute
@@ -276,6 +279,7 @@ class LeRobotPolicy:
         execute: Executed actions between observations.
         step: Step of training, as its trainer recorded it; 0 without a record.
         picture_size: Width and height of the pictures that it observes; None where it observes none.
+        home: Whether these show a home, as its training data's do.
 
     Raises:
         NotAPolicy: LeRobot is not installed, or cannot read it; or its actions or pictures are not the environment's.
@@ -283,7 +287,7 @@ class LeRobotPolicy:
 
     def __init__(self, folder: Path, data: LearnedFrom) -> None:
         self.name = self.folder = str(folder)
-        self.step = _step(folder) or 0
+        self.step, self.home = _step(folder) or 0, data.home
         self._policy, self._before, self._after = _load_lerobot_policy(folder)
         config = self._policy.config
         self._views, self.picture_size = _observed_views(folder, getattr(config, "image_features", None) or {})

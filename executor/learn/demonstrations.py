@@ -410,6 +410,7 @@ class LearnedFrom:
         kinds, seeds, key: As in `Demonstrations`.
         demonstrations, takeovers: Number of demonstrations, and of those that continue from a state that a policy
             reached.
+        home: Whether all pictures show a home.
     """
 
     rate_hz: float
@@ -418,6 +419,7 @@ class LearnedFrom:
     key: str
     demonstrations: int
     takeovers: int
+    home: bool
 
 
 def learned_from(path: Path) -> LearnedFrom:
@@ -435,6 +437,7 @@ def learned_from(path: Path) -> LearnedFrom:
         key=_key(shown),
         demonstrations=len(shown),
         takeovers=_takeovers(shown),
+        home=all(info.unit.recording.home for info in shown),
     )
 
 

@@ -318,6 +318,7 @@ def environment_for(policy: Policy, kind: EpisodeKind) -> SceneEnvironment:
         rate_hz=policy.record.rate_hz,
         variation=kind.variation,
         robot=kind.robot_name,
+        plain=not policy.home,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from itertools import count as counter
 from pathlib import Path
@@ -167,7 +167,7 @@ def _finished(
             tell(f"interrupted: this is of the first {whole} of {options.episodes} episodes")
         elif code != DONE:
             tell(f"this is of the {whole} of {options.episodes} episodes that ended; --again runs the others again")
-    following = command_line("evaluate", *options.policies, task=options.task, out="FOLDER", videos=True)
+    following = command_with_videos(options)
     if options.out is not None:
         write_json(options.out / RESULTS, results)
         write_text(options.out / PAGE, evaluation_page(judged))
@@ -175,6 +175,16 @@ def _finished(
     if not options.json:
         say(f"{'next':11} {following}")
     return code
+
+
+def command_with_videos(options: Options) -> str:
+    """Return the command line that runs the same episodes again and draws the failures, in one process."""
+    from executor.cli.execution import command_line
+
+    usual = {field.name: field.default for field in fields(Options)}
+    same = ("task", "data", "episodes", "until", "seed", "execute", "steps", "size", "threads")
+    given = {name: value for name in same if (value := getattr(options, name)) != usual[name]}
+    return command_line("evaluate", *options.policies, **given, out="FOLDER", videos=True)
 
 
 def _is_campaign(options: Options) -> bool:

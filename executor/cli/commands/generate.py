@@ -268,6 +268,12 @@ def _requested_series(options: Options) -> tuple[DemoSeries, ...]:
         )
     check(options.limit is None or options.all_tasks is not None, "--limit", options.limit, "--all-tasks as well")
     check(options.limit is None or options.limit >= 1, "--limit", options.limit, "at least 1")
+    check(
+        bool(options.views) or not options.plain,
+        "--plain",
+        "is given",
+        "--views with it, the pictures that it is about",
+    )
     sources = [_source(options)] if options.all_tasks is None else list(_everything(options, options.all_tasks))
     return series_of({**_request_fields(options), "sources": sources}) if sources else ()
 

@@ -120,6 +120,7 @@ def _run(options: Options) -> int:
     # The physics steps at 250 Hz; NaN is in no range.
     check(1.0 <= options.record_hz <= 125.0, "--record-hz", options.record_hz, "a rate from 1 to 125 samples a second")
     check_size(options.size)
+    check(options.video or not options.plain, "--plain", "is given", "no --no-video, which leaves nothing to draw")
     check_limit(options.limit)
     images = _pictures(options.image, options.asked.model)
     check(

@@ -86,6 +86,7 @@ def test_an_output_folder_that_is_a_file_is_refused(command: Command, tmp_path: 
         (["--seed", "-1"], "--seed -1: expected a whole number from 0"),
         (["--record-hz", "0"], "--record-hz 0.0: expected a rate from 1 to 125"),
         (["--size", "33", "33"], "pictures of 33 x 33 pixels are not possible"),
+        (["--plain", "--no-video"], "--plain is given: expected no --no-video"),
     ],
 )
 def test_impossible_options_are_refused(command: Command, arguments: list[str], message: str) -> None:
@@ -99,6 +100,11 @@ def test_errors_are_one_json_object_when_asked(command: Command) -> None:
     assert answer.data["ok"] is False and answer.data["exit_code"] == 2
     assert answer.data["error"]["kind"] == "SceneNotFound"
     assert "did you mean kitchen_t1" in answer.data["error"]["message"]
+
+
+def test_a_look_of_no_pictures_is_refused(command: Command) -> None:
+    answer = command("generate", "T1", "--out", "g", "--plain")
+    assert answer.code == 2 and "--plain is given: expected --views with it" in answer.err
 
 
 @pytest.mark.parametrize("arguments", [["run"], ["fly"], [], ["verify"], ["run", QUERY, "--sceen", "kitchen_t1"]])

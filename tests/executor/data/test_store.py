@@ -5,22 +5,25 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from executor.campaign.engine import pending
+from executor.campaign.versions import UNORDERED_VERSION
 from executor.data.generation import series_of
-from executor.data.store import INDEX, META, EpisodeStore, NotADataset
-from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation
+from executor.data.store import INDEX, META, EpisodeStore, NotADataset, StoredEpisode
+from executor.data.units import SCHEMA, DemoSeries, DemoUnit, Origin, Recording, Variation, View
+from executor.data.upkeep import recorded_key
 from executor.data.work import Made, Prepared, meta_of
 from executor.records import Detour
 from executor.rollouts.run_record import with_open_numbers
 from executor.scenes.file import scene_for
 from executor.system.files import content_key, json_text
 from oag import Task, compose
-from oag.model.robots import LIFTED, UR5
+from oag.model.robots import LIFTED, PAPER_ROBOT, UR5
 from tests.executor.recordings import invented_rollout
 
 FIRST = DemoUnit(Origin("T1"), 7)
@@ -157,8 +160,53 @@ def test_units_of_a_robot_that_keeps_no_order_name_it_and_have_a_version_of_thei
     units = (FIRST, replace(FIRST, robot="panda"), replace(FIRST, robot=UR5.name), own)
     assert [unit.robot_name for unit in units] == ["", "panda", "ur5-lift", "panda-lift"]
     before = [unit.id("v") for unit in units]
-    monkeypatch.setattr("executor.data.units.UNORDERED_VERSION", 3)
+    monkeypatch.setattr("executor.data.units.UNORDERED_VERSION", UNORDERED_VERSION + 1)
     assert [unit.id("v") == was for unit, was in zip(units, before, strict=True)] == [True, True, False, False]
+
+
+def test_results_of_earlier_searches_are_readable_and_do_not_count(folder: Path) -> None:
+    unit, store = replace(FIRST, robot=UR5.name), EpisodeStore(folder)
+    earlier = [content_key(SCHEMA, said, json_text(unit.to_json())) for said in ("v", "v unordered 1")]
+    assert set(earlier) <= set(unit.ids("v")) and set(unit.equal_ids("v")).isdisjoint(earlier)
+    for known_as in earlier:
+        place = folder / "units" / unit.folder_of(known_as)
+        place.mkdir(parents=True)
+        meta = {"schema": SCHEMA, "id": known_as, "name": unit.name, "version": "v", "unit": unit.to_json()}
+        (place / META).write_text(json.dumps({**meta, "ended": "succeeded"}))
+    assert list(pending(store, [(unit, "v")])) == [(unit, "v")]
+
+
+def test_the_robot_of_a_family_has_one_id_and_that_of_its_name_counts() -> None:
+    named = replace(FIRST, robot=PAPER_ROBOT.name, recording=Recording(views=("wrist", "head")))
+    plain = replace(named, robot="")
+    assert named == plain and named.id("v") == plain.id("v")
+    assert old_id({**plain.to_json(), "robot": PAPER_ROBOT.name}, "v") in plain.equal_ids("v")
+    of_a_scene = DemoUnit(Origin(None, "open it", "s.json", "k"), 7)
+    assert replace(of_a_scene, robot=PAPER_ROBOT.name).id("v") != of_a_scene.id("v")
+
+
+def test_pictures_of_varied_surfaces_without_a_home_have_a_version_of_their_own() -> None:
+    views: tuple[View, ...] = ("head",)
+    surfaces = Variation(surfaces=True)
+    for recording, variation, own in (
+        (Recording(views=views), surfaces, True),
+        (Recording(views=views, home=True), surfaces, False),
+        (Recording(views=views), Variation(lights=True), False),
+        (Recording(), surfaces, False),
+    ):
+        unit = replace(FIRST, recording=recording, variation=variation)
+        before = old_id(unit.to_json(), "v")
+        assert before in unit.ids("v") and (before not in unit.equal_ids("v")) is own
+
+
+def test_a_scene_without_doors_has_a_key_of_its_content() -> None:
+    names = ("packed_states", "time_s", "subtask", "step", "robot_qpos", "robot_qvel", "robot_target", "eef_pose")
+    arrays = {name: np.ones((3, 2)) for name in (*names, "object_poses")} | {"joint_positions": np.empty((3, 0))}
+    one, other = (
+        cast("StoredEpisode", SimpleNamespace(meta={"query": "pick up the mug"}, arrays=arrays | more))
+        for more in ({}, {"joint_positions": np.ones((3, 1))})
+    )
+    assert recorded_key(one) != recorded_key(other)
 
 
 def test_another_recording_is_another_unit() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import os
 import pickle
 import shutil
@@ -25,7 +26,7 @@ from executor.envs.scene_environment import SceneEnvironment
 from executor.scenes.generators.families import pair_of
 from executor.sim.engine import Physics
 from executor.sim.robot.actions import joint_limits
-from oag.model.robots import PAPER_ROBOT
+from oag.model.robots import LIFTED, PAPER_ROBOT
 from tests.source_tree import ROOT
 
 AGENT = agent_numbers(PAPER_ROBOT)
@@ -244,6 +245,16 @@ def test_processes_of_their_own_step_it() -> None:
         assert rewards.shape == (2,) and os.getpid() > 0
     finally:
         envs.close()
+
+
+def test_a_scenes_file_has_its_own_robot_and_drawn_kitchens_the_papers(tmp_path: Path) -> None:
+    table = {"category": "table", "position": [1.2, 0, 0.375], "bbox_extent": [0.8, 1.4, 0.75]}
+    (tmp_path / "own.json").write_text(json.dumps({"objects": {"table_0": table}}))
+    for scene, robot in ((tmp_path / "own.json", LIFTED), ("t1", PAPER_ROBOT), ("kitchen_t1", PAPER_ROBOT)):
+        env = SceneEnvironment(scene=scene, query="open the refrigerator")
+        assert env.action_space.shape == SceneEnvironment("T1", robot=robot.name).action_space.shape
+        env.close()
+    assert LIFTED.joint_names != PAPER_ROBOT.joint_names
 
 
 @pytest.mark.parametrize(

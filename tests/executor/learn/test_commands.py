@@ -13,13 +13,13 @@ import pytest
 
 from executor.campaign.versions import EVALUATION_VERSION, outcome_version
 from executor.cli.app import run
-from executor.cli.commands.evaluate import kind_of
+from executor.cli.commands.evaluate import Options, command_with_videos, kind_of
 from executor.cli.errors import BadOption
 from executor.data.store import EpisodeStore
 from executor.data.units import Origin, Variation
 from executor.learn.acting import TrainedPolicy
 from executor.learn.demonstrations import EpisodeKind
-from executor.learn.evaluation import FAILURES, EpisodeOutcome
+from executor.learn.evaluation import FAILURES, EpisodeOutcome, environment_for
 from executor.learn.evaluation_units import _weights_key
 from executor.learn.settings import PolicySettings, SettingsError, read_settings
 
@@ -233,3 +233,20 @@ def test_demonstrations_of_several_kinds_want_a_family() -> None:
     other = EpisodeKind(Origin(family="T2"))
     with pytest.raises(BadOption, match="several things: T1, T2"):
         kind_of(None, [SimpleNamespace(kinds=(kinds[0], other))])  # type: ignore[list-item]
+
+
+def test_the_next_command_runs_the_same_episodes() -> None:
+    given = Options((Path("p"),), data=Path("d"), episodes=7, seed=9, steps=(1, 2), execute=3, workers=4)
+    words = "scene2demo evaluate p --data d --episodes 7 --seed 9 --execute 3 --steps 1 2 --out FOLDER --videos"
+    assert command_with_videos(given) == words
+
+
+@pytest.mark.parametrize(("home", "pictures"), [(True, (64, 48)), (False, (64, 48)), (False, None)])
+def test_policies_see_homes_where_their_training_data_show_them(
+    monkeypatch: pytest.MonkeyPatch, home: bool, pictures: tuple[int, int] | None
+) -> None:
+    monkeypatch.setattr("executor.learn.evaluation.SceneEnvironment", lambda **given: given)
+    record = SimpleNamespace(settings=PolicySettings(), rate_hz=10.0)
+    policy = SimpleNamespace(record=record, picture_size=pictures, home=home)
+    made: Any = environment_for(policy, EpisodeKind(Origin(family="T1")))  # type: ignore[arg-type]
+    assert made["plain"] is not home and made.get("size") == pictures

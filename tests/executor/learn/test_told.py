@@ -53,7 +53,7 @@ def test_a_scenes_own_robot_of_full_size_is_what_is_learned_from_and_acted_with(
     moved_m, seen_m = now[:, :3, 3] - now[0, :3, 3], data.numbers[:, 8:11] - data.numbers[0, 8:11]
     assert np.abs(seen_m).max() > 0.2 and np.allclose(moved_m, seen_m, atol=1e-3)
     assert data.hands is not None and np.allclose(data.hands[:, 0], to_hand_frame(now, wanted), atol=1e-6)
-    actor = type("Acts", (), {"record": record})()
+    actor = type("Acts", (), {"record": record, "picture_size": None, "home": False})()
     env = environment_for(actor, record.kinds[0])  # type: ignore[arg-type]
     env.reset(seed=62985)
     assert env.episode.scene.robot.model is FULL_SIZE
