@@ -39,7 +39,7 @@ from llm.client.recording import connect
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.errors import ReplayMissing
 from llm.proposing.model_proposer import Draft
-from llm.proposing.modules import ModuleSession
+from llm.proposing.session import ModuleSession
 from llm.structured.ask import Log
 from llm.structured.conversation import Conversation
 from oag import Scene, Task, Verdict, compose
