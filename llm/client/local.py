@@ -34,7 +34,7 @@ def served(profile: ModelProfile) -> ModelProfile:
         with file.open("rb") as stream:
             begins = stream.read(len(_MAGIC))
     except (OSError, RuntimeError, ValueError) as error:
-        problem = f"the model's file cannot be read: {getattr(error, 'strerror', None) or error}"
+        problem = f"the model's file cannot be read: {getattr(error, 'strerror', None) or str(error).rstrip('.')}"
         raise ModelConfigError(profile.name, problem, "Name a GGUF file, as in local:models/qwen.gguf") from error
     if begins != _MAGIC:
         raise ModelConfigError(profile.name, "the file is no GGUF file", "llama.cpp reads models in this format")
