@@ -32,14 +32,12 @@ import bddl
 import llm
 from benchmarks.baselines.methods import UncheckedRun
 from executor.campaign.rate import Rate
-from executor.records import ignore
-from executor.rollouts.rollout import RECORD_HZ
 from executor.scenes.file import load_scene
 from llm.client.recording import connect
 from llm.client.transport import ChatReply, ChatRequest, Transport
 from llm.errors import ReplayMissing
 from llm.proposing.model_proposer import Draft
-from llm.proposing.modules import ModuleSession
+from llm.proposing.session import ModuleSession
 from llm.structured.ask import Log
 from llm.structured.conversation import Conversation
 from oag import Scene, Task, Verdict, compose
@@ -155,7 +153,7 @@ class Counted:
         if execute and (way == FREE or found.verdict == Verdict.PROVED.value):
             asked = replace(task, goal=goal)
             world = scene.with_scales(task.scales)
-            done = UncheckedRun(compose(asked, scene=world), world, 0, ignore, RECORD_HZ).from_start()
+            done = UncheckedRun(compose(asked, scene=world), world, 0).from_start()
             found.succeeded, found.simulated_s = done.succeeded, done.simulated_s
         return found
 

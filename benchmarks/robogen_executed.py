@@ -25,8 +25,8 @@ import bddl
 from benchmarks.baselines.methods import UncheckedRun
 from benchmarks.robogen_plans import Recorded, as_task, recorded
 from executor.campaign.rate import Rate
-from executor.records import Rollout, ignore
-from executor.rollouts.rollout import RECORD_HZ, failure_of
+from executor.records import Rollout
+from executor.rollouts.rollout import failure_of
 from executor.scenes.vary import vary
 from oag import Scene, Task, compose
 
@@ -87,7 +87,7 @@ def prepared(plan: Recorded, *, grasping_lets_go: bool) -> tuple[Scene, Task]:
 def executed(scene: Scene, task: Task, seed: int) -> Rollout:
     """Return what comes of doing the steps in the room of a seed."""
     concrete = vary(scene.with_scales(task.scales), seed)
-    return UncheckedRun(compose(task, scene=concrete), concrete, seed, ignore, RECORD_HZ).from_start()
+    return UncheckedRun(compose(task, scene=concrete), concrete, seed).from_start()
 
 
 def main() -> int:

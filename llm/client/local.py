@@ -8,7 +8,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
-from threading import Timer
+from threading import Event, Timer
 
 from bddl.errors import MissingExtra
 from llm.client.profiles import ModelProfile
@@ -28,12 +28,13 @@ def served(profile: ModelProfile) -> ModelProfile:
     """
     if not profile.serve:
         return profile
-    file = Path(profile.model).expanduser()
     try:
+        # RuntimeError: "~name" of a user that this machine does not have.
+        file = Path(profile.model).expanduser()
         with file.open("rb") as stream:
             begins = stream.read(len(_MAGIC))
-    except OSError as error:
-        problem = f"the model's file cannot be read: {error.strerror or error}"
+    except (OSError, RuntimeError, ValueError) as error:
+        problem = f"the model's file cannot be read: {getattr(error, 'strerror', None) or str(error).rstrip('.')}"
         raise ModelConfigError(profile.name, problem, "Name a GGUF file, as in local:models/qwen.gguf") from error
     if begins != _MAGIC:
         raise ModelConfigError(profile.name, "the file is no GGUF file", "llama.cpp reads models in this format")
@@ -56,7 +57,13 @@ class _LocalServer:
             self.process = subprocess.Popen(
                 [sys.executable, str(program), str(file)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log
             )
-            patience = Timer(_LONGEST_START_S, self.process.kill)
+            late = Event()
+
+            def give_up() -> None:
+                late.set()
+                self.process.kill()
+
+            patience = Timer(_LONGEST_START_S, give_up)
             patience.start()
             try:
                 lines = iter(self.process.stdout or ())
@@ -68,8 +75,10 @@ class _LocalServer:
             self.process.kill()
             self.process.communicate()
             log.seek(0)
-            said = [line for line in log.read()[-4000:].decode("utf-8", "replace").splitlines() if line.strip()]
-        problem = f"the server ended before it answered: {said[-1].strip() if said else 'it said nothing'}"
+            output = [line for line in log.read()[-4000:].decode("utf-8", "replace").splitlines() if line.strip()]
+        late_text = f"the server did not start within {_LONGEST_START_S:g} s"
+        reason = late_text if late.is_set() else "the server ended before it answered"
+        problem = f"{reason}; its last line: {output[-1].strip()}" if output else f"{reason}, without output"
         raise ModelConfigError(f"local:{file}", problem, "Is the file whole, and is there memory for it?")
 
     @classmethod

@@ -26,7 +26,8 @@ def parameters(file: str) -> Any:
     params.n_ctx, params.cache_ram_mib = _CONTEXT, _CACHE_MIB
     params.sampling.temp = _TEMPERATURE
     # Threads wait for each other actively: more than there are cores would be slow.
-    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = len(os.sched_getaffinity(0))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = cores
     params.ui = False
     return params
 

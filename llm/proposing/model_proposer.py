@@ -18,7 +18,6 @@ from llm.errors import QueryError
 from llm.offline.planner import LONGEST_QUERY, OfflinePlanner
 from llm.offline.subtasks import check_sizes, problem, scale_factors
 from llm.proposing.modules import (
-    ModuleSession,
     Understood,
     decompose,
     instantiate,
@@ -28,6 +27,7 @@ from llm.proposing.modules import (
     understand,
 )
 from llm.proposing.proposal import Proposal
+from llm.proposing.session import ModuleSession
 from llm.structured.ask import Log
 from llm.structured.conversation import AnswersRefused, Conversation, PlanVerdict, Round, finding_key
 from llm.structured.prompting import CHANGEABLE

@@ -16,31 +16,22 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
 
 from pydantic import BeforeValidator, Field
 
 import bddl
-from llm.client.transport import Image, Transport
 from llm.errors import QueryError
-from llm.offline.grounding import Grounding, singulars
-from llm.offline.lexicon import built_in
-from llm.offline.planner import named_in
 from llm.offline.subtasks import TEMPLATES
 from llm.proposing.proposal import Expanded
-from llm.structured.ask import Log, ask
-from llm.structured.conversation import errors_of, finding
+from llm.proposing.session import ModuleSession, check_numbering
+from llm.structured.conversation import finding
 from llm.structured.prompting import (
-    Prompt,
-    Refused,
-    concerned,
     fenced,
     predicate_table,
     primitives_text,
-    render,
-    scene_table,
     subtask_table,
 )
 from llm.structured.schema import (
@@ -68,111 +59,9 @@ from llm.structured.values import as_number
 from oag import Diagnostic, Scene, SceneObject, SimpleTask, Task, Verdict, compose
 from oag import flows as usual_flows
 from oag.model.diagnostics import TASK_GOAL
-from oag.sizes import LEAST_SCALE, TO_THE_AIM, Gripper, Sizing, scale_factor, too_small
+from oag.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 from oag.task_definition import UNREADABLE, subtask_place, syntax_issues
 from oag.wellformed import check as check_form
-
-AnswerT = TypeVar("AnswerT", bound=Answer)
-
-
-@dataclass(slots=True)
-class ModuleSession:
-    """State that the modules share while they ask a model.
-
-    Attributes:
-        transport: Transport to the model.
-        query: The user's query.
-        scene: The scene.
-        log: Record of the rounds.
-        rounds: Most questions for one answer.
-        images: Pictures of the scene, for module 1.
-        sizing: Rule for the sizes of manipulated objects.
-        objections: Module -> its earlier answer with the graph's findings, for a module that is asked again.
-        taken: Module -> its last prompt, and the accepted answer.
-    """
-
-    transport: Transport
-    query: str
-    scene: Scene
-    log: Log
-    rounds: int
-    images: tuple[Image, ...] = ()
-    sizing: Sizing = TO_THE_AIM
-    objections: dict[int, Refused] = field(default_factory=dict)
-    taken: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
-
-    def ask(
-        self,
-        module: int,
-        schema: type[AnswerT],
-        check: Callable[[AnswerT], Iterable[Diagnostic]],
-        places: Mapping[str, str],
-        images: tuple[Image, ...] = (),
-        *,
-        about: Iterable[str] | None = None,
-        entries: int = 0,
-    ) -> AnswerT:
-        """Return a module's answer once `check` finds nothing wrong with it.
-
-        Args:
-            module: Its number.
-            schema, check: As for `llm.structured.ask.ask`.
-            places: Texts of the prompt's template, besides the scene's.
-            images: Pictures of the question.
-            about: The objects that the question is about; None for what the query mentions.
-            entries: How many entries the answer's list has; 0 where that is the answer's own.
-
-        Raises:
-            AnswersRefused: No answer was valid.
-            ModelError: There is no reply.
-        """
-        shown = mentioned(self.query, self.scene) if about is None else concerned(self.scene, about)
-        table = scene_table(self.scene, shown, measures=module in _WITH_MEASURES)
-        text = render(f"proposing/module_{module}", scene=fenced("scene", table), **places)
-        prompt = Prompt(module, render("proposing/system"), text, images)
-        objection = self.objections.pop(module, None)
-
-        def numbered(answer: AnswerT) -> Iterable[Diagnostic]:
-            wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
-            return wrong or check(answer)
-
-        answer = ask(
-            self.transport,
-            prompt,
-            schema,
-            numbered,
-            rounds=self.rounds,
-            log=self.log,
-            objection=objection,
-            ids=[key for key in self.scene.objects if key in shown],
-            entries=entries,
-        )
-        self.taken[module] = (prompt, answer)
-        return answer
-
-    def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
-        """Store the findings about a module's accepted answer for the next time it is asked."""
-        prompt, answer = self.taken[module]
-        if errors_of(findings):
-            self.log.refuse(prompt, answer, findings)
-        self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
-
-
-# Sizes and positions decide which object is meant, and how far the robot moves.
-_WITH_MEASURES = (1, 5)
-# Scenes of up to so many objects are shown whole to module 1.
-_MOST_SHOWN = 30
-
-
-def mentioned(query: str, scene: Scene) -> frozenset[str]:
-    """Return the objects whose names a query has, with their surroundings; all of a small scene."""
-    if len(scene.objects) <= _MOST_SHOWN:
-        return frozenset(scene.objects)
-    words = re.findall(r"[a-z0-9_]+", query.lower())
-    words = [form for word in words for form in (word, *singulars(word))]
-    named = Grounding.of(scene, built_in()).names.mentioned(words)
-    # Names that say nothing, such as "thing", are those of every item.
-    return concerned(scene, (*named_in(query, scene.objects), *named[:_MOST_SHOWN]))
 
 
 def _involved(subtasks: Iterable[SimpleTask]) -> set[str]:
@@ -191,19 +80,6 @@ def opens_its_target(found: Diagnostic, task: Task) -> bool:
     subtask = task.subtasks[found.subtask]
     opened = bddl.Atom("open", (subtask.target,))
     return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
-
-
-def check_numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:
-    """Return findings about the numbers of an answer's entries: they have to be 1, 2, 3 up to `wanted`, if given."""
-    numbers = [entry.sub_task for entry in entries]
-    count = len(numbers) if wanted is None else wanted
-    if numbers == list(range(1, count + 1)):
-        return ()
-    message = f"the subtasks are numbered {', '.join(map(str, numbers))}; expected 1 to {count}, each once and in order"
-    missing = [str(number) for number in range(1, count + 1) if number not in numbers]
-    if missing:
-        message += f"; {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
-    return (finding("answer/numbering", message, "sub_tasks"),)
 
 
 # Pattern of ids of a scene: letters, an underscore and a number.

@@ -187,12 +187,16 @@ def scene_table(scene: Scene, only: Collection[str] | None = None, *, measures: 
     lines.append("id | category | type | kind" + " | size x y z [m] | centre x y z [m]" * measures)
     lines.extend(_object_row(thing, measures=measures) for thing in shown)
     if len(shown) < len(scene.objects):
-        lines.append(_others([thing for thing in scene.objects.values() if thing not in shown]))
-    facts = [bddl.format(fact) for fact in scene.facts if _is_told(fact, scene, only, rooms=measures)]
-    lines.append(f"at the start: {' '.join(facts) or 'nothing is stated'}")
-    closed = ", ".join(sorted(scene.closed))
-    known = f"of {closed} everything true is listed; what is not listed is false" if closed else "the rest is unknown"
-    lines.append(known)
+        ids = {thing.id for thing in shown}
+        lines.append(_others([thing for thing in scene.objects.values() if thing.id not in ids]))
+    facts = [bddl.format(fact) for fact in scene.facts if _is_listed(fact, scene, only, rooms=measures)]
+    whole = len(shown) == len(scene.objects)
+    nothing = "nothing is stated" + " that primitives change" * (not measures) + " of the listed objects" * (not whole)
+    lines.append(f"at the start: {' '.join(facts) or nothing}")
+    closed = ", ".join(name for name in sorted(scene.closed) if measures or name in CHANGEABLE)
+    among = "" if whole else "among the listed objects, "
+    known = f"{among}of {closed} everything true is listed; what is not listed is false"
+    lines.append(known if closed else "the rest is unknown")
     return "\n".join(lines)
 
 
@@ -203,10 +207,11 @@ def _others(things: Sequence[SceneObject]) -> str:
     counts = Counter(thing.category for thing in things).most_common()
     listed = [f"{count} {quoted(category)}" for category, count in counts[:_MOST_CATEGORIES]]
     more = len(counts) - len(listed)
-    return f"and elsewhere: {', '.join(listed)}{f', and {more} more categories' if more > 0 else ''}"
+    text = f"the scene has more objects; not listed: {', '.join(listed)}"
+    return f"{text}, and {more} more categories" if more > 0 else text
 
 
-def _is_told(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, *, rooms: bool) -> bool:
+def _is_listed(fact: bddl.Formula, scene: Scene, only: Collection[str] | None, *, rooms: bool) -> bool:
     """Decide whether a fact is about shown objects alone, and, without rooms, about what primitives change."""
     atoms = bddl.atoms(fact)
     named = {name for atom in atoms for name in atom.args if name in scene.objects}

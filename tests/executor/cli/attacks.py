@@ -102,16 +102,6 @@ def bench(index: str) -> Callable[[Path], object]:
     return plant
 
 
-def memory(front: str) -> Callable[[Path], object]:
-    """Return what writes a folder of notes with one note."""
-
-    def plant(folder: Path) -> None:
-        (folder / "notes").mkdir()
-        (folder / "notes" / "note.md").write_text(f"+++\n{front}\n+++\n")
-
-    return plant
-
-
 def archive(folder: Path) -> None:
     """Write a zip file with members that lead out of it, under the name of a mesh."""
     with zipfile.ZipFile(folder / "thing.glb", "w") as made:
@@ -126,7 +116,6 @@ def pipe(name: str) -> Callable[[Path], object]:
 
 BOMB = "<!DOCTYPE a [" + "".join(f'<!ENTITY x{n} "{f"&x{n - 1};" * 10}">' for n in range(1, 10)) + "]><a>&x9;</a>"
 UTF7 = '<?xml version="1.0" encoding="UTF-7"?>' + BOMB.replace("<", "+ADw-").replace(">", "+AD4-").replace("&", "+ACY-")
-DOTTED = ".".join("a" * 20_000)
 SERIES = '{"series": [{"family": "T3", "seed": 1, "episodes": %s, "setting": {}, "version": "v"}]}'
 
 VERIFY = ("verify", "t.json", "--scene", SCENE)
@@ -135,8 +124,6 @@ IN_SCENE = ("verify", TASK, "--scene", "s.json")
 RUN = ("run", QUERY, "--scene", SCENE, "--out", "out", "--no-video")
 PLAN = ("run", "put the unicorn away", "--scene", "s.json", "--out", "out")
 BENCH = ("bench", "T3", "--out", "out", "--episodes", "1")
-# Ends at the recording, which is not there, before anything moves.
-EVOLVE = ("evolve", TASK, "--scene", SCENE, "--memory", "notes", "--views", "none", "--model", "replay:no.jsonl")
 
 ATTACKS = (
     Attack("task: deep JSON", text("t.json", DEEP), VERIFY, fast=True),
@@ -198,5 +185,4 @@ ATTACKS = (
     Attack("conversation: escapes", text("c.json", said_by_a_model(ESCAPE)), ("conversation", "c.json")),
     Attack("picture: garbage", text("p.png", b"\x89PNG\r\n\x1a\n" + b"\xff" * 1000),
            (*RUN, "--model", "replay:x.jsonl", "--image", "p.png")),
-    Attack("memory: dotted keys", memory(f"{DOTTED} = 1"), EVOLVE, fast=True),
 )  # fmt: skip

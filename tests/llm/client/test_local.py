@@ -81,6 +81,7 @@ def test_what_cannot_be_served_is_said_with_its_reason(library: Path, monkeypatc
     broken.write_bytes(b"GGUF")
     for file, words in (
         (library / "none.gguf", "cannot be read"),
+        ("~nobody-of-this-name/x.gguf", "cannot be read"),
         (other, "no GGUF file"),
         (broken, "no tensors in it"),
     ):
@@ -89,6 +90,16 @@ def test_what_cannot_be_served_is_said_with_its_reason(library: Path, monkeypatc
     monkeypatch.setattr(local, "find_spec", lambda _: None)
     with pytest.raises(MissingExtra, match="extra 'local'"):
         connect(f"local:{broken}")
+
+
+def test_a_server_that_does_not_start_in_time_is_ended_with_this_reason(
+    library: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (library / "xllamacpp.py").write_text("import time\ntime.sleep(60)")
+    (library / "slow.gguf").write_bytes(b"GGUF")
+    monkeypatch.setattr(local, "_LONGEST_START_S", 0.1)
+    with pytest.raises(ModelConfigError, match=r"did not start within 0\.1 s, without output"):
+        connect(f"local:{library / 'slow.gguf'}")
 
 
 def test_bounds_are_sent_only_to_endpoints_that_know_them() -> None:

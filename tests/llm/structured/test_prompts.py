@@ -124,6 +124,23 @@ def test_tables_are_those_of_the_code() -> None:
     assert all(bddl.format(fact) in table for fact in scene.facts)
 
 
+def test_a_part_of_a_scene_promises_only_what_it_lists() -> None:
+    facts = ["(ontop cup_0 table_0)", "(ontop cup_1 table_0)", "(hot cup_0)"]
+    scene = oag.scene(
+        {"cup_0": "cup", "cup_1": "cup", "table_0": "table"}, facts, closed=frozenset({"ontop", "hot", "open"})
+    )
+    whole = "of hot, ontop, open everything true is listed; what is not listed is false"
+    assert scene_table(scene).splitlines()[-1] == whole
+    *_, others, start, known = scene_table(scene, ["cup_0", "table_0"]).splitlines()
+    assert others == 'the scene has more objects; not listed: 1 "cup"'
+    assert start == "at the start: (ontop cup_0 table_0) (hot cup_0)" and known == f"among the listed objects, {whole}"
+    # Without measures only predicates that primitives change are listed, and no other one is promised.
+    *_, start, known = scene_table(scene, measures=False).splitlines()
+    assert "(hot" not in start and known == whole.replace("hot, ", "")
+    *_, start, _ = scene_table(scene, ["cup_0"], measures=False).splitlines()
+    assert start == "at the start: nothing is stated that primitives change of the listed objects"
+
+
 def test_only_what_is_held_leaves_its_place() -> None:
     """Read literally, "navigate to T: then not ontop(T, *)" says that driving to a glass takes it off the table."""
     rows = {row.split(" | ")[1]: row for row in primitive_table().splitlines()[1:]}

@@ -1,0 +1,155 @@
+"""State that the modules share while they ask a model, and the part of a scene that a question shows."""
+
+from __future__ import annotations
+
+import json
+import re
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from llm.client.transport import Image, Transport
+from llm.offline.grounding import Grounding, singulars
+from llm.offline.lexicon import built_in
+from llm.offline.planner import named_in
+from llm.structured.ask import Log, ask
+from llm.structured.conversation import errors_of, finding
+from llm.structured.prompting import Prompt, Refused, concerned, fenced, render, scene_table
+from llm.structured.schema import Answer, SubtaskAnswer
+from oag import Diagnostic, Scene
+from oag.sizes import TO_THE_AIM, Sizing
+
+AnswerT = TypeVar("AnswerT", bound=Answer)
+
+
+@dataclass(slots=True)
+class ModuleSession:
+    """State that the modules share while they ask a model.
+
+    Attributes:
+        transport: Transport to the model.
+        query: The user's query.
+        scene: The scene.
+        log: Record of the rounds.
+        rounds: Most questions for one answer.
+        images: Pictures of the scene, for module 1.
+        sizing: Rule for the sizes of manipulated objects.
+        objections: Module -> its earlier answer with the graph's findings, for a module that is asked again.
+        taken: Module -> its last prompt, and the accepted answer.
+    """
+
+    transport: Transport
+    query: str
+    scene: Scene
+    log: Log
+    rounds: int
+    images: tuple[Image, ...] = ()
+    sizing: Sizing = TO_THE_AIM
+    objections: dict[int, Refused] = field(default_factory=dict)
+    taken: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
+
+    def ask(
+        self,
+        module: int,
+        schema: type[AnswerT],
+        check: Callable[[AnswerT], Iterable[Diagnostic]],
+        places: Mapping[str, str],
+        images: tuple[Image, ...] = (),
+        *,
+        about: Iterable[str] | None = None,
+        entries: int = 0,
+    ) -> AnswerT:
+        """Return a module's answer once `check` finds nothing wrong with it.
+
+        Args:
+            module: Its number.
+            schema, check: As for `llm.structured.ask.ask`.
+            places: Texts of the prompt's template, besides the scene's.
+            images: Pictures of the question.
+            about: The objects that the question is about; None for what the query mentions.
+            entries: How many entries the answer's list has; 0 where that is the answer's own.
+
+        Raises:
+            AnswersRefused: No answer was valid.
+            ModelError: There is no reply.
+        """
+        shown = mentioned(self.query, self.scene) if about is None else concerned(self.scene, about)
+        table = scene_table(self.scene, shown, measures=module in _WITH_MEASURES)
+        text = render(f"proposing/module_{module}", scene=fenced("scene", table), **places)
+        prompt = Prompt(module, render("proposing/system"), text, images)
+        objection = self.objections.pop(module, None)
+
+        def numbered(answer: AnswerT) -> Iterable[Diagnostic]:
+            wrong = check_numbering(getattr(answer, answer.list_name), entries) if entries else ()
+            return wrong or check(answer)
+
+        answer = ask(
+            self.transport,
+            prompt,
+            schema,
+            numbered,
+            rounds=self.rounds,
+            log=self.log,
+            objection=objection,
+            ids=[key for key in self.scene.objects if key in shown],
+            entries=entries,
+        )
+        self.taken[module] = (prompt, answer)
+        return answer
+
+    def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
+        """Store the findings about a module's accepted answer for the next time it is asked."""
+        prompt, answer = self.taken[module]
+        if errors_of(findings):
+            self.log.refuse(prompt, answer, findings)
+        self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
+
+
+# Sizes and positions decide which object is meant, and how far the robot moves.
+_WITH_MEASURES = (1, 5)
+# Scenes of up to so many objects are shown whole to module 1.
+_MOST_SHOWN = 30
+# Characters of the longest table of a scene: about 4,500 tokens of the 8,192 that a small model has.
+_LONGEST_TABLE = 9_000
+
+
+def mentioned(query: str, scene: Scene) -> frozenset[str]:
+    """Return the objects whose names a query has, with their surroundings; of a small scene all.
+
+    A query without any name of the scene, or in another language, is about all objects, or as many as a prompt holds.
+    """
+    if len(scene.objects) <= _MOST_SHOWN:
+        return frozenset(scene.objects)
+    words = re.findall(r"[a-z0-9_]+", query.lower())
+    words = [form for word in words for form in (word, *singulars(word))]
+    named = Grounding.of(scene, built_in()).names.mentioned(words)
+    # Names that say nothing, such as "thing", are those of every item.
+    return concerned(scene, (*named_in(query, scene.objects), *named[:_MOST_SHOWN])) or _as_many_as_fit(scene)
+
+
+def _as_many_as_fit(scene: Scene) -> frozenset[str]:
+    """Return all objects, or the most whose table is short enough: of each category one, then a second, and so on."""
+    counts: Counter[str] = Counter()
+    ranked: list[tuple[int, int, str]] = []
+    for key, thing in scene.objects.items():
+        ranked.append((counts[thing.category], len(ranked), key))
+        counts[thing.category] += 1
+    order = [key for *_, key in sorted(ranked)]
+    numbers = range(1, len(order) + 1)
+    fitting = bisect_right(numbers, _LONGEST_TABLE, key=lambda number: len(scene_table(scene, {*order[:number]})))
+    return frozenset(order[:fitting])
+
+
+def check_numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:
+    """Return findings about the numbers of an answer's entries: they have to be 1, 2, 3 up to `wanted`, if given."""
+    numbers = [entry.sub_task for entry in entries]
+    count = len(numbers) if wanted is None else wanted
+    if numbers == list(range(1, count + 1)):
+        return ()
+    message = f"the subtasks are numbered {', '.join(map(str, numbers))}; expected 1 to {count}, each once and in order"
+    missing = [str(number) for number in range(1, count + 1) if number not in numbers]
+    if missing:
+        message += f"; {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+    return (finding("answer/numbering", message, "sub_tasks"),)
