@@ -268,8 +268,9 @@ class SimpleTask:
             object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
-        if self.where is not None and not isinstance(self.where, Where):
-            object.__setattr__(self, "where", _where_of(self.where))
+        where: object = self.where
+        if where is not None and not isinstance(where, Where):
+            object.__setattr__(self, "where", _where_of(where))
 
     def __repr__(self) -> str:
         steps = "no flow" if self.flow is None else pluralize(len(self.flow), "step")
