@@ -142,6 +142,9 @@ def with_scene_names(task: Task, resolve: Resolve) -> Task:
             support_goal=role(subtask.support_goal),
             init=rename_objects(subtask.init, resolve),
             goal=rename_objects(subtask.goal, resolve),
+            where=None
+            if (where := subtask.where) is None
+            else replace(where, other=where.other and resolve(where.other)),
         )
         for subtask in task.subtasks
     )
@@ -441,14 +444,16 @@ def canonical(task: Task, scene: Scene | None = None) -> Task:
 
     Names are resolved to the scene's ids, and formulas sorted. A PROVED plan is then cut again where the hand is at
     rest. The conditions of each part state what it changes. Parts that change nothing are dropped, and independent
-    parts are put in one order. A plan that is not proved keeps its subtasks. The scene is by default the task's own.
+    parts are put in one order. A plan that is not proved, or that names a part or a spot, keeps its subtasks. The scene
+    is by default the task's own.
 
     Source: docs/semantics.md, Canonical form.
     """
     chosen = chosen_scene(task, scene)
     named = _named(task, chosen)
     planned, trace = _proved(named, chosen)
-    if trace is None:
+    # Facts do not tell parts and spots apart: what names one is not cut again.
+    if trace is None or any(subtask.where is not None for subtask in named.subtasks):
         return named
     subtasks = ordered(movements(named, planned, trace))
     form = replace(named, subtasks=subtasks, goal=named.goal if named.goal_given else default_goal(subtasks))

@@ -107,6 +107,13 @@ def formula_of(given: object, place: str, domain: Domain = BUILT_IN) -> bddl.For
         raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
 
 
+def _where_of(given: object) -> Where:
+    try:
+        return Where.parse(given)
+    except ValueError as problem:
+        raise TaskError(f"{problem}, got {shown(given)}", source="(argument)", place="where") from None
+
+
 def flow_of(given: object, domain: Domain = BUILT_IN) -> ActionFlow:
     """Return a flow of actions, of which some may be in the JSON form, where a task is built in memory."""
     if not isinstance(given, list | tuple):
@@ -235,6 +242,7 @@ class SimpleTask:
         issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
             is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
         where: The part or the spot that is meant, which no condition tells apart; geometry and detectors hold to it.
+            Its text is accepted and read.
 
     Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
     """
@@ -260,6 +268,9 @@ class SimpleTask:
             object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
+        where: object = self.where
+        if where is not None and not isinstance(where, Where):
+            object.__setattr__(self, "where", _where_of(where))
 
     def __repr__(self) -> str:
         steps = "no flow" if self.flow is None else pluralize(len(self.flow), "step")

@@ -32,6 +32,7 @@ from oag.model.symbols import (
     is_known,
     parameter_problem,
 )
+from oag.model.where import Where
 from oag.primitives.cargo import RESTING
 from oag.primitives.state import contradictions
 from oag.primitives.table import NAVIGATION, Placement, placement_of
@@ -59,6 +60,8 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
     for index, subtask in enumerate(task.subtasks):
         found.extend(_placed(task, index, issue) for issue in subtask.issues)
         _check_roles(found, index, subtask)
+        if subtask.where is not None:
+            _check_where(found, index, subtask, subtask.where)
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             if not found.sound(formula):
                 _check_formula(found, formula, index, which)
@@ -219,6 +222,24 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
         message = f"the goal puts {target} {where}, but support_goal is {supports[1] or 'null'}"
         hint = f"set support_goal to {placement.support}"
         found.add("task/role-scope", message, place, index, hint=hint, cause=("roles", str(index)))
+
+
+def _check_where(found: _Findings, index: int, subtask: SimpleTask, where: Where) -> None:
+    """Report a part of what has no such parts, and a spot next to what is not there, or for what is not put down."""
+    place, objects = f"{subtask_place(found.task, index)}, where", found.scene.objects
+    target, thing = objects.get(subtask.target), objects.get(subtask.support_goal or subtask.target)
+    if target is None or thing is None or (where.other and not found.check_name(where.other, place, index)):
+        return
+    problem = ""
+    if where.other:
+        if where.other not in objects or where.other in (target.id, thing.id):
+            problem = f"{target.id} cannot be put {where}: expected another thing on or in the same place"
+        elif target.kind is not Kind.ITEM or subtask.support_goal is None:
+            problem = f"{where} is a spot for an item that is put down, and nothing is put down here"
+    elif thing.kind is Kind.ITEM or (thing.kind is not Kind.ARTICULATED and where.part != "shelf"):
+        problem = f"{thing.id} ({thing.category}) has no {where}: its kind has no such parts"
+    if problem:
+        found.add("task/role-scope", problem, place, index, cause=("where", str(index)))
 
 
 def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, field: str) -> None:

@@ -214,10 +214,13 @@ def rows_within_torque(planner: Planner, trajectory: ArticulationPath, joint: Jo
         return len(positions)
     hands = np.stack([planner.kinematics.forward(q)[:3, 3] for q in trajectory.path])
     # Along the hand's path, with the lever's strength: a hand that moves far for a turn of the joint presses little.
-    hand_steps = np.gradient(hands, axis=0) / np.abs(np.gradient(positions))[:, None]
+    hand_steps = np.gradient(hands, axis=0)
+    squared = np.sum(hand_steps**2, axis=1)
+    # Where the hand rests, the joint asks for nothing.
+    levers = np.divide(np.abs(np.gradient(positions)), squared, out=np.zeros_like(squared), where=squared > 0.0)
     opening = positions[-1] > positions[0]
     asked = [joint.friction - (joint.pull(p) if opening else 0.0) for p in positions.tolist()]
-    forces = np.array(asked)[:, None] * hand_steps / np.sum(hand_steps**2, axis=1)[:, None]
+    forces = (np.array(asked) * levers)[:, None] * hand_steps
     weak = planner.tracker.load(trajectory.path, forces) > MOST_LOAD
     return int(np.argmax(weak)) if weak.any() else len(weak)
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import bddl
 from executor.assets.model import Handle, Region
 from executor.geometry import Array, inverse
 from executor.planning.placements import SMALL_M, UPWARD
@@ -156,7 +157,8 @@ def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
             for bar in handles_of(world, target, where)
         }
         widest = max(fractions.values(), default=0.0)
-        return (GoalReading(words, True, widest > OPEN_FRACTION, AtomMeasured(open_fraction=widest)),)
+        opens = bddl.Not(bddl.Atom("open", (target,))) not in bddl.conjuncts(subtask.goal)
+        return (GoalReading(words, opens, widest > OPEN_FRACTION, AtomMeasured(open_fraction=widest)),)
     regions = regions_of(world, support, world.assets[support].regions, where)
     in_it = [region.name for region in regions if _is_in(world, target, support, region)]
     return (GoalReading(words, True, bool(in_it), AtomMeasured(region=next(iter(in_it), None))),)

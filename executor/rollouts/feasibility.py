@@ -205,7 +205,9 @@ def feasible(
 
     first = found = verdict(graph)
     known, cpu_s = first.known, first.cpu_s
-    while most_repairs and not found and found.known and len(known) <= MOST_PLANS:
+    # A goal names no part and no spot: another plan for it would not hold to them.
+    by_goal = not any(subtask.where is not None for subtask in graph.task.subtasks)
+    while most_repairs and by_goal and not found and found.known and len(known) <= MOST_PLANS:
         scene = graph.scene.knowing(known)
         planned = plan_again(graph.task, scene, sizing=Sizing(keep=True))
         if planned.task is None:

@@ -133,7 +133,9 @@ def impossible(failed: Failed, facts: Collection[str]) -> Infeasible | None:
     if failure is None or found is None or any(action.parameter is not None for action in flow):
         return None
     kind, place = _attempted(failed, found)
-    if kind is None:
+    about = {subtask.target, place}
+    # What a part or a spot does not allow, its thing may.
+    if kind is None or any(each.where is not None and each.target in about for each in failed.task.subtasks):
         return None
     true = [atom for text in facts if isinstance(atom := bddl.parse_formula(text), bddl.Atom)]
     resting = [atom for atom in true if atom.predicate in RESTING and atom.args[1] != GRIPPER]

@@ -410,11 +410,13 @@ def _purpose(session: Session, action: Action) -> Purpose:
 
 def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     """Return the handles that an articulation of the target may take, the preferred one first."""
-    target = session.subtask.target
+    target, where = session.subtask.target, session.subtask.where
+    named = () if where is None else handles_of(session.believed, target, where)
     if action.primitive is Primitive.ARTICULATE_CLOSE:
-        return handles_to_close(session.believed, target)
-    if (where := session.subtask.where) is not None:
-        return handles_of(session.believed, target, where)
+        # The goal wants all of it shut; the named part is shut first.
+        return tuple(sorted(handles_to_close(session.believed, target), key=lambda bar: bar not in named))
+    if where is not None:
+        return named
     wanted = handles_to_open(session.believed, target, session.later)
     return tuple(handle for handle in wanted if (target, handle.joint) not in session.avoided) or wanted
 

@@ -170,6 +170,9 @@ class Names:
     def unresolvable(self, phrase: NounPhrase, which: Sequence[str]) -> Refusal:
         """Return the refusal of words that select one of several, which no plan can do."""
         listed = " and ".join(f'"{word}"' for word in which)
+        if (part := _part(phrase, which)) is not None:
+            problem = f'{listed} says which {part.part} is meant, but not of what: say "the {part} of ..."'
+            return Refusal("unknown-object", f"{problem}, with the name or the id of the thing")
         if phrase.door:
             problem = f"{listed} says which {phrase.words[-1]} is meant, and a plan opens and closes a thing as a whole"
         else:
@@ -264,7 +267,7 @@ class Grounding:
         if named.plural and not phrase.whichever:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         ids, notes = self._narrowed(named, phrase, source)
-        ids, more = self._on_side(ids, phrase)
+        ids, more = (ids, ()) if named.part is not None and len(ids) == 1 else self._on_side(ids, phrase)
         if phrase.whichever:
             ids = _left(ids, phrase, taken)
         if len(ids) > 1 and phrase.whichever:
@@ -361,7 +364,8 @@ class Grounding:
         notes = [*named.notes, *self._unconfirmed(named, (object_id,)), *more]
         if named.passed_over:
             others = alternatives(named.passed_over, ", ")
-            notes.append(f'"{named.name}" fits {object_id} best; {others} was passed over')
+            were = "was" if len(named.passed_over) == 1 else "were"
+            notes.append(f'"{named.name}" fits {object_id} best; {others} {were} passed over')
         entry = self.names.entries[self.around.scene.objects[object_id].category]
         by_surface = entry is not None and named.name in entry.surface_names
         part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None

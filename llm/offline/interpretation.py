@@ -190,6 +190,11 @@ class _IntentBuilder:
                 tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets), origin, as_one
             )
         self.notes += place.notes
+        self.notes += (
+            f'"{at.preposition} {at.phrase}" says which {phrase.words[-1]} is meant, and not where anything is put'
+            for phrase in spoken
+            if (at := phrase.location) is not None and at.direction in _SPOTS
+        )
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
             return Mention(_placings(ids, host.relation, host.object_id, spot), origin, as_one)
@@ -273,7 +278,7 @@ class _IntentBuilder:
                 if (command.kind == "bare" or command.verbless) and refusal.code == "unknown-object":
                     raise no_action() from None
                 raise
-        return tuple({grounded.object_id: grounded for grounded in found}.values())
+        return tuple({(grounded.object_id, grounded.part): grounded for grounded in found}.values())
 
     def _target(
         self,

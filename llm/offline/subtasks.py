@@ -37,6 +37,7 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
     state = around
     idle: list[Intent] = []
     needless: list[Refusal] = []
+    _check_parts(request)
     on_the_way: set[str] = set()
     for intent in request.intents:
         try:
@@ -57,6 +58,18 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
     if len(needless) == len(request.intents):
         raise needless[0]
     return tuple(idle)
+
+
+def _check_parts(request: Request) -> None:
+    """Refuse two parts of one thing, of which only the first would be opened; once it is closed, another may be."""
+    parts: dict[str, Where] = {}
+    for intent in request.intents:
+        thing, part = intent.destination or intent.target, intent.where
+        if part is not None and part.part in ("door", "drawer") and (first := parts.setdefault(thing, part)) != part:
+            problem = f"the {first} and the {part} of {thing}: a plan opens one part of a thing; ask for one at a time"
+            raise Refusal("unsupported-relation", problem)
+        if intent.kind is IntentKind.CLOSE:
+            parts.pop(thing, None)
 
 
 def check(intent: Intent, around: Surroundings) -> None:

@@ -83,6 +83,23 @@ def test_a_part_that_a_thing_does_not_have_is_refused_before_any_search(world: W
     assert refused is not None and refused[2].kind.value == "no-such-part" and where in refused[2].message
 
 
+def test_a_closed_part_is_read_as_closed(world: World) -> None:
+    is_open = bddl.Atom("open", ("cabinet_0",))
+    top = Where("", "", "top", "drawer")
+    closing = SimpleTask("close", "", "cabinet_0", None, None, is_open, bddl.Not(is_open), (), where=top)
+    (reading,) = read_where(closing, world)
+    assert reading.satisfied
+    (other,) = read_where(replace(closing, goal=is_open), world)
+    assert not other.satisfied
+
+
+def test_what_a_part_does_not_allow_is_no_fact_about_its_thing_and_no_reason_to_forget_it() -> None:
+    scene = _scene()
+    found = feasible(compose(llm.propose("put the can on the sixth shelf of the shelf", scene).task), scene, vary=False)
+    assert not found.feasible and found.known == () and found.detours == ()
+    assert "it has" in found.reason and "drawers" not in found.reason
+
+
 def test_boards_are_counted_from_the_top(world: World) -> None:
     boards = [region for region in world.assets["shelf_0"].regions if abs(region.opening[2]) < 0.5]
     (top,) = regions_of(world, "shelf_0", boards, Where("", "", "top", "shelf"))
