@@ -6,6 +6,7 @@ import json
 import pickle
 import re
 from dataclasses import replace
+from datetime import date
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ import bddl
 import oag
 from oag import pddl
 from oag.model.domain import DomainError
+from oag.model.infeasible import Infeasible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
 
@@ -88,6 +90,8 @@ def test_a_domain_and_its_primitives_travel_between_processes() -> None:
 
 
 _ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"]}
+_PAIR = {"objects": {"?a": "item", "?b": "item"}, "unknown": ["(nextto ?any ?b)"]}
+_WRITES, _UNKNOWN = "primitives.LIGHT.writes", "primitives.LIGHT.unknown"
 
 
 @pytest.mark.parametrize(
@@ -106,15 +110,79 @@ _ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"
         ({"primitives": {"LIGHT": {**_ROW, "writes": ["(lit ?any)"]}}}, "primitives.LIGHT.writes", "every object"),
         ({"primitives": {"LIGHT": {**_ROW, "writes": ["(not (handempty))"]}}}, "primitives.LIGHT.writes", "robot"),
         ({"primitives": {"LIGHT": {**_ROW, "number": [1, 0, "m"]}}}, "primitives.LIGHT.number", "least, most"),
+        ({"primitives": {"LIGHT": {**_ROW, "number": [0, 10**400, "m"]}}}, "primitives.LIGHT.number", "least, most"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": 5}}}, "primitives.LIGHT.needs", "a list of texts"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": True}}}, "primitives.LIGHT.writes", "a list of texts"),
+        ({"primitives": {"LIGHT": {**_ROW, "flow": [99]}}}, "primitives.LIGHT.flow[0]", "a step"),
+        ({"primitives": {"LIGHT": {**_ROW, "flow": [date(2020, 1, 1)]}}}, "primitives.LIGHT.flow[0]", "a step"),
+        ({"primitives": {"LIGHT": {**_ROW, "objects": {"?a": "itme"}}}}, "primitives.LIGHT.objects[0]", "item"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": ["(ontop ?a gripper)"]}}}, "primitives.LIGHT.needs", "inside"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(lit ?a)", "(not (lit ?a))"]}}}, _WRITES, "two values"),
+        ({"primitives": {"LIGHT": {**_ROW, "unknown": ["(lit ?a)"]}}}, _WRITES, "two values"),
+        ({"primitives": {"LIGHT": {**_PAIR, "writes": ["(not (nextto ?a ?any))"]}}}, _UNKNOWN, "in common"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(not (tied ?a ?any ?a))"]}}}, _WRITES, "some places"),
+        ({"primitives": {"LIGHT": {**_PAIR, "writes": ["(ontop ?a ?b)", "(ontop ?b ?a)"]}}}, _WRITES, "one thing"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(inside ?a gripper)", "(handempty)"]}}}, _WRITES, "the hand"),
+        ({"predicates": {"forall": ["a"]}}, "predicates.forall", "word of formulas"),
+        ({"kinds": {"cup": ["item"]}}, "kinds.cup", "one of item, support, fixture"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_a_malformed_domain_is_refused_by_its_place(change: dict[str, Any], place: str, words: str) -> None:
-    data = {"name": "lamps", "predicates": {"lit": ["lamp"]}, "primitives": {"LIGHT": _ROW}}
+    predicates = {"lit": ["lamp"], "tied": ["a", "b", "c"]}
+    data = {"name": "lamps", "predicates": predicates, "primitives": {"LIGHT": _ROW}}
     assert oag.Domain.from_json(data).rows
+    change = {**change, "predicates": {**predicates, **change.get("predicates", {})}}
     with pytest.raises(DomainError) as caught:
         oag.Domain.from_json({**data, **change})
+    assert isinstance(caught.value, oag.OagError)
     assert caught.value.place == place and words in str(caught.value)
+
+
+_MOVES = {
+    "PUSH_IN": {"objects": {"?a": "item", "?b": "fixture"}, "writes": ["(inside ?a ?b)", "(not (ontop ?a ?any))"]},
+    "PULL_OUT": {"objects": {"?a": "item", "?b": "support"}, "writes": ["(ontop ?a ?b)", "(not (inside ?a ?any))"]},
+    "SNATCH": {"objects": {"?a": "item"}, "writes": ["(inside ?a gripper)", "(not (inside ?a ?any))"]},
+    "FORCE": {"objects": {"?f": "fixture"}, "writes": ["(open ?f)"]},
+}
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+@pytest.mark.parametrize(
+    ("place", "step", "goal"),
+    [
+        ("(ontop cup_0 table_0)", "PUSH_IN cup_0 drawer_0", "(inside cup_0 drawer_0)"),
+        ("(inside cup_0 drawer_0)", "PULL_OUT cup_0 table_0", "(ontop cup_0 table_0)"),
+        ("(inside cup_0 drawer_0)", "SNATCH cup_0", "(inside cup_0 gripper)"),
+    ],
+)
+def test_no_row_moves_a_thing_through_what_is_shut(is_open: bool, place: str, step: str, goal: str) -> None:
+    domain = oag.Domain.from_json({"name": "moves", "primitives": _MOVES})
+    door = "(open drawer_0)" if is_open else "(not (open drawer_0))"
+    things = {"cup_0": "cup", "drawer_0": "drawer", "table_0": "table"}
+    here = oag.scene(things, [place, door], "all", domain=domain)
+    report = oag.compose(oag.task(here, steps=[step], goal=goal)).verify()
+    assert bool(report) is is_open and confirmed(report)
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "step", "goal"),
+    [
+        ("ontop", "table_0", "PULL_OUT cup_0 table_0", "(ontop cup_0 table_0)"),
+        ("take", None, "SNATCH cup_0", "(inside cup_0 gripper)"),
+        ("open", None, "FORCE cup_0", "(open drawer_0)"),
+    ],
+)
+@pytest.mark.parametrize("given", [(), ("(nextto cup_0 drawer_0)",)])
+def test_no_row_does_what_is_found_impossible(kind: Any, place: str | None, step: str, goal: str, given: Any) -> None:
+    domain = oag.Domain.from_json({"name": "moves", "primitives": _MOVES})
+    things, facts = {"cup_0": "cup", "drawer_0": "drawer", "table_0": "table"}, ["(nextto cup_0 drawer_0)"]
+    thing = "drawer_0" if kind == "open" else "cup_0"
+    found = Infeasible(kind, thing, place, tuple(map(bddl.parse_formula, given)))
+    here = oag.scene(things, facts, "all", domain=domain)
+    task = oag.task(here, steps=[step.replace("FORCE cup_0", "FORCE drawer_0")], goal=goal)
+    assert oag.compose(task).verify()
+    assert not oag.compose(replace(task, scene=here.knowing([found]))).verify()
 
 
 def test_a_step_that_does_not_fit_its_row_is_found() -> None:
@@ -180,13 +248,17 @@ _VARIABLES = ("x", "y", "z")
 def _rows(draw: st.DrawFn) -> dict[str, Any]:
     variables = _VARIABLES[: draw(st.integers(1, 3))]
 
-    def literal() -> str:
+    def literal() -> tuple[str, bool]:
         name = draw(st.sampled_from(sorted(_PREDICATES)))
         names = [f"?{draw(st.sampled_from(variables))}" for _ in _PREDICATES[name]]
         atom = f"({' '.join((name, *names))})"
-        return atom if draw(st.booleans()) else f"(not {atom})"
+        return atom, draw(st.booleans())
 
-    needs, writes = ([literal() for _ in range(draw(st.integers(low, 2)))] for low in (0, 1))
+    needs, writes = (
+        # One value of a fact: a row with two is refused.
+        [atom if value else f"(not {atom})" for atom, value in dict(literal() for _ in range(count)).items()]
+        for count in (draw(st.integers(0, 2)), draw(st.integers(1, 2)))
+    )
     return {"objects": {f"?{name}": "object" for name in variables}, "needs": needs, "writes": writes}
 
 
