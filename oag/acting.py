@@ -10,7 +10,7 @@ from oag.model.actions import Action, ActionFlow, action_from_json
 from oag.model.diagnostics import FlowError
 from oag.model.domain import Domain, DomainError, Own, bound
 from oag.model.scene import Scene
-from oag.model.symbols import ANY, EEF, NEAR, Condition, Kind, Primitive, known_as
+from oag.model.symbols import ANY, EEF, NEAR, Condition, Kind, Primitive, known_as, overlap
 from oag.task_definition import SimpleTask
 
 
@@ -120,7 +120,7 @@ def relevant(scene: Scene, wanted: Iterable[Condition]) -> tuple[list[SimpleTask
         grown = False
         for entry in list(left):
             subtask, _, row = entry
-            if any(each.grade(value) for each in asked for fact, value in row.writes if fact == each.fact):
+            if any(each.grade(value) for each in asked for fact, value in row.writes if overlap(fact, each.fact)):
                 chosen.append(subtask)
                 left.remove(entry)
                 asked |= dict.fromkeys(each for clause in row.needs for each in clause)

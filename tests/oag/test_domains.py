@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import bddl
 import oag
+from executor.records import MissingSkill, require_flows
 from oag import pddl
 from oag.model.domain import DomainError
 from oag.model.infeasible import Infeasible
@@ -237,6 +238,45 @@ def test_what_cannot_be_exported_is_refused_by_name() -> None:
         pddl.export(here, "(ontop bowl_0 table_0)")
     with pytest.raises(pddl.PddlError, match="is no action"):
         pddl.export(kitchen(), GOAL).task(["fly"])
+
+
+_ONE = "(define (domain d) (:predicates (on ?x)) {})"
+_PROBLEM = "(define (problem p) (:domain d) (:objects a) (:init) (:goal (on a)))"
+_GO = "(:action go{} :parameters (?x) :effect (on ?x))"
+
+
+def test_plans_with_comments_and_variables_with_our_words_are_read() -> None:
+    taking = "(:action take :parameters (?gripper ?any) :effect (and (on ?gripper) (not (on ?any))))"
+    here, goal = pddl.read(_ONE.format(taking), _PROBLEM.replace("objects a", "objects a b"))
+    exported = pddl.export(here, goal)
+    assert confirmed(oag.compose(exported.task(["(take a b)", "", "; cost = 1 (unit cost)"])).verify())
+    for actions, refused in (
+        (_GO.format("-to") + _GO.format("_to"), "two actions GO_TO"),
+        ("(:action go :parameters (?x) :effect ((on ?x)))", "a list where"),
+    ):
+        with pytest.raises(pddl.PddlError, match=refused):
+            pddl.read(_ONE.format(actions), _PROBLEM)
+    with pytest.raises(pddl.PddlError, match="geometry found"):
+        pddl.export(kitchen().knowing([Infeasible("open", "drawer_0")]), "(open drawer_0)")
+
+
+def test_a_certificate_of_a_domain_is_compared_with_a_task_s_json_without_a_scene() -> None:
+    task = oag.task(kitchen(), goal=GOAL, steps=STEPS)
+    certificate = oag.compose(task).verify().certificate
+    assert oag.recheck(certificate, task=task.to_json())
+    assert not oag.recheck(certificate, task=oag.task(kitchen(), steps=STEPS[:1]).to_json())
+
+
+def test_a_denial_of_every_object_helps_a_plan() -> None:
+    rows = {"DRY": {"objects": {"?f": "support"}, "writes": ["(not (wet ?any))"]}}
+    domain = oag.Domain.from_json({"name": "d", "predicates": {"wet": ["a"]}, "primitives": rows})
+    here = oag.scene({"cup_0": "cup", "table_0": "table"}, ["(wet cup_0)"], "all", domain=domain)
+    assert confirmed(oag.plan(here, "(not (wet cup_0))").report)
+
+
+def test_the_robot_has_no_skill_for_an_own_row() -> None:
+    with pytest.raises(MissingSkill, match="PLACE_NEXT_TO"):
+        require_flows(oag.task(kitchen(), goal=GOAL, steps=STEPS))
 
 
 # Random domains without the robot, and an oracle of sets that shares nothing with the verifier.
