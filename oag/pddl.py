@@ -1,4 +1,4 @@
-"""PDDL 2.1 out and in: STRIPS with types and negative preconditions; what cannot be said so is refused by name.
+"""PDDL 2.1 out and in: STRIPS with types and negative preconditions; what cannot be expressed so is refused by name.
 
 Out, a scene and a goal become a grounded domain and its problem: the rows of the primitives for every target, support
 and place that plans may have. A predicate that can be unknown becomes two, `p` for "known to hold" and `not-p` for
@@ -19,7 +19,7 @@ from itertools import chain, count, product
 from typing import Any, NamedTuple
 
 import bddl
-from oag.acting import acting, all_acting, left_by
+from oag.acting import effect_literals, own_subtask, own_subtasks
 from oag.compilation import articulated_ids
 from oag.model.actions import Action
 from oag.model.diagnostics import OagError
@@ -61,7 +61,7 @@ _NOTHING: bddl.Formula = bddl.And(())
 
 
 class PddlError(OagError):
-    """Something cannot be said in STRIPS with negative preconditions.
+    """Something cannot be expressed in STRIPS with negative preconditions.
 
     Attributes:
         refused: What it is, a name each.
@@ -119,7 +119,7 @@ class Exported:
             raise PddlError([f"({' '.join(step)}) is no action of the exported domain"])
         target, *rest = (self.names[each] for each in names)
         own = Own(rows[name], tuple(rest[1:]))
-        return acting(self.scene.domain, own, target, rest[0] if rest else None)
+        return own_subtask(self.scene.domain, own, target, rest[0] if rest else None)
 
     def _grounded(self, steps: list[list[str]]) -> list[SimpleTask]:
         unknown = [
@@ -152,7 +152,9 @@ def _subtask(group: list[Part]) -> SimpleTask:
         if primitive in ARTICULATIONS:
             wanted = {is_open if primitive is Primitive.ARTICULATE_OPEN else bddl.Not(is_open): None}
         elif own is not None:
-            wanted |= dict.fromkeys(each for each in left_by(own, target, support) if isinstance(each, bddl.Atom))
+            wanted |= dict.fromkeys(
+                each for each in effect_literals(own, target, support) if isinstance(each, bddl.Atom)
+            )
         elif primitive is Primitive.UNGRASP and placement is not None:
             wanted = {bddl.Atom(placement.relation, (target, placement.support)): None}
         elif primitive is Primitive.LIFT_EEF_UP:
@@ -247,7 +249,7 @@ class _Export:
                     yield Placement(relation, key)
 
     def _own_parts(self) -> Iterator[Part]:
-        for subtask, own in all_acting(self.scene) if self.scene.domain.rows else ():
+        for subtask, own in own_subtasks(self.scene) if self.scene.domain.rows else ():
             target, support = subtask.target, subtask.support_goal
             item = self.scene.objects[target].kind is Kind.ITEM
             yield Part(own.primitive(), target, support)

@@ -25,7 +25,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import bddl
-from oag.model.diagnostics import OagError
+from oag.model.errors import OagError
 from oag.model.symbols import (
     ANY,
     EEF,

@@ -64,7 +64,7 @@ EXIT_CODES = {
     "bddl.errors.MissingExtra": BAD_INPUT,
     "executor.system.vulkan.RendererNotFound": BAD_INPUT,
     "llm.errors.LlmError": BAD_INPUT,
-    "oag.model.diagnostics.OagError": BAD_INPUT,
+    "oag.model.errors.OagError": BAD_INPUT,
     "executor.data.work.NotPlannable": FAILED,
     "executor.photo.errors.RoomRefused": FAILED,
     "executor.records.PlanRefused": FAILED,
