@@ -10,11 +10,11 @@ from oag.model.actions import Action, ActionFlow, action_from_json
 from oag.model.diagnostics import FlowError
 from oag.model.domain import Domain, DomainError, Own, bound
 from oag.model.scene import Scene
-from oag.model.symbols import ANY, EEF, NEAR, Condition, Kind, Primitive, known_as
+from oag.model.symbols import ANY, EEF, NEAR, Condition, Kind, Primitive, known_as, overlap
 from oag.task_definition import SimpleTask
 
 
-def acting(domain: Domain, own: Own, target: str, support: str | None) -> SimpleTask:
+def own_subtask(domain: Domain, own: Own, target: str, support: str | None) -> SimpleTask:
     """Return the subtask of one own primitive: it starts with what the row needs of the world, and ends as it writes.
 
     Raises DomainError when the flow that the row gives cannot be read.
@@ -22,14 +22,13 @@ def acting(domain: Domain, own: Own, target: str, support: str | None) -> Simple
     row = bound(own, target, support)
     needs = [choice for clause in row.needs if (choice := _choice(clause)) is not None]
     words = " ".join((own.row.name.lower(), target, *(() if support is None else (support,)), *own.args))
-    init, end = (
-        bddl.And(tuple(parts)) if len(parts) != 1 else parts[0] for parts in (needs, left_by(own, target, support))
-    )
+    ends = effect_literals(own, target, support)
+    init, end = (bddl.And(tuple(parts)) if len(parts) != 1 else parts[0] for parts in (needs, ends))
     flow = _flow(domain, own, target, support)
     return SimpleTask(words.replace(" ", "_"), f"{words.capitalize()}.", target, None, support, init, end, flow)
 
 
-def left_by(own: Own, target: str, support: str | None) -> list[bddl.Formula]:
+def effect_literals(own: Own, target: str, support: str | None) -> list[bddl.Formula]:
     """Return the literals that hold after an own primitive, as far as BDDL has them."""
     writes = bound(own, target, support).writes
     known = (known_as(fact, value) for fact, value in writes if value is not None and ANY not in fact)
@@ -38,10 +37,10 @@ def left_by(own: Own, target: str, support: str | None) -> list[bddl.Formula]:
 
 def _choice(clause: tuple[Condition, ...]) -> bddl.Formula | None:
     literals = [condition.literal() for condition in clause]
-    said = tuple(each for each in literals if each is not None)
-    if len(said) != len(literals):
+    known = tuple(each for each in literals if each is not None)
+    if len(known) != len(literals):
         return None
-    return said[0] if len(said) == 1 else bddl.Or(said)
+    return known[0] if len(known) == 1 else bddl.Or(known)
 
 
 def _flow(domain: Domain, own: Own, target: str, support: str | None) -> ActionFlow:
@@ -74,7 +73,7 @@ def _with_args(item: Any, own: Own) -> Any:
     return own.primitive().name if item == own.row.name else item
 
 
-def read_acting(text: str, scene: Scene) -> SimpleTask | None:
+def read_own_subtask(text: str, scene: Scene) -> SimpleTask | None:
     """Return the subtask of a text such as `PUSH puck_0 cup_0`; None when it begins with no own primitive.
 
     Raises DomainError when the objects do not fit the row.
@@ -92,7 +91,7 @@ def read_acting(text: str, scene: Scene) -> SimpleTask | None:
     problem_found = scene.domain.problem(own, target, support, things_in(scene))
     if problem_found is not None:
         raise DomainError(f"{name} {problem_found}", source=scene.domain.name, place=f"primitives.{name}")
-    return acting(scene.domain, own, target, support)
+    return own_subtask(scene.domain, own, target, support)
 
 
 def things_in(scene: Scene) -> Mapping[str, tuple[str, Kind]]:
@@ -100,19 +99,19 @@ def things_in(scene: Scene) -> Mapping[str, tuple[str, Kind]]:
     return {key: (thing.category, thing.kind) for key, thing in scene.objects.items()}
 
 
-def all_acting(scene: Scene) -> Iterator[tuple[SimpleTask, Own]]:
+def own_subtasks(scene: Scene) -> Iterator[tuple[SimpleTask, Own]]:
     """Yield the subtasks of own primitives with every choice of objects; raises DomainError beyond `MOST_BOUND`."""
     domain, things = scene.domain, things_in(scene)
     for row in domain.rows.values():
         for target, support, args in domain.arguments(row, things):
             own = Own(row, args)
             if domain.problem(own, target, support, things) is None:
-                yield acting(domain, own, target, support), own
+                yield own_subtask(domain, own, target, support), own
 
 
 def relevant(scene: Scene, wanted: Iterable[Condition]) -> tuple[list[SimpleTask], list[Condition]]:
     """Return the subtasks of own primitives that help to meet conditions, and what these need of the world."""
-    left = [(subtask, own, bound(own, subtask.target, subtask.support_goal)) for subtask, own in all_acting(scene)]
+    left = [(subtask, own, bound(own, subtask.target, subtask.support_goal)) for subtask, own in own_subtasks(scene)]
     chosen: list[SimpleTask] = []
     asked = dict.fromkeys(wanted)
     grown = True
@@ -120,7 +119,7 @@ def relevant(scene: Scene, wanted: Iterable[Condition]) -> tuple[list[SimpleTask
         grown = False
         for entry in list(left):
             subtask, _, row = entry
-            if any(each.grade(value) for each in asked for fact, value in row.writes if fact == each.fact):
+            if any(each.grade(value) for each in asked for fact, value in row.writes if overlap(fact, each.fact)):
                 chosen.append(subtask)
                 left.remove(entry)
                 asked |= dict.fromkeys(each for clause in row.needs for each in clause)

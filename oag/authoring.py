@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bddl
-from oag.acting import read_acting
+from oag.acting import read_own_subtask
 from oag.compilation import compile_plan
 from oag.flows import CLOSE, OPEN, PLACE, taking
 from oag.model.actions import Action, ActionFlow
@@ -227,7 +227,7 @@ def task(
 
 
 def _own_step(one: PlanStep | SimpleTask | str, scene: Scene) -> PlanStep | SimpleTask | str:
-    return read_acting(one, scene) or one if isinstance(one, str) else one
+    return read_own_subtask(one, scene) or one if isinstance(one, str) else one
 
 
 def _draft(index: int, one: object, scene: Scene) -> SimpleTask:

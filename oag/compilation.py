@@ -13,7 +13,7 @@ from oag.model.actions import ActionFlow
 from oag.model.domain import bound, own_of
 from oag.model.infeasible import Infeasible
 from oag.model.scene import Scene
-from oag.model.symbols import Fact, Kind, Primitive
+from oag.model.symbols import ROBOT_FACTS, Fact, Kind, Primitive
 from oag.primitives.state import Start, carriage_in, facts_of, scene_facts
 from oag.primitives.table import (
     Context,
@@ -25,6 +25,7 @@ from oag.primitives.table import (
     guarded,
     needed,
     open_at_top,
+    own_deeds,
     own_places,
     placement_of,
 )
@@ -89,8 +90,11 @@ def known_impossible(subtask: SimpleTask, scene: Scene) -> tuple[Infeasible, ...
     """Return what a subtask does of what was found impossible in a scene, in whatever circumstances."""
     placement = placement_of(subtask.goal, subtask.target)
     primitives = {action.primitive for action in subtask.flow or ()}
+    own = own_deeds(primitives, subtask.target, subtask.support_goal)
     return tuple(
-        each for each in scene.known if does((each.kind, each.thing, each.place), subtask.target, placement, primitives)
+        each
+        for each in scene.known
+        if does((each.kind, each.thing, each.place), subtask.target, placement, primitives, own)
     )
 
 
@@ -143,6 +147,8 @@ def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mappi
         for primitive in subtask.own:
             if (own := own_of(primitive)) is not None:
                 facts.update(dict.fromkeys(bound(own, context.target, context.support_goal).facts))
+                read = (each.fact for clause in subtask.rows.row(primitive, None)[0] for each in clause)
+                facts.update(dict.fromkeys(fact for fact in read if fact not in ROBOT_FACTS))
         for thing, places in context.carriage.places:
             facts.update(dict.fromkeys((relation, thing, place) for relation, place in places))
     facts.update(dict.fromkeys(facts_of(goal, objects)))

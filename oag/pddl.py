@@ -1,4 +1,4 @@
-"""PDDL 2.1 out and in: STRIPS with types and negative preconditions; what cannot be said so is refused by name.
+"""PDDL 2.1 out and in: STRIPS with types and negative preconditions; what cannot be expressed so is refused by name.
 
 Out, a scene and a goal become a grounded domain and its problem: the rows of the primitives for every target, support
 and place that plans may have. A predicate that can be unknown becomes two, `p` for "known to hold" and `not-p` for
@@ -19,11 +19,11 @@ from itertools import chain, count, product
 from typing import Any, NamedTuple
 
 import bddl
-from oag.acting import acting, all_acting, left_by
+from oag.acting import effect_literals, own_subtask, own_subtasks
 from oag.compilation import articulated_ids
 from oag.model.actions import Action
 from oag.model.diagnostics import OagError
-from oag.model.domain import KINDS, THING, Domain, Own, bound, marked, own_of
+from oag.model.domain import ANY_WORD, KINDS, THING, Domain, Own, bound, marked, own_of
 from oag.model.scene import NO_BOX, RobotPose, Scene, SceneObject
 from oag.model.symbols import (
     ARTICULATIONS,
@@ -61,7 +61,7 @@ _NOTHING: bddl.Formula = bddl.And(())
 
 
 class PddlError(OagError):
-    """Something cannot be said in STRIPS with negative preconditions.
+    """Something cannot be expressed in STRIPS with negative preconditions.
 
     Attributes:
         refused: What it is, a name each.
@@ -106,7 +106,8 @@ class Exported:
         Raises:
             PddlError: Something is no action of the domain.
         """
-        steps = [line.strip().strip("()").lower().split() for line in plan]
+        # Planners write comments, such as the cost, and empty lines between actions.
+        steps = [step for line in plan if (step := line.partition(";")[0].strip().strip("()").lower().split())]
         subtasks = self._grounded(steps) if self.actions else [self._lifted(step) for step in steps]
         scales = scales_of(subtasks, self.scene)
         return Task("planned", "", self.goal, True, tuple(subtasks), scales, self.scene)
@@ -118,7 +119,7 @@ class Exported:
             raise PddlError([f"({' '.join(step)}) is no action of the exported domain"])
         target, *rest = (self.names[each] for each in names)
         own = Own(rows[name], tuple(rest[1:]))
-        return acting(self.scene.domain, own, target, rest[0] if rest else None)
+        return own_subtask(self.scene.domain, own, target, rest[0] if rest else None)
 
     def _grounded(self, steps: list[list[str]]) -> list[SimpleTask]:
         unknown = [
@@ -151,7 +152,9 @@ def _subtask(group: list[Part]) -> SimpleTask:
         if primitive in ARTICULATIONS:
             wanted = {is_open if primitive is Primitive.ARTICULATE_OPEN else bddl.Not(is_open): None}
         elif own is not None:
-            wanted |= dict.fromkeys(each for each in left_by(own, target, support) if isinstance(each, bddl.Atom))
+            wanted |= dict.fromkeys(
+                each for each in effect_literals(own, target, support) if isinstance(each, bddl.Atom)
+            )
         elif primitive is Primitive.UNGRASP and placement is not None:
             wanted = {bddl.Atom(placement.relation, (target, placement.support)): None}
         elif primitive is Primitive.LIFT_EEF_UP:
@@ -165,8 +168,8 @@ def export(scene: Scene, goal: bddl.Formula | str) -> Exported:
     """Return a scene and a goal as a PDDL domain and its problem.
 
     Raises:
-        PddlError: The goal is no conjunction of literals, cargo changes what steps write, a row of a domain without the
-            robot has alternatives, patterns or numbers, or there is too much to list.
+        PddlError: The goal is no conjunction of literals, cargo changes what steps write, geometry found something
+            impossible, a row of a domain without the robot has alternatives, patterns or numbers, or there is too much.
 
     Example:
         >>> import oag
@@ -177,6 +180,8 @@ def export(scene: Scene, goal: bddl.Formula | str) -> Exported:
     wanted = formula_of(goal, "goal", scene.domain)
     if bddl.literals(wanted) is None:
         raise PddlError([f"the goal {bddl.format(wanted)}, which is no conjunction of literals"])
+    if scene.known:
+        raise PddlError(["what geometry found impossible in the scene"])
     names = {_pddl_name(key): key for key in scene.objects}
     if len(names) < len(scene.objects):
         raise PddlError(["objects whose names differ in the case of letters or in signs alone"])
@@ -244,7 +249,7 @@ class _Export:
                     yield Placement(relation, key)
 
     def _own_parts(self) -> Iterator[Part]:
-        for subtask, own in all_acting(self.scene) if self.scene.domain.rows else ():
+        for subtask, own in own_subtasks(self.scene) if self.scene.domain.rows else ():
             target, support = subtask.target, subtask.support_goal
             item = self.scene.objects[target].kind is Kind.ITEM
             yield Part(own.primitive(), target, support)
@@ -505,6 +510,11 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
     problem = bddl.parse(f"{domain_text}\n{problem_text}", profile="auto")
     if not isinstance(problem, bddl.Problem):
         raise PddlError(["a problem of another language"])
+    rows = [_read_action(each.text.lower()) for each in pddl.actions]
+    names = [name for name, _ in rows]
+    alike = [f"two actions {name}, whose names differ in signs alone" for name in names if names.count(name) > 1]
+    if alike:
+        raise PddlError(alike)
     types = {item.name: item.category for item in pddl.types if item.category != THING}
     categories = dict.fromkeys((THING, *(item.name for item in pddl.types), *problem.categories.values()))
     domain = Domain.from_json(
@@ -514,7 +524,7 @@ def read(domain_text: str, problem_text: str) -> tuple[Scene, bddl.Formula]:
             "predicates": {each.name: [b.variable for b in each.parameters] for each in pddl.predicates},
             "kinds": dict.fromkeys(categories, "support"),
             "types": types,
-            "primitives": dict(_read_action(each.text.lower()) for each in pddl.actions),
+            "primitives": dict(rows),
         },
         f"(domain {pddl.name})",
     )
@@ -532,7 +542,8 @@ _SECTIONS = (":constants", ":functions", ":derived", ":durative-action", ":axiom
 
 def _read_action(text: str) -> tuple[str, dict[str, object]]:
     """Return the name and the row of an action."""
-    form = _nested(text)
+    # These variables have a meaning in rows.
+    form = _nested(re.sub(rf"\?({ANY_WORD}|{GRIPPER})(?=[\s()])", r"?the-\1", text))
     name, fields = str(form[1]), dict(zip(form[2::2], form[3::2], strict=False))
     refused = [f"{name}: {key}" for key in fields if key not in (":parameters", ":precondition", ":effect")]
     objects = list(_typed(fields.get(":parameters", []), name))
@@ -578,15 +589,21 @@ def _literals(form: list[Any], name: str, refused: list[str]) -> Iterator[str]:
     if not form:
         return
     head, *rest = form
-    if head == "and":
+    if not isinstance(head, str):
+        refused.append(f"{name}: a list where a literal is expected")
+    elif head == "and":
         for part in rest:
             yield from _literals(part, name, refused)
-    elif head == "not" and len(rest) == 1 and rest[0] and rest[0][0] not in _FORMS:
+    elif head == "not" and len(rest) == 1 and _plain(rest[0]):
         yield f"(not ({' '.join(rest[0])}))"
     elif head in _FORMS or not all(isinstance(word, str) for word in rest):
         refused.append(f"{name}: ({head} ...)")
     else:
         yield f"({' '.join(form)})"
+
+
+def _plain(form: object) -> bool:
+    return isinstance(form, list) and all(isinstance(w, str) for w in form) and bool(form) and form[0] not in _FORMS
 
 
 _FORMS = frozenset(["and", "or", "not", "imply", "forall", "exists", "when", "=", "increase", "decrease", "assign"])

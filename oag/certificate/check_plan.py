@@ -59,6 +59,7 @@ from oag.primitives.table import (
     impossible,
     needed,
     open_at_top,
+    own_deeds,
     own_places,
     placement_among,
     placement_of,
@@ -456,10 +457,11 @@ class PlanRun:
         if not self._scene.get("known"):
             return init
         primitives = {action_of(item, domain)[0] for item in subtask["flow"] or ()}
+        own = own_deeds(primitives, subtask["target"], subtask["support_goal"])
         found = [
             needed_of(each["given"], domain)
             for each in self._scene["known"]
-            if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives)
+            if does((each["kind"], each["thing"], each["place"]), subtask["target"], placement, primitives, own)
         ]
         require(all(type(given) is tuple for given in found), "what was found impossible is no list of literals")
         return guarded(init, (given for given in found if isinstance(given, tuple)))

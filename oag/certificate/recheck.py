@@ -11,15 +11,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import bddl
 from oag.certificate.check import RecheckResult, certificate_in
 from oag.certificate.check import recheck as check
-from oag.certificate.check_plan import Rejected
+from oag.certificate.check_plan import Rejected, domain_of
 from oag.model.actions import flow_to_json
 from oag.model.codec import Source, shown
-from oag.model.scene import Scene
+from oag.model.scene import RobotPose, Scene
 from oag.model.symbols import Kind
 from oag.primitives.state import scene_facts
 from oag.primitives.table import library_sha
@@ -105,6 +106,10 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
         data = certificate_in(certificate)
     except Rejected as problem:
         return RecheckResult(False, str(problem))
+    if task is not None and place is None and not isinstance(task, Task) and "domain" in data:
+        # Its formulas and flows are in the certificate's domain.
+        empty = Scene("(certificate)", RobotPose(), {}, domain=domain_of(data))
+        asked = replace(Task.from_json(task, scene=empty), scene=None)
     difference = _other_task(data["plan"], asked)
     if place is not None and not difference:
         difference = _difference("scene", scene_json(place), data["scene"])

@@ -10,13 +10,9 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
-from bddl.errors import Scene2DemoError
+from oag.model.errors import OagError as OagError
 
 _NONE: Mapping[int, str] = MappingProxyType({})
-
-
-class OagError(Scene2DemoError):
-    """Every exception that this package raises on purpose."""
 
 
 class InputError(OagError):

@@ -25,7 +25,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import bddl
-from bddl.errors import Scene2DemoError
+from oag.model.errors import OagError
 from oag.model.symbols import (
     ANY,
     EEF,
@@ -72,7 +72,7 @@ ROBOT_WORDS: Mapping[str, tuple[int, Fact, str]] = {
 WITH_INVARIANTS = ("open", "ontop", "inside")
 
 
-class DomainError(Scene2DemoError):
+class DomainError(OagError):
     """A domain cannot be used: a name, a row or a kind is not as documented.
 
     Attributes:
@@ -213,17 +213,20 @@ class Bound(NamedTuple):
 
 @lru_cache(maxsize=65536)
 def bound(own: Own, target: str, support: str | None) -> Bound:
-    """Return what a primitive needs and writes in a subtask; of writes to one fact the affirmed one counts."""
-    names = own.names(target, support)
+    """Return what a primitive needs and writes in a subtask; of writes to one fact the affirmed one counts.
+
+    Where two variables are one object, a fact that is denied and unknown is unknown.
+    """
     row, names = own.row, own.names(target, support)
     needs = tuple(
         tuple(_condition(literal, names, row.robot) for literal in _alternatives(formula)) for formula in row.needs
     )
-    writes: dict[Fact, Value] = {_fact(atom, names): None for atom in row.unknown}
-    for literal in row.writes:
+    denied = {_fact(each.atom, names): False for each in row.writes if not each.value}
+    writes: dict[Fact, Value] = {**denied, **dict.fromkeys(_fact(atom, names) for atom in row.unknown)}
+    for literal in (each for each in row.writes if each.value):
         condition = _condition(literal, names, row.robot)
-        writes[condition.fact] = condition.value if condition.positive else False
-        if literal.value and row.robot and condition.fact[0] in WITH_INVARIANTS[1:] and len(condition.fact) == 3:
+        writes[condition.fact] = condition.value
+        if row.robot and condition.fact[0] in WITH_INVARIANTS[1:] and len(condition.fact) == 3:
             # The converse cannot hold as well.
             relation, thing, place = condition.fact
             writes[relation, place, thing] = False
@@ -290,6 +293,8 @@ class Domain:
             data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
             raise DomainError(f"cannot be read: {problem}", source=str(path)) from problem
+        except RecursionError:
+            raise DomainError("is nested too deeply", source=str(path)) from None
         return cls.from_json(data, str(path))
 
     @classmethod
@@ -305,7 +310,10 @@ class Domain:
             <Domain 'lamps': the 21 primitives and LIGHT>
         """
         # It makes rows and errors of this module.
-        return cls(**import_module("oag.model.domain_form").Reading(data, source).parts())
+        try:
+            return cls(**import_module("oag.model.domain_form").Reading(data, source).parts())
+        except RecursionError:
+            raise DomainError("is nested too deeply", source=source) from None
 
     def to_json(self) -> dict[str, object]:
         """Return the mapping that `from_json` reads back into an equal domain."""

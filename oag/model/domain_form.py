@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import product
 from typing import Any
 
 import bddl
-from oag.model.domain import ANY_WORD, KINDS, ROBOT_WORDS, WITH_INVARIANTS, DomainError, Row, Span, dialect, marked
-from oag.model.symbols import GRIPPER, ROBOT_FACTS, Primitive
+from oag.model.domain import (
+    ANY_WORD,
+    KINDS,
+    ROBOT_WORDS,
+    THING,
+    WITH_INVARIANTS,
+    DomainError,
+    Row,
+    Span,
+    dialect,
+    marked,
+)
+from oag.model.symbols import GRIPPER, HAND, ROBOT_FACTS, Primitive
+
+MOST_NUMBER = 1e300
+_KEYWORDS = frozenset(("and", "or", "not", "imply", "forall", "exists", "when", "forn", "forpairs", "fornpairs"))
 
 
 # The checker of certificates reads domains, and shares no codec with the verifier.
@@ -40,7 +54,7 @@ class Reading:
         types = {key: self._word(what, f"types.{key}") for key, what in self._part(data, "types").items()}
         kinds = {}
         for key, word in self._part(data, "kinds").items():
-            if word not in KINDS:
+            if not isinstance(word, str) or word not in KINDS:
                 raise self._fail(_expected(f"one of {', '.join(KINDS)}", word), f"kinds.{key}")
             kinds[key] = KINDS[word]
         named = {
@@ -51,7 +65,8 @@ class Reading:
                 **own,
             }.items()
         }
-        self._profile, self._robot, self._named = dialect(name, named), inherits, named
+        self._profile, self._robot, self._categories = dialect(name, named), inherits, {*kinds, *types, *types.values()}
+        self._words = {*self._part(data, "primitives"), *(Primitive.__members__ if inherits else ())}
         rows = {key: self._row(key, row) for key, row in self._part(data, "primitives").items()}
         return {"name": name, "inherits": inherits, "own_predicates": own, "kinds": kinds, "types": types, "rows": rows}
 
@@ -84,6 +99,8 @@ class Reading:
         place = f"predicates.{name}"
         if not _is_name(name) or name != name.lower():
             raise self._fail(f"{name!r:.60} is no name of a predicate: lower case, a letter first", place)
+        if name in _KEYWORDS:
+            raise self._fail(f"{name} is a word of formulas", place, "name it otherwise")
         taken = {*bddl.PREDICATES, *ROBOT_WORDS} if inherits else {*WITH_INVARIANTS}
         taken |= {"holding"} if inherits else set()
         taken |= {fact[0] for fact in ROBOT_FACTS}
@@ -99,15 +116,18 @@ class Reading:
             raise self._fail("expected a name in capitals, none of the 21, such as PUSH", place)
         objects = self._objects(data.get("objects"), f"{place}.objects")
         variables = [variable for variable, _ in objects]
-        needs = tuple(self._formula(text, f"{place}.needs", variables) for text in data.get("needs", ()))
-        writes = [self._formula(text, f"{place}.writes", [*variables, ANY_WORD]) for text in data.get("writes", ())]
-        unknown = [self._formula(text, f"{place}.unknown", [*variables, ANY_WORD]) for text in data.get("unknown", ())]
+        needs = tuple(self._formulas(data, place, "needs", variables))
+        writes = list(self._formulas(data, place, "writes", [*variables, ANY_WORD]))
+        unknown = list(self._formulas(data, place, "unknown", [*variables, ANY_WORD]))
         for part, formulas in (("writes", writes), ("unknown", unknown)):
             for formula in formulas:
                 self._check_write(formula, part == "unknown", f"{place}.{part}")
+        self._check_together(writes, unknown, place)
         flow = data.get("flow", ())
         if not isinstance(flow, list | tuple):
             raise self._fail(_expected('a list, such as [17, "PUSH", 6]', flow), f"{place}.flow")
+        for index, step in enumerate(flow):
+            self._check_step(step, f"{place}.flow[{index}]")
         return Row(
             name,
             objects,
@@ -133,8 +153,32 @@ class Reading:
             variable = self._word(pair[0], at).removeprefix("?")
             if not _is_name(variable) or variable in (ANY_WORD, GRIPPER, *(name for name, _ in found)):
                 raise self._fail(f"?{variable} cannot name an object here", at)
-            found.append((variable, self._word(pair[1], at)))
+            found.append((variable, self._what(pair[1], at)))
         return tuple(found)
+
+    def _what(self, given: object, place: str) -> str:
+        """Return a kind or a category; what is nearly a kind's name, and no category of the domain, is refused."""
+        word = self._word(given, place)
+        if word not in (THING, *KINDS, *self._categories) and (hint := _near(word, (THING, *KINDS))):
+            raise self._fail(f"{word!r:.60} is no kind", place, f"{hint} A category of this name is listed in kinds")
+        return word
+
+    def _check_step(self, step: object, place: str) -> None:
+        key: object = step
+        if isinstance(step, Mapping):
+            numbers = list(step.values())
+            pair = len(numbers) == 1 and isinstance(numbers[0], list | tuple) and len(numbers[0]) == 2
+            numbers = list(numbers[0]) if pair else numbers
+            key = next(iter(step)) if step and all(type(each) in (int, float) for each in numbers) else None
+        if isinstance(key, str) and key.isdecimal() and len(key) < 4:
+            key = int(key)
+        numbered = type(key) is int and self._robot and 1 <= key <= len(Primitive)
+        if not numbered and not (isinstance(key, str) and key.split()[:1] and key.split()[0] in self._words):
+            raise self._fail(_expected('a step, such as 17, "PUSH" or { 8 = 0.05 }', step), place)
+
+    def _formulas(self, data: Mapping[str, Any], place: str, part: str, variables: list[str]) -> Iterator[bddl.Formula]:
+        texts = self._texts(data.get(part, ()), f"{place}.{part}")
+        return (self._formula(text, f"{place}.{part}", variables) for text in texts)
 
     def _formula(self, text: object, place: str, variables: list[str]) -> bddl.Formula:
         try:
@@ -148,6 +192,8 @@ class Reading:
                 raise self._fail(f"{text!r:.60} is no literal and no choice of literals", place, hint)
         for atom in bddl.atoms(formula):
             for name in atom.args:
+                if name == GRIPPER and (not self._robot or atom.predicate != "inside" or atom.args[0] == GRIPPER):
+                    raise self._fail(f"{marked(atom)} is no fact about the gripper", place, "write (inside ?a gripper)")
                 if name not in variables and name != GRIPPER:
                     named = ", ".join(f"?{each}" for each in variables)
                     raise self._fail(f"?{name} is none of the objects {named}", place, _near(name, variables))
@@ -160,18 +206,54 @@ class Reading:
         for atom, value in ((each.atom, each.value) for each in literals):
             if value and not unknown and ANY_WORD in atom.args:
                 raise self._fail(f"{marked(atom)} would hold for every object", place, "?any is for denials")
+            if len(atom.args) > 2 and 0 < atom.args.count(ANY_WORD) < len(atom.args):
+                raise self._fail(f"{marked(atom)} has ?any in some places", place, "write ?any in all, or in none")
             about_robot = self._robot and (atom.predicate in ROBOT_WORDS or GRIPPER in atom.args)
             if about_robot and (unknown or not value):
                 raise self._fail(f"{marked(formula)} leaves the robot open", place, "write what is so: (handempty)")
+
+    def _check_together(self, writes: list[bddl.Formula], unknown: list[bddl.Formula], place: str) -> None:
+        """Refuse two values of one fact, and two things put somewhere by one row, which may make a circle."""
+        literals = [each for formula in writes for each in bddl.literals(formula) or ()]
+        affirmed = [each.atom for each in literals if each.value]
+        denied = [each.atom for each in literals if not each.value]
+        opened = [each for each in unknown if isinstance(each, bddl.Atom)]
+        for atom in affirmed:
+            if atom in denied or atom in opened:
+                raise self._fail(f"{marked(atom)} has two values", f"{place}.writes", "write one of them")
+        for one, other in product(denied, opened):
+            if _clash(one, other):
+                problem = f"(not {marked(one)}) and the unknown {marked(other)} have a fact in common"
+                raise self._fail(problem, f"{place}.unknown", "write one of them")
+        robot = [ROBOT_WORDS[each.predicate][1] for each in affirmed if self._robot and each.predicate in ROBOT_WORDS]
+        robot += [HAND for each in affirmed if self._robot and GRIPPER in each.args]
+        for variable in robot:
+            if robot.count(variable) > 1:
+                raise self._fail(f"the {variable[0]} has two values", f"{place}.writes", "write one of them")
+        put = {each.args[0] for each in affirmed if each.predicate in WITH_INVARIANTS[1:] and each.args[-1] != GRIPPER}
+        if self._robot and len(put) > 1:
+            problem = f"it puts {' and '.join(f'?{name}' for name in sorted(put))} somewhere"
+            raise self._fail(problem, f"{place}.writes", "one row puts one thing somewhere; write two rows")
 
     def _number(self, given: object, place: str) -> Span | None:
         if given is None:
             return None
         if isinstance(given, list | tuple) and len(given) == 3 and isinstance(given[2], str):
             low, high = given[0], given[1]
-            if all(type(each) in (int, float) and math.isfinite(each) for each in (low, high)) and low <= high:
+            legal = all(type(each) in (int, float) and -MOST_NUMBER <= each <= MOST_NUMBER for each in (low, high))
+            if legal and low <= high:
                 return Span(float(low), float(high), given[2])
         raise self._fail(_expected('[least, most, "unit"], such as [0.01, 0.5, "m"]', given), place)
+
+
+def _clash(one: bddl.Atom, other: bddl.Atom) -> bool:
+    """Decide whether two atoms with `?any` have an instance in common, and neither is an exception to the other."""
+    if one.predicate != other.predicate or len(one.args) != len(other.args):
+        return False
+    unlike = [(a, b) for a, b in zip(one.args, other.args, strict=True) if a != b]
+    if not all(ANY_WORD in pair for pair in unlike):
+        return False
+    return not unlike or len({a == ANY_WORD for a, _ in unlike}) > 1
 
 
 def _is_name(text: str) -> bool:

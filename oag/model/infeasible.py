@@ -49,4 +49,4 @@ class Infeasible:
 
     def __str__(self) -> str:
         given = f"; this holds with {' '.join(map(bddl.format, self.given))}" if self.given else ""
-        return f"geometry found it impossible: {self.reason or self.kind}{given}"
+        return f"geometry found it impossible: {' '.join(self.reason.split()) or self.kind}{given}"

@@ -180,11 +180,18 @@ class Scene:
         self._check_held()
         object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)", self.domain))
         for number, found in enumerate(self.known):
+            if (found.place is None) is (found.kind in ("ontop", "inside")):
+                wanted = "an object's id" if found.place is None else "none, or the kind ontop or inside"
+                reason = f"{found.kind} takes {'a place' if found.place is None else 'no place'}; expected {wanted}"
+                raise refused(reason, place=f"known[{number}].place")
             for name in filter(None, (found.thing, found.place)):
                 if name not in self.objects:
                     hint = did_you_mean(name, self.objects)
                     raise refused(f"unknown object {name!r}", place=f"known[{number}]", hint=hint)
-        read = [read_facts(found.given, self.objects, "(Scene)", self.domain) for found in self.known]
+        read = [
+            read_facts(found.given, self.objects, "(Scene)", self.domain, f"known[{number}].given")
+            for number, found in enumerate(self.known)
+        ]
         known = (replace(found, given=given) for found, given in zip(self.known, read, strict=True))
         object.__setattr__(self, "known", tuple(known))
 
@@ -307,7 +314,7 @@ def read_closed(given: object, source: str, domain: Domain = BUILT_IN) -> frozen
 
 
 def read_facts(
-    given: object, objects: Iterable[str], source: str, domain: Domain = BUILT_IN
+    given: object, objects: Iterable[str], source: str, domain: Domain = BUILT_IN, place: str = "facts"
 ) -> tuple[bddl.Formula, ...]:
     """Return the literals that hold at the start, from formulas or their texts.
 
@@ -316,8 +323,8 @@ def read_facts(
     known = (*objects, *_OWN_NAMES)
     values: dict[bddl.Atom, bool] = {}
     facts = []
-    for index, text in enumerate(_listed(given, "facts", source)):
-        refused = partial(SceneError, source=source, place=f"facts[{index}]")
+    for index, text in enumerate(_listed(given, place, source)):
+        refused = partial(SceneError, source=source, place=f"{place}[{index}]")
         if isinstance(text, bddl.Formula):
             formula = text
         elif isinstance(text, str):

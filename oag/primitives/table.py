@@ -58,6 +58,8 @@ Clause = tuple[Condition, ...]
 # Clauses that must all hold (of one condition each, for a conjunction of literals), or a formula beyond that.
 Needed = tuple[Clause, ...] | bddl.Formula
 Effect = tuple[tuple[Fact, Value], ...]
+# What is done: a kind, a thing, and a place or None.
+Deed = tuple[str, str, str | None]
 # What a primitive needs, and what it writes.
 Row = tuple[tuple[Clause, ...], Effect]
 
@@ -189,12 +191,18 @@ def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
 
 
 def does(
-    deed: tuple[str, str, str | None], target: str, placement: tuple[str, str] | None, primitives: Container[Primitive]
+    deed: Deed,
+    target: str,
+    placement: tuple[str, str] | None,
+    primitives: Container[Primitive],
+    own: Container[Deed] = (),
 ) -> bool:
     """Decide whether a subtask does something: a kind, a thing, and a place (`oag.model.infeasible`).
 
-    Its target, where its goal puts that, and its flow's primitives decide.
+    Its target, where its goal puts that, its flow's primitives, and what `own` ones do (`own_deeds`) decide.
     """
+    if deed in own:
+        return True
     kind, thing, place = deed
     done_by = _DONE_BY.get(kind)
     return thing == target and (placement == (kind, place) if done_by is None else done_by in primitives)
@@ -252,11 +260,49 @@ def _row(primitive: Primitive, context: Context, hand: Value, parameter: Paramet
 def _own_row(own: Own, context: Context) -> Row:
     """Return the row of an own domain; what it puts somewhere goes nowhere that is shut, nor on what it carries."""
     needs, writes = bound(own, context.target, context.support_goal)
-    for _, thing, place in _places(writes) if own.row.robot else ():
+    if not own.row.robot:
+        return needs, writes
+    for thing, place in _moved_out(writes):
+        around = context.articulated if place == ANY else (place,) if place in context.articulated else ()
+        if thing == ANY:
+            needs += tuple((Condition(("open", fixture), True),) for fixture in around)
+        else:
+            needs += tuple(
+                (Condition(("inside", thing, fixture), True, False), Condition(("open", fixture), True))
+                for fixture in around
+                if fixture != thing
+            )
+    for relation, thing, place in _places(writes):
+        if relation == "inside" and place in context.articulated:
+            needs += ((Condition(("open", place), True),),)
         chains = towers(context.carriage, place, thing)
         needs += _uncovered(context, place)
         needs += tuple(tuple(Condition(fact, True, False) for fact in chain) for chain in chains)
     return needs, writes
+
+
+def _moved_out(writes: Effect) -> Iterator[tuple[str, str]]:
+    """Yield what a row moves, with what it is taken out of, both perhaps `ANY`."""
+    for fact, value in writes:
+        held = held_by(value) if fact == HAND else None
+        if held is not None:
+            yield held, ANY
+        elif len(fact) == 3 and fact[0] in RESTING:
+            yield fact[1], ANY if value is True else fact[2]
+
+
+def own_deeds(primitives: Iterable[Primitive], target: str, support: str | None) -> frozenset[Deed]:
+    """Return what primitives of an own domain do in a subtask, by what their rows write."""
+    found: set[Deed] = set()
+    for own in (own for own in map(own_of, primitives) if own is not None and own.row.robot):
+        writes = bound(own, target, support).writes
+        found.update(_places(writes))
+        for fact, value in writes:
+            if fact[0] == "open" and value is not None:
+                found.add(("open" if value else "close", fact[1], None))
+            elif fact == HAND and (item := held_by(value)) is not None:
+                found.add(("take", item, None))
+    return frozenset(found)
 
 
 def own_places(primitives: Iterable[Primitive], target: str, support: str | None) -> tuple[tuple[str, str, str], ...]:

@@ -226,9 +226,15 @@ class Explainer:
         """Return what geometry found impossible, and is asked for again in the same circumstances."""
         if obligation.kind != "init" or not self.scene.known:
             return None
-        for each in known_impossible(self.task.subtasks[obligation.subtask], self.scene):
-            denied = guarded((), [clauses_of(literals_in(each.given))])
+        subtask, links, objects = self.task.subtasks[obligation.subtask], obligation.links, self.scene.categories
+        if failure.condition is None and _falsified_by(subtask.init, links, objects):
+            return None
+        for each in known_impossible(subtask, self.scene):
+            given = [clauses_of(literals_in(each.given))]
+            denied, formula = guarded((), given), guarded(bddl.And(()), given)
             if isinstance(denied, tuple) and any(failure.condition in clause for clause in denied):
+                return each
+            if failure.condition is None and isinstance(formula, bddl.And) and _falsified_by(formula, links, objects):
                 return each
         return None
 

@@ -6,6 +6,7 @@ import json
 import pickle
 import re
 from dataclasses import replace
+from datetime import date
 from typing import Any
 
 import pytest
@@ -14,8 +15,10 @@ from hypothesis import strategies as st
 
 import bddl
 import oag
+from executor.records import MissingSkill, require_flows
 from oag import pddl
 from oag.model.domain import DomainError
+from oag.model.infeasible import Infeasible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
 
@@ -88,6 +91,8 @@ def test_a_domain_and_its_primitives_travel_between_processes() -> None:
 
 
 _ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"]}
+_PAIR = {"objects": {"?a": "item", "?b": "item"}, "unknown": ["(nextto ?any ?b)"]}
+_WRITES, _UNKNOWN = "primitives.LIGHT.writes", "primitives.LIGHT.unknown"
 
 
 @pytest.mark.parametrize(
@@ -106,15 +111,79 @@ _ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"
         ({"primitives": {"LIGHT": {**_ROW, "writes": ["(lit ?any)"]}}}, "primitives.LIGHT.writes", "every object"),
         ({"primitives": {"LIGHT": {**_ROW, "writes": ["(not (handempty))"]}}}, "primitives.LIGHT.writes", "robot"),
         ({"primitives": {"LIGHT": {**_ROW, "number": [1, 0, "m"]}}}, "primitives.LIGHT.number", "least, most"),
+        ({"primitives": {"LIGHT": {**_ROW, "number": [0, 10**400, "m"]}}}, "primitives.LIGHT.number", "least, most"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": 5}}}, "primitives.LIGHT.needs", "a list of texts"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": True}}}, "primitives.LIGHT.writes", "a list of texts"),
+        ({"primitives": {"LIGHT": {**_ROW, "flow": [99]}}}, "primitives.LIGHT.flow[0]", "a step"),
+        ({"primitives": {"LIGHT": {**_ROW, "flow": [date(2020, 1, 1)]}}}, "primitives.LIGHT.flow[0]", "a step"),
+        ({"primitives": {"LIGHT": {**_ROW, "objects": {"?a": "itme"}}}}, "primitives.LIGHT.objects[0]", "item"),
+        ({"primitives": {"LIGHT": {**_ROW, "needs": ["(ontop ?a gripper)"]}}}, "primitives.LIGHT.needs", "inside"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(lit ?a)", "(not (lit ?a))"]}}}, _WRITES, "two values"),
+        ({"primitives": {"LIGHT": {**_ROW, "unknown": ["(lit ?a)"]}}}, _WRITES, "two values"),
+        ({"primitives": {"LIGHT": {**_PAIR, "writes": ["(not (nextto ?a ?any))"]}}}, _UNKNOWN, "in common"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(not (tied ?a ?any ?a))"]}}}, _WRITES, "some places"),
+        ({"primitives": {"LIGHT": {**_PAIR, "writes": ["(ontop ?a ?b)", "(ontop ?b ?a)"]}}}, _WRITES, "one thing"),
+        ({"primitives": {"LIGHT": {**_ROW, "writes": ["(inside ?a gripper)", "(handempty)"]}}}, _WRITES, "the hand"),
+        ({"predicates": {"forall": ["a"]}}, "predicates.forall", "word of formulas"),
+        ({"kinds": {"cup": ["item"]}}, "kinds.cup", "one of item, support, fixture"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_a_malformed_domain_is_refused_by_its_place(change: dict[str, Any], place: str, words: str) -> None:
-    data = {"name": "lamps", "predicates": {"lit": ["lamp"]}, "primitives": {"LIGHT": _ROW}}
+    predicates = {"lit": ["lamp"], "tied": ["a", "b", "c"]}
+    data = {"name": "lamps", "predicates": predicates, "primitives": {"LIGHT": _ROW}}
     assert oag.Domain.from_json(data).rows
+    change = {**change, "predicates": {**predicates, **change.get("predicates", {})}}
     with pytest.raises(DomainError) as caught:
         oag.Domain.from_json({**data, **change})
+    assert isinstance(caught.value, oag.OagError)
     assert caught.value.place == place and words in str(caught.value)
+
+
+_MOVES = {
+    "PUSH_IN": {"objects": {"?a": "item", "?b": "fixture"}, "writes": ["(inside ?a ?b)", "(not (ontop ?a ?any))"]},
+    "PULL_OUT": {"objects": {"?a": "item", "?b": "support"}, "writes": ["(ontop ?a ?b)", "(not (inside ?a ?any))"]},
+    "SNATCH": {"objects": {"?a": "item"}, "writes": ["(inside ?a gripper)", "(not (inside ?a ?any))"]},
+    "FORCE": {"objects": {"?f": "fixture"}, "writes": ["(open ?f)"]},
+}
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+@pytest.mark.parametrize(
+    ("place", "step", "goal"),
+    [
+        ("(ontop cup_0 table_0)", "PUSH_IN cup_0 drawer_0", "(inside cup_0 drawer_0)"),
+        ("(inside cup_0 drawer_0)", "PULL_OUT cup_0 table_0", "(ontop cup_0 table_0)"),
+        ("(inside cup_0 drawer_0)", "SNATCH cup_0", "(inside cup_0 gripper)"),
+    ],
+)
+def test_no_row_moves_a_thing_through_what_is_shut(is_open: bool, place: str, step: str, goal: str) -> None:
+    domain = oag.Domain.from_json({"name": "moves", "primitives": _MOVES})
+    door = "(open drawer_0)" if is_open else "(not (open drawer_0))"
+    things = {"cup_0": "cup", "drawer_0": "drawer", "table_0": "table"}
+    here = oag.scene(things, [place, door], "all", domain=domain)
+    report = oag.compose(oag.task(here, steps=[step], goal=goal)).verify()
+    assert bool(report) is is_open and confirmed(report)
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "step", "goal"),
+    [
+        ("ontop", "table_0", "PULL_OUT cup_0 table_0", "(ontop cup_0 table_0)"),
+        ("take", None, "SNATCH cup_0", "(inside cup_0 gripper)"),
+        ("open", None, "FORCE cup_0", "(open drawer_0)"),
+    ],
+)
+@pytest.mark.parametrize("given", [(), ("(nextto cup_0 drawer_0)",)])
+def test_no_row_does_what_is_found_impossible(kind: Any, place: str | None, step: str, goal: str, given: Any) -> None:
+    domain = oag.Domain.from_json({"name": "moves", "primitives": _MOVES})
+    things, facts = {"cup_0": "cup", "drawer_0": "drawer", "table_0": "table"}, ["(nextto cup_0 drawer_0)"]
+    thing = "drawer_0" if kind == "open" else "cup_0"
+    found = Infeasible(kind, thing, place, tuple(map(bddl.parse_formula, given)))
+    here = oag.scene(things, facts, "all", domain=domain)
+    task = oag.task(here, steps=[step.replace("FORCE cup_0", "FORCE drawer_0")], goal=goal)
+    assert oag.compose(task).verify()
+    assert not oag.compose(replace(task, scene=here.knowing([found]))).verify()
 
 
 def test_a_step_that_does_not_fit_its_row_is_found() -> None:
@@ -171,6 +240,45 @@ def test_what_cannot_be_exported_is_refused_by_name() -> None:
         pddl.export(kitchen(), GOAL).task(["fly"])
 
 
+_ONE = "(define (domain d) (:predicates (on ?x)) {})"
+_PROBLEM = "(define (problem p) (:domain d) (:objects a) (:init) (:goal (on a)))"
+_GO = "(:action go{} :parameters (?x) :effect (on ?x))"
+
+
+def test_plans_with_comments_and_variables_with_our_words_are_read() -> None:
+    taking = "(:action take :parameters (?gripper ?any) :effect (and (on ?gripper) (not (on ?any))))"
+    here, goal = pddl.read(_ONE.format(taking), _PROBLEM.replace("objects a", "objects a b"))
+    exported = pddl.export(here, goal)
+    assert confirmed(oag.compose(exported.task(["(take a b)", "", "; cost = 1 (unit cost)"])).verify())
+    for actions, refused in (
+        (_GO.format("-to") + _GO.format("_to"), "two actions GO_TO"),
+        ("(:action go :parameters (?x) :effect ((on ?x)))", "a list where"),
+    ):
+        with pytest.raises(pddl.PddlError, match=refused):
+            pddl.read(_ONE.format(actions), _PROBLEM)
+    with pytest.raises(pddl.PddlError, match="geometry found"):
+        pddl.export(kitchen().knowing([Infeasible("open", "drawer_0")]), "(open drawer_0)")
+
+
+def test_a_certificate_of_a_domain_is_compared_with_a_task_s_json_without_a_scene() -> None:
+    task = oag.task(kitchen(), goal=GOAL, steps=STEPS)
+    certificate = oag.compose(task).verify().certificate
+    assert oag.recheck(certificate, task=task.to_json())
+    assert not oag.recheck(certificate, task=oag.task(kitchen(), steps=STEPS[:1]).to_json())
+
+
+def test_a_denial_of_every_object_helps_a_plan() -> None:
+    rows = {"DRY": {"objects": {"?f": "support"}, "writes": ["(not (wet ?any))"]}}
+    domain = oag.Domain.from_json({"name": "d", "predicates": {"wet": ["a"]}, "primitives": rows})
+    here = oag.scene({"cup_0": "cup", "table_0": "table"}, ["(wet cup_0)"], "all", domain=domain)
+    assert confirmed(oag.plan(here, "(not (wet cup_0))").report)
+
+
+def test_the_robot_has_no_skill_for_an_own_row() -> None:
+    with pytest.raises(MissingSkill, match="PLACE_NEXT_TO"):
+        require_flows(oag.task(kitchen(), goal=GOAL, steps=STEPS))
+
+
 # Random domains without the robot, and an oracle of sets that shares nothing with the verifier.
 _PREDICATES = {"lit": ["a"], "joined": ["a", "b"], "calm": []}
 _VARIABLES = ("x", "y", "z")
@@ -180,13 +288,17 @@ _VARIABLES = ("x", "y", "z")
 def _rows(draw: st.DrawFn) -> dict[str, Any]:
     variables = _VARIABLES[: draw(st.integers(1, 3))]
 
-    def literal() -> str:
+    def literal() -> tuple[str, bool]:
         name = draw(st.sampled_from(sorted(_PREDICATES)))
         names = [f"?{draw(st.sampled_from(variables))}" for _ in _PREDICATES[name]]
         atom = f"({' '.join((name, *names))})"
-        return atom if draw(st.booleans()) else f"(not {atom})"
+        return atom, draw(st.booleans())
 
-    needs, writes = ([literal() for _ in range(draw(st.integers(low, 2)))] for low in (0, 1))
+    needs, writes = (
+        # One value of a fact: a row with two is refused.
+        [atom if value else f"(not {atom})" for atom, value in dict(literal() for _ in range(count)).items()]
+        for count in (draw(st.integers(0, 2)), draw(st.integers(1, 2)))
+    )
     return {"objects": {f"?{name}": "object" for name in variables}, "needs": needs, "writes": writes}
 
 

@@ -124,3 +124,27 @@ def test_a_scene_file_keeps_it(given: tuple[str, ...]) -> None:
 def test_what_it_names_is_in_the_scene(change: dict[str, Any]) -> None:
     with pytest.raises(oag.SceneError, match="unknown object"):
         SCENE.knowing([replace(found(), **change)])
+
+
+@pytest.mark.parametrize(
+    ("changed", "place"),
+    [
+        ({"kind": "inside", "place": None}, "known[0].place"),
+        ({"kind": "take"}, "known[0].place"),
+        ({"given": ["(ontop cup_9 shelf_0)"]}, "known[0].given[0]"),
+    ],
+)
+def test_what_is_malformed_in_a_scene_is_refused_by_its_place(changed: dict[str, Any], place: str) -> None:
+    data = {**SCENE.to_json(), "known": [{**found(FACTS[0]).to_json(), **changed}]}
+    with pytest.raises(oag.SceneError) as caught:
+        oag.Scene.from_json(data)
+    assert caught.value.place == place
+
+
+def test_circumstances_of_a_formula_are_named_as_such() -> None:
+    known = replace(SCENE, known=(replace(found(FACTS[0]), reason="no spot\nis free"),))
+    task = oag.task(SCENE.knowing([]), goal=GOAL, steps=PUT)
+    init = bddl.parse_formula("(or (inside cup_0 gripper) (open drawer_0))")
+    subtasks = (task.subtasks[0], replace(task.subtasks[1], init=init))
+    report = verify(replace(task, subtasks=subtasks, scene=known), known)
+    assert [each.code for each in report.errors] == ["task/infeasible"] and "\n" not in report.errors[0].message
