@@ -1,4 +1,4 @@
-"""Reconstruct rooms that are drawn from a seed, and compare them with what is known: a guard beside real pictures.
+"""Reconstruct rooms that are drawn from a seed, and compare them with their exact scenes.
 
     python -m benchmarks.drawn_rooms --out runs/guard --track B --rooms 40 --seed 94500
 
