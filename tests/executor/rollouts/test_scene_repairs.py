@@ -157,6 +157,15 @@ def test_a_unit_says_that_its_scene_may_be_changed() -> None:
         replace(repairing, evolve=True)
 
 
+@pytest.mark.parametrize("axes", [["--vary", "target"], ["--distractors", "2"]])
+def test_a_repaired_scene_gets_neither_another_target_nor_distractors(
+    axes: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["generate", ALREADY_SO, "--scene", "kitchen_t1", "--repair", "scene", "--out", str(tmp_path / "s")]
+    assert run([*words, *axes]) == 2 and not (tmp_path / "s").exists()
+    assert "need a plan before the repair" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.slow
 def test_every_episode_says_what_was_changed(tmp_path: Path) -> None:
     store, version = EpisodeStore(tmp_path / "store"), outcome_version()
