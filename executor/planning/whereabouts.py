@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.model import Handle, Region
+from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, inverse
 from executor.planning.placements import SMALL_M, UPWARD
 from executor.sim.detectors import box_around
@@ -42,26 +42,20 @@ _PLACES = {"top": 0, "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 
 
 
 def handles_of(world: World, object_id: str, where: Where) -> tuple[Handle, ...]:
-    """Return the handles of the door or drawer that a subtask names; none where there is no such part."""
+    """Return the handles of the door or drawer that a subtask names; none where there is no one such part."""
     asset = world.assets[object_id]
-    kind = {"door": "revolute", "drawer": "prismatic"}.get(where.part)
-    bars = [bar for bar in asset.handles if asset.joint(bar.joint).kind == kind and asset.joint(bar.joint).opens]
-
-    def middle(joint: str) -> Array:
-        owned = [np.array(asset.joint(joint).position_m) + np.array(b.position_m) for b in bars if b.joint == joint]
-        return np.asarray(np.mean(owned, axis=0))
-
-    joints = {bar.joint: middle(bar.joint) for bar in bars}
-    chosen = _chosen(joints, where.which)
-    return tuple(bar for bar in bars if bar.joint == chosen)
+    chosen = _chosen(_middles(asset, asset.regions, where.part), where.which)
+    return tuple(bar for bar in asset.handles if bar.joint == chosen)
 
 
 def regions_of(world: World, object_id: str, regions: Sequence[Region], where: Where) -> list[Region]:
-    """Return those of a thing's regions that are in the part that a subtask names; none where there is no such part."""
+    """Return those of a thing's regions that are in the part that a subtask names; none where there is no one such."""
     if where.part == "shelf":
-        levels = {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
-        chosen = _chosen(levels, where.which)
-        return [region for region in regions if region.name == chosen]
+        boards = _middles(world.assets[object_id], regions, "shelf")
+        fitting = set(_fitting(boards, where.which, by_rows=True))
+        # Boards of one height are one shelf, behind several doors.
+        one = any(fitting.issubset(row) for row in _lines(boards, 2))
+        return [region for region in regions if one and region.name in fitting]
     joints = {bar.joint for bar in handles_of(world, object_id, where)}
     if not joints:
         return []
@@ -69,21 +63,56 @@ def regions_of(world: World, object_id: str, regions: Sequence[Region], where: W
     return [r for r in regions if r.joint in joints] or [r for r in regions if r.joint is None]
 
 
+def parts_named(asset: Asset, where: Where) -> tuple[str, ...]:
+    """Return the joints, or the regions over boards, that a word fits: none, one, or several in a grid."""
+    return _fitting(_middles(asset, asset.regions, where.part), where.which, by_rows=where.part == "shelf")
+
+
+def _middles(asset: Asset, regions: Sequence[Region], part: str) -> dict[str, Array]:
+    """Return the middle (3,) of each part of a kind, in the frame of its thing."""
+    if part == "shelf":
+        return {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
+    kind = {"door": "revolute", "drawer": "prismatic"}.get(part)
+    bars: dict[str, list[Array]] = {}
+    for bar in asset.handles:
+        joint = asset.joint(bar.joint)
+        if joint.kind == kind and joint.opens:
+            bars.setdefault(bar.joint, []).append(np.array(joint.position_m) + np.array(bar.position_m))
+    return {joint: np.asarray(np.mean(owned, axis=0)) for joint, owned in bars.items()}
+
+
 def _chosen(middles: dict[str, Array], which: str) -> str | None:
-    """Return the one of several parts that a word names, by their middles (3,) in the frame of their thing."""
-    heights = sorted(middles, key=lambda name: -middles[name][2])
-    across = sorted(middles, key=lambda name: -middles[name][1])
+    """Return the part that a word names; None where it fits none, or several."""
+    fitting = _fitting(middles, which)
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _fitting(middles: dict[str, Array], which: str, *, by_rows: bool = False) -> tuple[str, ...]:
+    """Return the parts that a word fits, by their middles (3,) in the frame of their thing; full rows may be one."""
+    rows, columns = _lines(middles, 2), _lines(middles, 1)
     if which in ("left", "right"):
-        apart = len(across) > 1 and middles[across[0]][1] - middles[across[-1]][1] > SIDE_BY_SIDE_M
-        side_m = middles[across[0 if which == "left" else -1]][1] if across else 0.0
-        row = [name for name in heights if abs(middles[name][1] - side_m) <= SIDE_BY_SIDE_M]
-        return row[0] if apart else None
-    above = len(heights) > 1 and middles[heights[0]][2] - middles[heights[-1]][2] > SIDE_BY_SIDE_M
-    if which in ("top", "bottom") and len(heights) > 1 and not above:
-        return None
-    order = heights if above else across
-    place = len(order) // 2 if which == "middle" and len(order) % 2 else _PLACES.get(which)
-    return order[place] if place is not None and -len(order) <= place < len(order) else None
+        return columns[0 if which == "left" else -1] if len(columns) > 1 else ()
+    if which in ("top", "bottom") and len(rows) == 1 < len(middles):
+        return ()
+    lines = rows if len(rows) > 1 else columns
+    if which == "middle":
+        return lines[len(lines) // 2] if len(lines) % 2 else ()
+    place = _PLACES[which]
+    full = by_rows and len({len(line) for line in lines}) == 1
+    if which not in ("top", "bottom", "last") and not full and any(len(line) > 1 for line in lines):
+        return tuple(middles) if place < len(middles) else ()  # Counted by rows, or one by one.
+    return lines[place] if -len(lines) <= place < len(lines) else ()
+
+
+def _lines(middles: dict[str, Array], axis: int) -> list[tuple[str, ...]]:
+    """Return the parts by their place along an axis, from the top or the left; those beside each other together."""
+    lines: list[list[str]] = []
+    for name in sorted(middles, key=lambda name: -middles[name][axis]):
+        if lines and middles[lines[-1][0]][axis] - middles[name][axis] <= SIDE_BY_SIDE_M:
+            lines[-1].append(name)
+        else:
+            lines.append([name])
+    return [tuple(line) for line in lines]
 
 
 def regions_next_to(world: World, item: str, support: str, regions: Iterable[Region], where: Where) -> list[Region]:

@@ -13,12 +13,13 @@ from bddl import atoms
 from bddl.terminal import pluralize
 from executor.assets.model import Asset, Region
 from executor.planning.placements import UPWARD
-from executor.planning.whereabouts import handles_of, regions_of
+from executor.planning.whereabouts import handles_of, parts_named, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.navigate import misfit
 from oag import Primitive, SimpleTask, Task
 from oag.measurements import Unplanned
+from oag.model.where import Where
 from oag.sizes import Gripper
 
 STANDING = 0.9  # Of an axis: what stands is carried standing.
@@ -59,11 +60,17 @@ def no_part(world: World, subtask: SimpleTask) -> Failure | None:
         found = bool(regions_of(world, thing, asset.regions, where))
     if found:
         return None
-    message = f"{thing} has no {where}: it has {_parts(asset)}"
+    if len(several := parts_named(asset, where)) > 1:
+        message = f"{where} fits several parts of {thing}: {', '.join(several)}; expected a word that fits one of them"
+        return Failure(FailureKind.NO_PART, message, (Unplanned(target=subtask.target, support=thing),))
+    message = f"{thing} has no {where}: it has {_parts(asset, where)}"
     return Failure(FailureKind.NO_PART, message, (Unplanned(target=subtask.target, support=thing),))
 
 
-def _parts(asset: Asset) -> str:
+def _parts(asset: Asset, where: Where) -> str:
+    if where.part == "shelf":
+        boards = sum(region.opening[2] < UPWARD for region in asset.regions)
+        return f"{boards or 'no'} {'shelf' if boards == 1 else 'shelves'}"
     kinds = {"revolute": "door", "prismatic": "drawer"}
     counts = Counter(kinds[joint.kind] for joint in asset.joints if joint.opens)
     return " and ".join(pluralize(count, part) for part, count in counts.items()) or "neither doors nor drawers"
