@@ -33,7 +33,7 @@ SIDE_COSINE = 0.6
 """Directions at less than 53 degrees from the named side count as on it."""
 
 DIRECTIONS = 8
-BESIDE_M, DEPTH_M = 0.012, 0.16
+MARGIN_M, DEPTH_M = 0.012, 0.16
 """Of the region around a spot: how much wider it is than the thing, and its half depth behind a front. So its middle is
 the only spot of it, or the first one."""
 
@@ -119,24 +119,24 @@ def regions_next_to(world: World, item: str, support: str, regions: Iterable[Reg
     """Return small regions around the spots of a support where an item is next to another thing, or on a side of it."""
     start = world.scene.robot
     centre, half = box_around(world, where.other)
-    own = world.assets[item].extent_m
-    width_m = max(own[:2])
+    size_m = world.assets[item].extent_m
+    width_m = max(size_m[:2])
     found = []
     for gap_m, turn in itertools.product(GAPS_M, range(DIRECTIONS)):
         angle = start.yaw_rad + 2 * np.pi * turn / DIRECTIONS
-        way = np.array([np.cos(angle), np.sin(angle)])
+        direction = np.array([np.cos(angle), np.sin(angle)])
         # Boxes are along the world's axes; the thing is a disc, as for all placements.
-        reach_m = _extent_towards(half, way) + width_m / 2 + gap_m
-        at = np.array([*(centre[:2] + reach_m * way), centre[2]])
-        if not _is_so(at, np.array([width_m, width_m, own[2]]) / 2, centre, half, where, start.yaw_rad):
+        reach_m = _extent_towards(half, direction) + width_m / 2 + gap_m
+        at = np.array([*(centre[:2] + reach_m * direction), centre[2]])
+        if not _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
             continue
         found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
     return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
 
 
-def _extent_towards(half: Array, way: Array) -> float:
+def _extent_towards(half: Array, direction: Array) -> float:
     """Return the distance from a box's middle to its side in a direction, over the floor."""
-    return float(min(h / abs(w) if abs(w) > 1e-9 else np.inf for h, w in zip(half[:2], way, strict=True)))
+    return float(min(h / abs(w) if abs(w) > 1e-9 else np.inf for h, w in zip(half[:2], direction, strict=True)))
 
 
 def _around(world: World, support: str, region: Region, at: Array, neighbour: Array, width_m: float) -> Region | None:
@@ -146,25 +146,27 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     local, other = ((T_link_world @ np.array([*point, 1.0]))[:3] for point in (at, neighbour))
     if (np.abs(local - middle)[:2] > room[:2] - width_m / 2).any() or (np.abs(other - middle) > room + 0.05).any():
         return None
-    half = np.array([*(2 * (min(width_m / 2 + BESIDE_M, 0.9 * SMALL_M),)), room[2]])
+    half = np.array([*(2 * (min(width_m / 2 + MARGIN_M, 0.9 * SMALL_M),)), room[2]])
     if abs(region.opening[2]) < UPWARD:
-        half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + BESIDE_M)
+        half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + MARGIN_M)
     x, y = map(float, local[:2])
     along, across, up = map(float, half)
     return replace(region, center_m=(x, y, region.center_m[2]), half_extents_m=(along, across, up))
 
 
-def _is_so(at: Array, own: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
+def _is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
     """Decide whether a box is on the named side of another one, and near: by `nextto`'s gap, or a few centimetres."""
-    gap_m = np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]
-    if np.linalg.norm(gap_m) > max(float(np.mean(own + half)) / 3.0, GAPS_M[-1]):
+    gap_m = np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]
+    if np.linalg.norm(gap_m) > max(float(np.mean(item_half + half)) / 3.0, GAPS_M[-1]):
         return False
     if where.relation == "next to":
         return True
     ahead, left = _SIDES[where.relation]
-    way = np.array([np.cos(yaw_rad) * ahead - np.sin(yaw_rad) * left, np.sin(yaw_rad) * ahead + np.cos(yaw_rad) * left])
+    direction = np.array(
+        [np.cos(yaw_rad) * ahead - np.sin(yaw_rad) * left, np.sin(yaw_rad) * ahead + np.cos(yaw_rad) * left]
+    )
     apart = (at - centre)[:2]
-    return bool(apart @ way > SIDE_COSINE * np.linalg.norm(apart))
+    return bool(apart @ direction > SIDE_COSINE * np.linalg.norm(apart))
 
 
 def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
@@ -175,9 +177,9 @@ def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
     target, support = subtask.target, subtask.support_goal
     words = str(where) if where.part else f"{target} {where}"
     if where.other:
-        (at, own), (centre, half) = box_around(world, target), box_around(world, where.other)
-        gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]))
-        holds = _is_so(at, own, centre, half, where, world.scene.robot.yaw_rad)
+        (at, item_half), (centre, half) = box_around(world, target), box_around(world, where.other)
+        gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]))
+        holds = _is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
         return (GoalReading(words, True, holds, AtomMeasured(gap_m=round(gap_m, 4))),)
     if support is None:
         fractions = {
