@@ -7,9 +7,9 @@ open, close, pick up and put, with the hand, doors and places; cargo, sizes and 
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +86,13 @@ def judge(path: Path) -> dict[str, dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    mode, file = sys.argv[1:]
-    if mode == "write":
-        write(Path(file))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("mode", choices=("write", "judge"))
+    parser.add_argument("file", type=Path)
+    options = parser.parse_args()
+    if options.mode == "write":
+        write(options.file)
+    elif options.file.is_file():
+        print(json.dumps(judge(options.file), indent=1))
     else:
-        print(json.dumps(judge(Path(file)), indent=1))
+        parser.error(f"{options.file} is no file; `write` makes one")

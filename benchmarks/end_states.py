@@ -7,9 +7,10 @@ vessel, and then puts the vessel elsewhere. All that the proof knows to be true 
 the task, so that the rollout reads every fact at rest: where each thing is and is not, what it is next to, touches and
 is under as far as that is known, and which doors are open.
 
-A unit counts when every step ran. Plans have at most two subtasks, with cargo four. Printed are the facts on which
-proof and detectors agree, each contradiction, and the units that ended early, with the reason. Where geometry finds no
-way, another wish of the same kitchen is taken.
+A unit counts unless a step failed. A subtask whose goal does not hold ends the plan: its readings count then, and
+those that do not hold are contradictions. Plans have at most two subtasks, with cargo four. Printed are the facts on
+which proof and detectors agree, each contradiction, and the units in which a step failed, with the reason. A plan is
+gone through by geometry first, as `run` does. Where it is infeasible, it is counted apart, and another wish is taken.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ import json
 import random
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from itertools import permutations
 
 import bddl
 from bddl.errors import Scene2DemoError
-from executor.records import Rollout
+from executor.records import FailureKind, Rollout
+from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
 from executor.scenes.file import with_neighbours
 from executor.scenes.generators import long_horizon
 from oag import Scene, Task, compose, plan
-from oag.measurements import Unplanned, first_of
 from oag.model.symbols import GRIPPER, Kind
 from oag.primitives.cargo import RESTING, VAGUE
 from oag.sizes import Sizing
@@ -83,21 +84,53 @@ def drawn_plans(scene: Scene, seed: int, *, cargo: bool) -> Iterator[Task]:
                 break
 
 
-def run_unit(scene: Scene, task: Task, seed: int) -> tuple[Rollout, tuple[bddl.Formula, ...]] | str:
-    """Return the rollout of a plan whose goal is all that is known of its end, or why it is not run."""
+@dataclass(frozen=True)
+class LeftOut:
+    """Why a plan is not run."""
+
+    reason: str
+    infeasible: bool = False
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What came of a plan: how many facts were read, how many of them are true by the proof, and which do not hold."""
+
+    facts: int
+    true: int
+    contradictions: tuple[str, ...]
+    ended_early: str = ""
+
+
+def compared(ran: Rollout, facts: tuple[bddl.Formula, ...]) -> Compared:
+    """Return the readings of a rollout against the proof; where a step failed, there is nothing to compare."""
+    failure = ran.failure
+    if failure is not None and failure.kind is not FailureKind.GOAL_NOT_REACHED:
+        return Compared(0, 0, (), failure.message)
+    of_subtasks = [reading for subtask in ran.subtasks for reading in subtask.readings]
+    broken = dict.fromkeys(str(reading) for reading in of_subtasks if not reading.satisfied)
+    if failure is not None:
+        return Compared(len(of_subtasks), sum(reading.wanted for reading in of_subtasks), tuple(broken))
+    broken |= dict.fromkeys(str(reading) for reading in ran.goal_readings if not reading.satisfied)
+    return Compared(len(facts), sum(isinstance(fact, bddl.Atom) for fact in facts), tuple(broken))
+
+
+def run_unit(scene: Scene, task: Task, seed: int) -> Compared | LeftOut:
+    """Run a feasible plan whose goal is all that is known of its end, and compare; or return why it is not run."""
     report = compose(task, scene=scene).verify()
     state = report.state_after(len(task.subtasks)) if report else None
     if state is None:
-        return f"not proved: {report.verdict.value}"
+        return LeftOut(f"not proved: {report.verdict.value}")
     facts = tuple(end_literals(state, scene))
     graph = compose(replace(task, goal=bddl.And(facts), goal_given=True), scene=scene)
     try:
-        ran = rollout(graph, scene, seed, vary=False)
+        # A repaired plan has another end.
+        found = feasible(graph, scene, seed, vary=False, most_repairs=0)
+        if not found:
+            return LeftOut(found.reason, infeasible=True)
+        return compared(rollout(graph, scene, seed, vary=False, conditions=found.conditions()), facts)
     except Scene2DemoError as problem:
-        return str(problem)
-    if ran.failure is not None and first_of(ran.failure.measurements, Unplanned) is not None:
-        return f"infeasible: {ran.failure.message}"
-    return ran, facts
+        return LeftOut(str(problem))
 
 
 def unit(seed: int, *, cargo: bool) -> dict[str, object]:
@@ -106,35 +139,31 @@ def unit(seed: int, *, cargo: bool) -> dict[str, object]:
     family = "T3" if cargo else random.Random(seed).choice(FAMILIES)
     drawn = long_horizon.draw(family, seed).scene
     scene = with_neighbours(replace(drawn, closed=drawn.closed | set(VAGUE)))
-    passed: list[str] = []
+    passed: list[LeftOut] = []
     for task in drawn_plans(scene, seed, cargo=cargo):
         if len(task.subtasks) > MOST_SUBTASKS[cargo]:
             continue
         done = run_unit(scene, task, seed)
-        if isinstance(done, str):
+        if isinstance(done, LeftOut):
             passed.append(done)
             if len(passed) == _MOST_WISHES:
                 break
             continue
-        ran, facts = done
-        steps = [subtask.name for subtask in task.subtasks]
-        broken = [str(r) for s in ran.subtasks for r in s.readings if not r.satisfied]
-        broken += [str(reading) for reading in ran.goal_readings if not reading.satisfied]
-        early = "" if ran.failure is None else ran.failure.message
-        contradictions = [] if early else list(dict.fromkeys(broken))
         return {
             "seed": seed,
             "family": family,
             "cargo": cargo,
-            "plan": steps,
-            "facts": len(facts),
-            "true": sum(isinstance(fact, bddl.Atom) for fact in facts),
-            "contradictions": contradictions,
-            "ended_early": early,
-            "passed_over": len(passed),
+            "plan": [subtask.name for subtask in task.subtasks],
+            **asdict(done),
+            **_left_out(passed),
             "cpu_s": round(time.process_time() - began, 1),
         }
-    return {"seed": seed, "family": family, "cargo": cargo, "skipped": passed[:3], "cpu_s": time.process_time() - began}
+    skipped = {"skipped": [one.reason for one in passed[:3]], **_left_out(passed)}
+    return {"seed": seed, "family": family, "cargo": cargo, **skipped, "cpu_s": time.process_time() - began}
+
+
+def _left_out(passed: list[LeftOut]) -> dict[str, int]:
+    return {"passed_over": len(passed), "infeasible": sum(one.infeasible for one in passed)}
 
 
 def main() -> None:
@@ -145,13 +174,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=74000, help="of the first kitchen")
     args = parser.parse_args()
     ran: list[dict[str, object]] = []
-    early = 0
+    early = infeasible = 0
     for cargo, count in ((False, args.plans), (True, args.cargo)):
         seed, done = args.seed, 0
         while done < count:
             found = unit(seed, cargo=cargo)
             print(json.dumps(found), flush=True)
             seed += 1
+            infeasible += int(str(found["infeasible"]))
             if "skipped" in found:
                 continue
             if found["ended_early"]:
@@ -161,9 +191,10 @@ def main() -> None:
             ran.append(found)
     facts = sum(int(str(each["facts"])) for each in ran)
     true = sum(int(str(each["true"])) for each in ran)
-    wrong = sum(len(each["contradictions"]) for each in ran if isinstance(each["contradictions"], list))
+    wrong = sum(len(each["contradictions"]) for each in ran if isinstance(each["contradictions"], tuple))
     print(f"{len(ran)} plans ({args.cargo} with cargo): {facts} facts, {true} of them true; {wrong} contradicted")
     print(f"agreement {100.0 * (facts - wrong) / max(facts, 1):.2f} %; {early} further units ended early")
+    print(f"{infeasible} infeasible plans were left out")
 
 
 if __name__ == "__main__":

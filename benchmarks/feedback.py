@@ -30,6 +30,7 @@ from pathlib import Path
 
 import bddl
 import llm
+from bddl.errors import Scene2DemoError
 from benchmarks.baselines.methods import UncheckedRun
 from executor.campaign.rate import Rate
 from executor.scenes.file import load_scene
@@ -228,8 +229,15 @@ def main() -> int:
     if options.what == "record":
         if not options.model or len(options.folders) != 1:
             parser.error("record needs one folder and --model")
-        record(options.folders[0], options.model, [int(seed) for seed in options.seeds.split(",")], options.most_s)
+        try:
+            connect(options.model)
+            seeds = [int(seed) for seed in options.seeds.split(",")]
+        except (Scene2DemoError, ValueError) as problem:
+            parser.error(str(problem))
+        record(options.folders[0], options.model, seeds, options.most_s)
         return 0
+    if missing := [str(folder) for folder in options.folders if not folder.is_dir()]:
+        parser.error(f"no folder: {', '.join(missing)}; `record` makes them")
     for line in table(options.folders, execute=options.execute):
         print(line, flush=True)
     return 0

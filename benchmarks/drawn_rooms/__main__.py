@@ -1,4 +1,4 @@
-"""Reconstruct rooms that are drawn from a seed, and compare them with what is known: a guard beside real pictures.
+"""Reconstruct rooms that are drawn from a seed, and compare them with their exact scenes.
 
     python -m benchmarks.drawn_rooms --out runs/guard --track B --rooms 40 --seed 94500
 
@@ -29,6 +29,8 @@ def main() -> None:
     parser.add_argument("--kitchens", type=int, default=0, help="of T1 to T4")
     parser.add_argument("--seed", type=int, default=0, help="of the rooms, the cameras and the noise")
     options = parser.parse_args()
+    if min(options.seed, options.rooms, options.kitchens) < 0 or not options.rooms + options.kitchens:
+        parser.error("expected --seed, --rooms and --kitchens of at least 0, and at least one room or kitchen")
     options.out.mkdir(parents=True, exist_ok=True)
     rooms = drawn(options.seed, options.rooms, options.kitchens)
     done = list(measure(options.out, rooms, MockedDetector(), _tell, options.track))

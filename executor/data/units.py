@@ -218,6 +218,12 @@ class DemoUnit:
             raise ValueError("a plan that goes on from where a policy came to is the planner's, and no flow is revised")
         if self.repair is not None and (self.evolve or self.takeover is not None or self.flows == "paper"):
             raise ValueError("a scene is repaired for the planner's own plan, which is not revised")
+        placed = self.origin.family is None and (self.variation.target or self.variation.distractors)
+        if self.repair is not None and placed:
+            raise ValueError(
+                "where a scene is repaired for a sentence, neither its target varies nor are distractors added: both "
+                "need a plan before the repair; leave out --repair, or --vary target and --distractors"
+            )
         if (self.index is None) is not (self.origin.family not in HOUSEHOLD):
             raise ValueError(f"{self.origin.label} has no unit {self.index}")
         if self.flows == "paper" and self.origin.family not in LONG_HORIZON:

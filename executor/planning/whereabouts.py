@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 import bddl
-from executor.assets.model import Handle, Region
+from executor.assets.model import Asset, Handle, Region
 from executor.geometry import Array, inverse
 from executor.planning.placements import SMALL_M, UPWARD
 from executor.sim.detectors import box_around
@@ -34,7 +34,7 @@ SIDE_COSINE = 0.6
 """Directions at less than 53 degrees from the named side count as on it."""
 
 DIRECTIONS = 8
-BESIDE_M, DEPTH_M = 0.012, 0.16
+MARGIN_M, DEPTH_M = 0.012, 0.16
 """Of the region around a spot: how much wider it is than the thing, and its half depth behind a front. So its middle is
 the only spot of it, or the first one."""
 
@@ -43,26 +43,20 @@ _PLACES = {"top": 0, "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 
 
 
 def handles_of(world: World, object_id: str, where: Where) -> tuple[Handle, ...]:
-    """Return the handles of the door or drawer that a subtask names; none where there is no such part."""
+    """Return the handles of the door or drawer that a subtask names; none where there is no one such part."""
     asset = world.assets[object_id]
-    kind = {"door": "revolute", "drawer": "prismatic"}.get(where.part)
-    bars = [bar for bar in asset.handles if asset.joint(bar.joint).kind == kind and asset.joint(bar.joint).opens]
-
-    def middle(joint: str) -> Array:
-        owned = [np.array(asset.joint(joint).position_m) + np.array(b.position_m) for b in bars if b.joint == joint]
-        return np.asarray(np.mean(owned, axis=0))
-
-    joints = {bar.joint: middle(bar.joint) for bar in bars}
-    chosen = _chosen(joints, where.which)
-    return tuple(bar for bar in bars if bar.joint == chosen)
+    chosen = _chosen(_middles(asset, asset.regions, where.part), where.which)
+    return tuple(bar for bar in asset.handles if bar.joint == chosen)
 
 
 def regions_of(world: World, object_id: str, regions: Sequence[Region], where: Where) -> list[Region]:
-    """Return those of a thing's regions that are in the part that a subtask names; none where there is no such part."""
+    """Return those of a thing's regions that are in the part that a subtask names; none where there is no one such."""
     if where.part == "shelf":
-        levels = {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
-        chosen = _chosen(levels, where.which)
-        return [region for region in regions if region.name == chosen]
+        boards = _middles(world.assets[object_id], regions, "shelf")
+        fitting = set(_fitting(boards, where.which, by_rows=True))
+        # Boards of one height are one shelf, behind several doors.
+        one = any(fitting.issubset(row) for row in _lines(boards, 2))
+        return [region for region in regions if one and region.name in fitting]
     joints = {bar.joint for bar in handles_of(world, object_id, where)}
     if not joints:
         return []
@@ -70,45 +64,80 @@ def regions_of(world: World, object_id: str, regions: Sequence[Region], where: W
     return [r for r in regions if r.joint in joints] or [r for r in regions if r.joint is None]
 
 
+def parts_named(asset: Asset, where: Where) -> tuple[str, ...]:
+    """Return the joints, or the regions over boards, that a word fits: none, one, or several in a grid."""
+    return _fitting(_middles(asset, asset.regions, where.part), where.which, by_rows=where.part == "shelf")
+
+
+def _middles(asset: Asset, regions: Sequence[Region], part: str) -> dict[str, Array]:
+    """Return the middle (3,) of each part of a kind, in the frame of its thing."""
+    if part == "shelf":
+        return {region.name: np.array(region.floor_m) for region in regions if region.opening[2] < UPWARD}
+    kind = {"door": "revolute", "drawer": "prismatic"}.get(part)
+    bars: dict[str, list[Array]] = {}
+    for bar in asset.handles:
+        joint = asset.joint(bar.joint)
+        if joint.kind == kind and joint.opens:
+            bars.setdefault(bar.joint, []).append(np.array(joint.position_m) + np.array(bar.position_m))
+    return {joint: np.asarray(np.mean(owned, axis=0)) for joint, owned in bars.items()}
+
+
 def _chosen(middles: dict[str, Array], which: str) -> str | None:
-    """Return the one of several parts that a word names, by their middles (3,) in the frame of their thing."""
-    heights = sorted(middles, key=lambda name: -middles[name][2])
-    across = sorted(middles, key=lambda name: -middles[name][1])
+    """Return the part that a word names; None where it fits none, or several."""
+    fitting = _fitting(middles, which)
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _fitting(middles: dict[str, Array], which: str, *, by_rows: bool = False) -> tuple[str, ...]:
+    """Return the parts that a word fits, by their middles (3,) in the frame of their thing; full rows may be one."""
+    rows, columns = _lines(middles, 2), _lines(middles, 1)
     if which in ("left", "right"):
-        apart = len(across) > 1 and middles[across[0]][1] - middles[across[-1]][1] > SIDE_BY_SIDE_M
-        side_m = middles[across[0 if which == "left" else -1]][1] if across else 0.0
-        row = [name for name in heights if abs(middles[name][1] - side_m) <= SIDE_BY_SIDE_M]
-        return row[0] if apart else None
-    above = len(heights) > 1 and middles[heights[0]][2] - middles[heights[-1]][2] > SIDE_BY_SIDE_M
-    if which in ("top", "bottom") and len(heights) > 1 and not above:
-        return None
-    order = heights if above else across
-    place = len(order) // 2 if which == "middle" and len(order) % 2 else _PLACES.get(which)
-    return order[place] if place is not None and -len(order) <= place < len(order) else None
+        return columns[0 if which == "left" else -1] if len(columns) > 1 else ()
+    if which in ("top", "bottom") and len(rows) == 1 < len(middles):
+        return ()
+    lines = rows if len(rows) > 1 else columns
+    if which == "middle":
+        return lines[len(lines) // 2] if len(lines) % 2 else ()
+    place = _PLACES[which]
+    full = by_rows and len({len(line) for line in lines}) == 1
+    if which not in ("top", "bottom", "last") and not full and any(len(line) > 1 for line in lines):
+        return tuple(middles) if place < len(middles) else ()  # Counted by rows, or one by one.
+    return lines[place] if -len(lines) <= place < len(lines) else ()
+
+
+def _lines(middles: dict[str, Array], axis: int) -> list[tuple[str, ...]]:
+    """Return the parts by their place along an axis, from the top or the left; those beside each other together."""
+    lines: list[list[str]] = []
+    for name in sorted(middles, key=lambda name: -middles[name][axis]):
+        if lines and middles[lines[-1][0]][axis] - middles[name][axis] <= SIDE_BY_SIDE_M:
+            lines[-1].append(name)
+        else:
+            lines.append([name])
+    return [tuple(line) for line in lines]
 
 
 def regions_next_to(world: World, item: str, support: str, regions: Iterable[Region], where: Where) -> list[Region]:
     """Return small regions around the spots of a support where an item is next to another thing, or on a side of it."""
     start = world.scene.robot
     centre, half = box_around(world, where.other)
-    own = world.assets[item].extent_m
-    width_m = max(own[:2])
+    size_m = world.assets[item].extent_m
+    width_m = max(size_m[:2])
     found = []
     for gap_m, turn in itertools.product(GAPS_M, range(DIRECTIONS)):
         angle = start.yaw_rad + 2 * np.pi * turn / DIRECTIONS
-        way = np.array([np.cos(angle), np.sin(angle)])
+        direction = np.array([np.cos(angle), np.sin(angle)])
         # Boxes are along the world's axes; the thing is a disc, as for all placements.
-        reach_m = _extent_towards(half, way) + width_m / 2 + gap_m
-        at = np.array([*(centre[:2] + reach_m * way), centre[2]])
-        if not _is_so(at, np.array([width_m, width_m, own[2]]) / 2, centre, half, where, start.yaw_rad):
+        reach_m = _extent_towards(half, direction) + width_m / 2 + gap_m
+        at = np.array([*(centre[:2] + reach_m * direction), centre[2]])
+        if not _is_at_side(at, np.array([width_m, width_m, size_m[2]]) / 2, centre, half, where, start.yaw_rad):
             continue
         found += [small for region in regions if (small := _around(world, support, region, at, centre, width_m))]
     return [replace(region, name=f"{region.name} {number}") for number, region in enumerate(found)]
 
 
-def _extent_towards(half: Array, way: Array) -> float:
+def _extent_towards(half: Array, direction: Array) -> float:
     """Return the distance from a box's middle to its side in a direction, over the floor."""
-    return float(min(h / abs(w) if abs(w) > 1e-9 else np.inf for h, w in zip(half[:2], way, strict=True)))
+    return float(min(h / abs(w) if abs(w) > 1e-9 else np.inf for h, w in zip(half[:2], direction, strict=True)))
 
 
 def _around(world: World, support: str, region: Region, at: Array, neighbour: Array, width_m: float) -> Region | None:
@@ -118,25 +147,27 @@ def _around(world: World, support: str, region: Region, at: Array, neighbour: Ar
     local, other = ((T_link_world @ np.array([*point, 1.0]))[:3] for point in (at, neighbour))
     if (np.abs(local - middle)[:2] > room[:2] - width_m / 2).any() or (np.abs(other - middle) > room + 0.05).any():
         return None
-    half = np.array([*(2 * (min(width_m / 2 + BESIDE_M, 0.9 * SMALL_M),)), room[2]])
+    half = np.array([*(2 * (min(width_m / 2 + MARGIN_M, 0.9 * SMALL_M),)), room[2]])
     if abs(region.opening[2]) < UPWARD:
-        half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + BESIDE_M)
+        half[:2] = np.where(np.abs(region.opening[:2]) > UPWARD, DEPTH_M, width_m / 2 + MARGIN_M)
     x, y = map(float, local[:2])
     along, across, up = map(float, half)
     return replace(region, center_m=(x, y, region.center_m[2]), half_extents_m=(along, across, up))
 
 
-def _is_so(at: Array, own: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
+def _is_at_side(at: Array, item_half: Array, centre: Array, half: Array, where: Where, yaw_rad: float) -> bool:
     """Decide whether a box is on the named side of another one, and near: by `nextto`'s gap, or a few centimetres."""
-    gap_m = np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]
-    if np.linalg.norm(gap_m) > max(float(np.mean(own + half)) / 3.0, GAPS_M[-1]):
+    gap_m = np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]
+    if np.linalg.norm(gap_m) > max(float(np.mean(item_half + half)) / 3.0, GAPS_M[-1]):
         return False
     if where.relation == "next to":
         return True
     ahead, left = _SIDES[where.relation]
-    way = np.array([np.cos(yaw_rad) * ahead - np.sin(yaw_rad) * left, np.sin(yaw_rad) * ahead + np.cos(yaw_rad) * left])
+    direction = np.array(
+        [np.cos(yaw_rad) * ahead - np.sin(yaw_rad) * left, np.sin(yaw_rad) * ahead + np.cos(yaw_rad) * left]
+    )
     apart = (at - centre)[:2]
-    return bool(apart @ way > SIDE_COSINE * np.linalg.norm(apart))
+    return bool(apart @ direction > SIDE_COSINE * np.linalg.norm(apart))
 
 
 def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
@@ -147,9 +178,9 @@ def read_where(subtask: SimpleTask, world: World) -> tuple[GoalReading, ...]:
     target, support = subtask.target, subtask.support_goal
     words = str(where) if where.part else f"{target} {where}"
     if where.other:
-        (at, own), (centre, half) = box_around(world, target), box_around(world, where.other)
-        gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - own - half, 0.0)[:2]))
-        holds = _is_so(at, own, centre, half, where, world.scene.robot.yaw_rad)
+        (at, item_half), (centre, half) = box_around(world, target), box_around(world, where.other)
+        gap_m = float(np.linalg.norm(np.maximum(np.abs(at - centre) - item_half - half, 0.0)[:2]))
+        holds = _is_at_side(at, item_half, centre, half, where, world.scene.robot.yaw_rad)
         return (GoalReading(words, True, holds, AtomMeasured(gap_m=round(gap_m, 4))),)
     if support is None:
         fractions = {

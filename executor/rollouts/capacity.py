@@ -13,7 +13,7 @@ from bddl import atoms
 from bddl.terminal import pluralize
 from executor.assets.model import Asset, Region
 from executor.planning.placements import UPWARD
-from executor.planning.whereabouts import handles_of, regions_of
+from executor.planning.whereabouts import handles_of, parts_named, regions_of
 from executor.records import Failure, FailureKind
 from executor.sim.world import World
 from executor.skills.navigate import misfit
@@ -60,6 +60,9 @@ def no_part(world: World, subtask: SimpleTask) -> Failure | None:
         found = bool(regions_of(world, thing, asset.regions, where))
     if found:
         return None
+    if len(several := parts_named(asset, where)) > 1:
+        message = f"{where} fits several parts of {thing}: {', '.join(several)}; expected a word that fits one of them"
+        return Failure(FailureKind.NO_PART, message, (Unplanned(target=subtask.target, support=thing),))
     message = f"{thing} has no {where}: it has {_parts(asset, where)}"
     return Failure(FailureKind.NO_PART, message, (Unplanned(target=subtask.target, support=thing),))
 

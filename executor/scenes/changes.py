@@ -1,6 +1,7 @@
 """Changes of a concrete scene: a thing put elsewhere, a door opened or shut, things removed; facts follow.
 
-None of them is checked here: `executor.scenes.validation.settle` says whether a changed scene holds in physics.
+None of them is checked here: `executor.scenes.validation.settle` says whether a changed scene holds in physics. What
+geometry found impossible before a change may be possible after it, so a changed scene has no `known`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ def without(scene: Scene, names: Iterable[str]) -> Scene:
     gone = set(names)
     gone |= {carried for name in tuple(gone) for carried in resting_on(scene, name)}
     objects = {name: thing for name, thing in scene.objects.items() if name not in gone}
-    return replace(scene, objects=objects, facts=tuple(fact for fact in scene.facts if gone.isdisjoint(_named(fact))))
+    facts = tuple(fact for fact in scene.facts if gone.isdisjoint(_named(fact)))
+    return replace(scene, objects=objects, facts=facts, known=())
 
 
 def with_door(scene: Scene, name: str, *, is_open: bool) -> Scene:
@@ -48,7 +50,7 @@ def with_door(scene: Scene, name: str, *, is_open: bool) -> Scene:
     state = bddl.Atom("open", (name,))
     fact = state if is_open else bddl.Not(state)
     others = (other for other in scene.facts if state not in bddl.atoms(other))
-    return replace(scene, objects={**scene.objects, name: changed}, facts=(*others, fact))
+    return replace(scene, objects={**scene.objects, name: changed}, facts=(*others, fact), known=())
 
 
 def has_one_way(scene: Scene, name: str) -> bool:
@@ -65,10 +67,12 @@ def elsewhere(scene: Scene, item: str, support: str, relation: str, number: int 
         number: Which of several places; equal arguments give equal places.
 
     Raises:
-        NoRoom: No place is free, or the item carries something.
+        NoRoom: No place is free, the item carries something, or the support is the floor.
     """
     if resting_on(scene, item):
         raise NoRoom(item, "carries something")
+    if scene[support].category == FLOOR:
+        raise NoRoom(item, "things are moved between furniture, not over the floor")
     rng = np.random.default_rng(zlib.crc32(f"{item} {support} {number}".encode()))
     room = Room(scene.name, "", rng, 0.0, 0.0)
     room.objects.update({key: thing for key, thing in scene.objects.items() if key != item and thing.category != FLOOR})
@@ -88,7 +92,7 @@ def elsewhere(scene: Scene, item: str, support: str, relation: str, number: int 
         PlaceSpec(support, region.name, AtEdge(_EDGES[number % len(_EDGES)], _INSET_M), clear=_CLEAR),
     )
     objects = {key: room.objects.get(key, thing) for key, thing in scene.objects.items()}
-    return replace(scene, objects=objects, facts=(*facts, bddl.Atom(relation, (item, support))))
+    return replace(scene, objects=objects, facts=(*facts, bddl.Atom(relation, (item, support))), known=())
 
 
 def supports_near(scene: Scene, item: str) -> Iterator[tuple[str, str]]:

@@ -435,8 +435,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """Return a scene of the package by its name, or the scene of a JSON file.
 
     An argument that ends in `.json`, has a folder in it, or exists as a file is a file. The library and geometry supply
-    what the file leaves out. A file of Digital Cousins (`scene_0_info.json`) gets models of the library; see
-    `executor.scenes.digital_cousins`.
+    what the file leaves out; without `closed` the robot is `panda-lift` where none is named. A file of Digital Cousins
+    (`scene_0_info.json`) gets models of the library; see `executor.scenes.digital_cousins`.
 
     Raises:
         SceneNotFound: The package has no scene of that name; the message suggests near ones.

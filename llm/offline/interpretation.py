@@ -378,6 +378,9 @@ class _IntentBuilder:
                 problem = f'"{place.phrase}" names the top of {where}, which has no interior'
                 raise Refusal("affordance", problem, instead=both)
             return "inside"
+        shelf = destination.part is not None and destination.part.part == "shelf"
+        if place.direction in ("ONTO", "ON") and shelf and can.interior:
+            return "inside"  # A shelf of a refrigerator is in it.
         if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
             return "ontop"
         if can.interior and can.surface:

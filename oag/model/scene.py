@@ -214,6 +214,8 @@ class Scene:
     def from_json(cls, source: Source, domain: Domain = BUILT_IN) -> Self:
         """Return the scene that a JSON file, or a mapping of the same form, describes in a domain.
 
+        A file that names no robot is for the paper's here; `executor.load_scene` and the commands take `panda-lift`.
+
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """

@@ -6,15 +6,15 @@ import re
 from dataclasses import dataclass
 from typing import Literal, Self, get_args
 
-Beside = Literal["next to", "left of", "right of", "behind", "in front of"]
+Side = Literal["next to", "left of", "right of", "behind", "in front of"]
 Part = Literal["door", "drawer", "shelf"]
 WHICH = (
     "left", "right", "top", "middle", "bottom", "first", "second", "third", "fourth", "fifth", "sixth", "last",
 )  # fmt: skip
 """Words for one of several parts."""
 
-_FORM = re.compile(rf"(?:({'|'.join(get_args(Beside))}) (\S+)|({'|'.join(WHICH)}) ({'|'.join(get_args(Part))}))")
-EXPECTED = f"one of {', '.join(get_args(Beside))} and an id, or such as 'third drawer', 'left door', 'top shelf'"
+_FORM = re.compile(rf"(?:({'|'.join(get_args(Side))}) (\S+)|({'|'.join(WHICH)}) ({'|'.join(get_args(Part))}))")
+EXPECTED = f"one of {', '.join(get_args(Side))} and an id, or such as 'third drawer', 'left door', 'top shelf'"
 
 
 @dataclass(frozen=True, slots=True)

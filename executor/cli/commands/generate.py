@@ -36,7 +36,7 @@ from executor.cli.options import (
     RobotName,
     View,
 )
-from executor.cli.output import ERR, Pace, bar, print_json, say, tell
+from executor.cli.output import ERR, Pace, bar, counting, print_json, say, tell
 
 if TYPE_CHECKING:
     from executor.campaign.engine import Campaign, Shard
@@ -149,7 +149,9 @@ def execute(options: Options) -> int:
     if renders:
         check_drawable()
     for one in series:
-        check_plannable(one.first)
+        first, quiet = one.first, options.json or one.first.repair is None
+        with counting(f"{first.origin.label}: looking for a scene of the first episode that is feasible", quiet=quiet):
+            check_plannable(first)
     alike = [one for one in series if starts_alike(one)]
     if not options.json:
         _warn_alike(alike)

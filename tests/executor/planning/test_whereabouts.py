@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bddl
 import llm
-from executor.planning.whereabouts import handles_of, read_where, regions_next_to, regions_of
-from executor.rollouts.capacity import first_misfit
+from executor.planning.whereabouts import handles_of, parts_named, read_where, regions_next_to, regions_of
+from executor.rollouts.capacity import first_misfit, no_part
 from executor.rollouts.feasibility import feasible
 from executor.rollouts.rollout import rollout
 from executor.scenes.file import complete_scene
@@ -98,6 +100,51 @@ def test_what_a_part_does_not_allow_is_no_fact_about_its_thing_and_no_reason_to_
     found = feasible(compose(llm.propose("put the can on the sixth shelf of the shelf", scene).task), scene, vary=False)
     assert not found.feasible and found.known == () and found.detours == ()
     assert "it has" in found.reason and "drawers" not in found.reason
+
+
+def grid(*places: tuple[float, float]) -> Any:
+    """A thing with doors whose handles are at (y, z)."""
+    handles = [SimpleNamespace(joint=f"door_{n}", position_m=(0.0, y, z)) for n, (y, z) in enumerate(places)]
+    joint = SimpleNamespace(kind="revolute", opens=True, position_m=(0.0, 0.0, 0.0))
+    return SimpleNamespace(handles=handles, regions=(), joints=[joint] * len(places), joint=lambda _: joint)
+
+
+@pytest.mark.parametrize(
+    ("which", "places"),
+    [("left", (0, 2)), ("right", (1, 3)), ("top", (0, 1)), ("last", (2, 3)), ("second", (0, 1, 2, 3)), ("fifth", ())],
+)
+def test_a_word_that_fits_several_doors_of_a_grid_chooses_none(which: str, places: tuple[int, ...]) -> None:
+    asset = grid((0.3, 1.0), (-0.3, 1.0), (0.3, 0.5), (-0.3, 0.5))
+    where, thing = Where("", "", which, "door"), SimpleNamespace(assets={"box_0": asset})
+    assert parts_named(asset, where) == tuple(f"door_{place}" for place in places)
+    assert handles_of(thing, "box_0", where) == ()  # type: ignore[arg-type]
+    is_open = bddl.Atom("open", ("box_0",))
+    refused = no_part(
+        thing,  # type: ignore[arg-type]
+        SimpleTask("open", "", "box_0", None, None, bddl.Not(is_open), is_open, (), where=where),
+    )
+    assert refused is not None
+    assert all(f"door_{place}" in refused.message for place in places)
+
+
+def test_boards_of_one_height_behind_two_doors_are_one_shelf() -> None:
+    places = {"l0": (0.3, 1.0), "r0": (-0.3, 1.0), "l1": (0.3, 0.5), "r1": (-0.3, 0.5)}
+    boards: list[Any] = [
+        SimpleNamespace(name=name, floor_m=(0.0, y, z), opening=(-1.0, 0.0, 0.0)) for name, (y, z) in places.items()
+    ]
+    thing: Any = SimpleNamespace(assets={"box_0": SimpleNamespace(handles=())})
+    found = {
+        which: [region.name for region in regions_of(thing, "box_0", boards, Where("", "", which, "shelf"))]
+        for which in ("top", "second", "third", "left")
+    }
+    assert found == {"top": ["l0", "r0"], "second": ["l1", "r1"], "third": [], "left": []}
+
+
+def test_boards_that_are_missing_are_not_counted_as_doors(world: World) -> None:
+    on = bddl.Atom("ontop", ("can_0", "shelf_0"))
+    held, where = bddl.Atom("inside", ("can_0", GRIPPER)), Where("", "", "sixth", "shelf")
+    refused = no_part(world, SimpleTask("put", "", "can_0", None, "shelf_0", held, on, (), where=where))
+    assert refused is not None and "shelves" in refused.message and "door" not in refused.message
 
 
 def test_boards_are_counted_from_the_top(world: World) -> None:

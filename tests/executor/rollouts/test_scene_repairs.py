@@ -18,11 +18,13 @@ from executor.data.units import DemoUnit
 from executor.data.worker import run_unit
 from executor.rollouts.scene_repairs import Judged, repaired
 from executor.scenes.changes import elsewhere, place_of, supports_near, with_door, without
+from executor.scenes.file import complete_scene
 from executor.scenes.library import load
 from executor.scenes.room import NoRoom
 from executor.scenes.validation import settle
 from executor.system.files import read_json
 from oag import Scene, SceneObject
+from oag.model.infeasible import Infeasible
 
 pytestmark = pytest.mark.physics
 ALREADY_SO = "put the glass onto the table"
@@ -99,6 +101,33 @@ def test_changed_scenes_hold_in_physics_and_agree_with_their_facts() -> None:
     assert set(gone.objects) == {"refrigerator_0"} and not any("glass_0" in str(fact) for fact in gone.facts)
 
 
+def test_a_changed_scene_knows_nothing_that_geometry_found_before() -> None:
+    scene = kitchen().knowing([Infeasible("take", "glass_0", given=(bddl.Atom("ontop", ("glass_0", "table_0")),))])
+    changed = [
+        without(scene, ["glass_0"]),
+        elsewhere(scene, "glass_0", "table_0", "ontop"),
+        with_door(scene, "refrigerator_0", is_open=True),
+    ]
+    assert scene.known and not any(each.known for each in changed)
+
+
+def test_nothing_is_moved_over_the_floor() -> None:
+    scene = scene_of_floor()
+    assert place_of(scene, "can_0") == ("floor", "ontop")
+    with pytest.raises(NoRoom, match="between furniture"):
+        elsewhere(scene, "can_0", "floor", "ontop")
+
+
+def scene_of_floor() -> Scene:
+    things = {
+        "table_0": {"category": "table", "position": [3.0, 0.0]},
+        "can_0": {"category": "can", "position": [1.0, 0.0], "on": "floor"},
+    }
+    found = complete_scene({"robot": {"position": [-1, 0]}, "objects": things}).scene
+    assert found is not None
+    return found
+
+
 def test_what_carries_something_stays_where_it_is() -> None:
     scene = kitchen()
     x, y, z = scene["glass_0"].position
@@ -126,6 +155,15 @@ def test_a_unit_says_that_its_scene_may_be_changed() -> None:
     assert DemoUnit.from_json(repairing.to_json()) == repairing and plain.id("v") != repairing.id("v")
     with pytest.raises(ValueError, match="not revised"):
         replace(repairing, evolve=True)
+
+
+@pytest.mark.parametrize("axes", [["--vary", "target"], ["--distractors", "2"]])
+def test_a_repaired_scene_gets_neither_another_target_nor_distractors(
+    axes: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["generate", ALREADY_SO, "--scene", "kitchen_t1", "--repair", "scene", "--out", str(tmp_path / "s")]
+    assert run([*words, *axes]) == 2 and not (tmp_path / "s").exists()
+    assert "need a plan before the repair" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.slow

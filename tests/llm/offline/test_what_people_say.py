@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bddl
 import llm
 from llm.offline.viewpoint import by_size, placed
 from oag import Scene, Task
@@ -92,12 +93,14 @@ def test_a_spot_next_to_a_thing_is_on_what_that_stands_on(query: str, where: str
         ("open the left door of the cabinet", "left door", None),
         ("put the apple in the third drawer of the cabinet", "third drawer", "third drawer"),
         ("put the apple into the top shelf of the cabinet", None, "top shelf"),
+        ("put the apple on the top shelf of the cabinet", None, "top shelf"),
     ],
 )
 def test_a_part_of_a_thing_is_named_in_the_subtasks(query: str, opened: str | None, put: str | None) -> None:
     task = llm.propose(query, FLAT).task
     said = {subtask.name.partition("_")[0]: subtask.where for subtask in task.subtasks}
     assert [None if said.get(verb) is None else str(said[verb]) for verb in ("open", "put")] == [opened, put]
+    assert put is None or bddl.Atom("inside", ("apple_0", "cabinet_0")) in [part.goal for part in task.subtasks]
     again = llm.propose(llm.propose(query, FLAT).expanded.task_name, FLAT).task
     assert again.subtasks == task.subtasks
 
