@@ -16,6 +16,7 @@ from executor.bench.tables import main_table
 from executor.bench.units import BenchSetting, Series, Unit
 from executor.campaign import versions
 from executor.campaign.engine import Shard
+from executor.campaign.versions import UNORDERED_VERSION
 from executor.scenes.generators import household
 from executor.scenes.generators.families import (
     FAMILIES,
@@ -127,5 +128,5 @@ def test_what_keeps_no_order_has_a_version_of_its_own(monkeypatch: pytest.Monkey
         return [Unit(family, 0, None, BenchSetting(robot=robot)).id("v") for family, robot in settings]  # type: ignore[arg-type]
 
     before = ids()
-    monkeypatch.setattr("executor.bench.units.UNORDERED_VERSION", 3)
+    monkeypatch.setattr("executor.bench.units.UNORDERED_VERSION", UNORDERED_VERSION + 1)
     assert [one == two for one, two in zip(before, ids(), strict=True)] == [True, True, False, False]

@@ -73,7 +73,7 @@ def _glass(**changes: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (_glass(category="spoon", model="spoon"), "objects.glass_0: the library has nothing of the category 'spoon'"),
+        (_glass(category="flute", model="flute"), "objects.glass_0: the library has nothing of the category 'flute'"),
         (_glass(colour="red"), "objects.glass_0: has a key 'colour' that nothing reads"),
         (_glass(positon=[0, 0, 0]), "has a key 'positon' that nothing reads (did you mean position?)"),
         ({"lights": []}, "has a key 'lights' that nothing reads"),
@@ -99,11 +99,11 @@ def test_a_warning_is_told_and_the_scene_is_good(tmp_path: Path, capsys: pytest.
 def test_what_nobody_can_build_is_told_before_anything_is_planned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = _file(tmp_path, **_glass(category="spoon", model="spoon"))
+    file = _file(tmp_path, **_glass(category="flute", model="flute"))
     words = ["--scene", file, "--out", str(tmp_path / "r")]
     for command in (["run", "open the refrigerator", *words], ["rollout", str(T1), "--scene", file]):
         assert app.run(command) == 2
         told = capsys.readouterr()
-        assert "objects.glass_0: the library has nothing of the category 'spoon'" in told.err
+        assert "objects.glass_0: the library has nothing of the category 'flute'" in told.err
         assert "proved" not in told.err + told.out
     assert not (tmp_path / "r").exists()

@@ -68,7 +68,7 @@ def test_boxes_are_the_same_in_every_form(folder: Path, name: str) -> None:
         ("breakfast_table", "table"),
         ("closet", "wardrobe"),
         ("desk", "desk"),
-        ("water bottle", "bottle"),
+        ("water bottle", "water_bottle"),
         ("work bench", "table"),
         ("thing", None),
     ],
