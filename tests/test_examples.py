@@ -14,12 +14,12 @@ ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 MOST_LINES = 90
 MARKS = {
-    "03": (pytest.mark.physics,),
+    "03": (pytest.mark.physics, pytest.mark.slow),
     "05": (pytest.mark.render, pytest.mark.slow),
     "06": (pytest.mark.physics, pytest.mark.slow),
     "07": (pytest.mark.physics, pytest.mark.slow),
     "08": (pytest.mark.physics, pytest.mark.slow),
-    "12": (pytest.mark.physics,),
+    "12": (pytest.mark.physics, pytest.mark.slow),
 }
 # One for each thing that a user does.
 TOPICS = ("verify", "plan", "rollout", "own_scene", "photograph", "demonstrations", "train", "evaluate")

@@ -244,7 +244,7 @@ def test_a_baseline_is_a_row_of_its_own(
     assert "baselines are not shown again" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("asked_by", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("asked_by", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_being_asked_to_end_keeps_what_was_finished(tmp_path: Path, asked_by: signal.Signals) -> None:
     words = ["bench", "T3", "--out", "b", "--workers", "1", "--seed", str(SEED + 8), "--episodes", "2"]
     child = subprocess.Popen(

@@ -144,7 +144,7 @@ def test_a_failure_tells_what_was_used_as_json_too(
     assert (told["usage"]["requests"], told["usage"]["failures"], len(told["usage"]["rounds"])) == (3, 1, 2)
 
 
-@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("ending", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_a_run_that_was_ended_from_outside_goes_on(
     invented: Rollout,
     tmp_path: Path,

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.physics
     [
         [],
         ["--through", "env"],
-        ["--through", "env", "--actions", "paper"],
+        pytest.param(["--through", "env", "--actions", "paper"], marks=pytest.mark.slow),
         pytest.param(["--workers", "2"], marks=pytest.mark.slow),
     ],
 )

@@ -168,6 +168,7 @@ def test_an_evaluation_is_of_the_weights_that_act(tmp_path: Path) -> None:
     assert keys()[0] == early and keys()[1] != last
 
 
+@pytest.mark.slow
 def test_results_are_seen_even_if_they_cannot_be_written(
     picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

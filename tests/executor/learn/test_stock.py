@@ -172,6 +172,7 @@ def test_policies_are_one_row_where_nothing_but_the_seed_differs(
     assert len({first, *alone, *unsaid}) == 5
 
 
+@pytest.mark.slow
 def test_a_policy_is_told_the_sentence_of_each_episode(
     picked: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

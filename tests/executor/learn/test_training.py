@@ -27,7 +27,15 @@ def data(picked: EpisodeStore) -> Demonstrations:
 
 
 @pytest.mark.parametrize("form", [{"members": 3}, {"kind": "transformer", "heads": 4}])
-@pytest.mark.parametrize("at_once", [3, 4, 7, 13])
+@pytest.mark.parametrize(
+    "at_once",
+    [
+        3,
+        pytest.param(4, marks=pytest.mark.slow),
+        pytest.param(7, marks=pytest.mark.slow),
+        pytest.param(13, marks=pytest.mark.slow),
+    ],
+)
 def test_a_step_in_parts_is_the_step_of_the_whole_batch(
     data: Demonstrations, out: Path, form: dict[str, object], at_once: int
 ) -> None:
@@ -67,7 +75,10 @@ def test_parts_are_no_larger_than_was_asked_for_and_each_members_own() -> None:
     assert [rows.tolist() for rows in in_two] == [[0, 1, 4, 5], [2, 3, 6]]
 
 
-@pytest.mark.parametrize("where", ["optimiser", "average", "keeping"])
+@pytest.mark.parametrize(
+    "where",
+    [pytest.param("optimiser", marks=pytest.mark.slow), pytest.param("average", marks=pytest.mark.slow), "keeping"],
+)
 def test_ctrl_c_in_the_middle_of_a_step_leaves_no_half_of_it(
     data: Demonstrations, out: Path, where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,7 +34,7 @@ def found_from(true_rad: float, start_rad: float, size_m: Size = SIZE_M) -> Pose
     return orient_by_ear(fine, fine.rated(turned(start_rad, size_m))).guess
 
 
-@pytest.mark.parametrize("start_rad", [0.0, 3.0])
+@pytest.mark.parametrize("start_rad", [pytest.param(0.0, marks=pytest.mark.slow), 3.0])
 def test_an_ear_that_is_seen_tells_the_turn(start_rad: float) -> None:
     found = found_from(math.pi / 2, start_rad)
     assert math.remainder(found.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)

@@ -17,7 +17,7 @@ from oag.model.scene import RobotPose
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize("shift_m", [0.0, 1.5])
+@pytest.mark.parametrize("shift_m", [pytest.param(0.0, marks=pytest.mark.slow), 1.5])
 def test_a_way_leads_round_what_is_longer_than_the_floor_between_start_and_goal(shift_m: float) -> None:
     bed = SceneObject("bed_0", "cabinet", "closed", (0.0, shift_m, 0.3), (1, 0, 0, 0), (0.9, 4.4, 0.6), (1, 1, 1), {})
     scene = Scene(name="bed", robot=RobotPose(position=(-1.2, 0.0, 0.0)), objects={"bed_0": bed})

@@ -65,6 +65,7 @@ def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
 
 
 @pytest.mark.physics
+@pytest.mark.slow
 def test_a_hand_from_straight_above_leads_onto_low_tops_but_not_onto_high_ones(worlds: list[World]) -> None:
     assert _pitches_that_lead_on(0.60, worlds)[82]
     high = _pitches_that_lead_on(0.70, worlds)

@@ -98,7 +98,14 @@ def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
 
 
 @pytest.mark.physics
-@pytest.mark.parametrize(("height_m", "most_m"), [(0.12, 0.088), (0.17, 0.038), (0.19, 0.018)])
+@pytest.mark.parametrize(
+    ("height_m", "most_m"),
+    [
+        pytest.param(0.12, 0.088, marks=pytest.mark.slow),
+        (0.17, 0.038),
+        pytest.param(0.19, 0.018, marks=pytest.mark.slow),
+    ],
+)
 def test_under_a_board_a_thing_is_lifted_no_higher_than_there_is_room(
     height_m: float, most_m: float, worlds: list[World]
 ) -> None:

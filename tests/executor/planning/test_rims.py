@@ -141,6 +141,7 @@ def _thing(category: str, size_m: tuple[float, float, float], x_m: float = 0.9, 
 
 
 @pytest.mark.physics
+@pytest.mark.slow
 def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(planner: Any) -> None:
     lift = (Action(Primitive.LIFT_EEF_UP),)
     flat, world = planner(_thing("plate", (0.2, 0.2, 0.02)))

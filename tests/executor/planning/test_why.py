@@ -72,7 +72,9 @@ def _off_m(kinematics: Kinematics, arm: np.ndarray, wanted: np.ndarray) -> float
     return float(np.hypot(np.linalg.norm(T[:3, 3] - wanted[:3, 3]), TURN_M_PER_RAD * turn))
 
 
-@pytest.mark.parametrize("height_m", [1.5, 1.2, 0.0])
+@pytest.mark.parametrize(
+    "height_m", [pytest.param(1.5, marks=pytest.mark.slow), 1.2, pytest.param(0.0, marks=pytest.mark.slow)]
+)
 def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
     scene_world: tuple[World, Planner], height_m: float
 ) -> None:

@@ -25,12 +25,13 @@ def opened(*faults: Fault) -> Evolution:
     return evolve(task, seed=SEED, conditions=RunConditions(faults=faults))
 
 
+@pytest.mark.slow
 def test_fingers_with_half_their_force_pull_the_door_open() -> None:
     told = opened(WeakGrip(15.0))
     assert told.succeeded and told.revisions == 0
 
 
-@pytest.mark.parametrize("force_n", [2.0, 12.0])
+@pytest.mark.parametrize("force_n", [pytest.param(2.0, marks=pytest.mark.slow), 12.0])
 def test_fingers_that_do_not_move_a_door_end_it_with_what_it_would_take(force_n: float) -> None:
     told = opened(WeakGrip(force_n))
     gave_up = told.stories[0].gave_up

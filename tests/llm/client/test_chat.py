@@ -46,7 +46,7 @@ def test_any_bytes_have_an_outcome(body: bytes, content_type: str) -> None:
 
 
 @given(VALUES, st.lists(VALUES, max_size=4), st.sampled_from(["\n\n", "\r\n\r\n"]))
-@settings(max_examples=500)
+@settings(max_examples=100)
 def test_any_json_has_an_outcome(value: Any, values: list[Any], end: str) -> None:
     assert is_sound(read_answer(json.dumps(value).encode(), "application/json"))
     for name in ("message", "delta"):

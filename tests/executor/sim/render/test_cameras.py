@@ -78,6 +78,7 @@ def test_the_overview_sees_into_an_opened_refrigerator() -> None:
     assert eye[0] < fridge[0] and eye[1] < fridge[1]
 
 
+@pytest.mark.slow
 def test_walls_need_not_be_in_the_picture_and_the_overview_looks_past_them() -> None:
     scene = draw("T1", 12000).scene
     walls = {name: thing for name, thing in scene.objects.items() if thing.category == "wall"}
