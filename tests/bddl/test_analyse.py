@@ -239,6 +239,7 @@ def test_a_goal_too_large_to_spell_out_is_not_spelt_out() -> None:
 
 
 @pytest.mark.parametrize("depth", [10_000])
+@pytest.mark.slow
 def test_depth_is_no_obstacle(depth: int) -> None:
     deep = "(not " * depth + "(open a_0)" + ")" * depth
     text = f"(define (problem p) (:domain d) (:objects a_0 - a) (:init (open a_0)) (:goal {deep}))"

@@ -90,7 +90,14 @@ def test_counting_forms_are_unknown_exactly_when_completions_disagree(
             assert bddl.evaluate(form, known.get, scene, pairs=pairs) is expected
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(rows, columns) for rows in range(5) for columns in range(5)])
+@pytest.mark.parametrize(
+    ("rows", "columns"),
+    [
+        pytest.param(rows, columns, marks=pytest.mark.slow if rows * columns > 12 else ())
+        for rows in range(5)
+        for columns in range(5)
+    ],
+)
 def test_pairs_up_to_four_by_four_are_matchings(rows: int, columns: int) -> None:
     """States of all densities against a trial of all choices; small tables in all their states."""
     scene, forms = counting_forms(rows, columns)
