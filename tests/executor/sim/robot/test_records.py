@@ -129,7 +129,7 @@ def test_scenes_records_and_units_name_their_robot_and_old_ones_are_understood()
         assert robot_of_record(record_of_robot(robot)) is robot and pickle.loads(pickle.dumps(robot)) is robot
         unit = DemoUnit(Origin(family="T1"), 0, robot=robot.name)
         # A family's own robot is not named: one request has one id.
-        named = "" if robot is PAPER_ROBOT else robot.name
+        named = "" if robot is ROBOTS["paper"] else robot.name
         assert DemoUnit.from_json(unit.to_json()) == unit and unit.robot_name == named
     assert bare(ROBOTS["panda"]).to_json()["robot"] == {"position": [0.4, -0.3, 0.0], "yaw": 0.7, "scale": 1.0}
     assert robot_of_record({"scale": 0.7}).name == "paper" and robot_of_record({"scale": 1.0}).name == "panda"
