@@ -63,7 +63,7 @@ KeepSizes = Annotated[
     Flag, option_help("Scale nothing to the gripper; what it cannot take at its own size is refused.")
 ]
 FullSize = Annotated[
-    Flag, option_help("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")
+    Flag, option_help("Another word for --robot panda: full size, a hand that opens to 80 mm, and no lift.")
 ]
 # A test holds these against the records; reading them here would make every `--help` load the graph.
 RobotName = Annotated[

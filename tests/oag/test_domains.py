@@ -22,14 +22,14 @@ from oag.model.infeasible import Infeasible
 from tests.oag.paper import DATA, scene, task_json
 from tests.source_tree import ROOT
 
-BESIDE = oag.Domain.from_toml(ROOT / "examples" / "domains" / "beside.toml")
+NEXT_TO = oag.Domain.from_toml(ROOT / "examples" / "domains" / "next_to.toml")
 GOAL = "(and (nextto apple_0 cup_0) (not (open drawer_0)))"
 STEPS: list[Any] = [oag.open("drawer_0"), oag.pick("apple_0"), "PLACE_NEXT_TO apple_0 table_0 cup_0"]
 # By planners of unified-planning 1.3, from the exported texts.
 PLANS: dict[str, dict[str, list[str]]] = json.loads((DATA / "pddl_plans.json").read_text(encoding="utf-8"))
 
 
-def kitchen(domain: oag.Domain = BESIDE) -> oag.Scene:
+def kitchen(domain: oag.Domain = NEXT_TO) -> oag.Scene:
     """An apple in a drawer and a cup on a table."""
     things = {"apple_0": "apple", "cup_0": "cup", "table_0": "table", "drawer_0": "drawer"}
     return oag.scene(things, ["(ontop cup_0 table_0)", "(inside apple_0 drawer_0)"], "all", domain=domain)
@@ -87,7 +87,7 @@ def test_a_certificate_is_of_its_domain_alone() -> None:
 def test_a_domain_and_its_primitives_travel_between_processes() -> None:
     task = oag.task(kitchen(), steps=STEPS)
     assert pickle.loads(pickle.dumps(task)) == task
-    assert oag.Domain.from_json(BESIDE.to_json()) == BESIDE
+    assert oag.Domain.from_json(NEXT_TO.to_json()) == NEXT_TO
 
 
 _ROW = {"objects": {"?a": "item"}, "needs": ["(open ?a)"], "writes": ["(lit ?a)"]}
@@ -201,8 +201,8 @@ def test_a_step_that_does_not_fit_its_row_is_found() -> None:
 
 @pytest.mark.parametrize(("name", "engine"), [(name, engine) for name in PLANS for engine in PLANS[name]])
 def test_a_planner_s_plan_for_an_exported_task_is_proved(name: str, engine: str) -> None:
-    here = kitchen() if name == "beside" else scene(name)
-    goal = GOAL if name == "beside" else oag.Task.from_json(task_json(name), scene=here).goal
+    here = kitchen() if name == "next_to" else scene(name)
+    goal = GOAL if name == "next_to" else oag.Task.from_json(task_json(name), scene=here).goal
     report = oag.compose(pddl.export(here, goal).task(PLANS[name][engine])).verify()
     assert report and confirmed(report)
 

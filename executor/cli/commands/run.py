@@ -187,6 +187,36 @@ def _repair_scene(options: Options, scene: Scene, sizing: Sizing) -> Judged | No
     return judged if judged.feasible else None
 
 
+def _command(options: Options) -> str:
+    """Return the command line that repeats a run."""
+    from executor.cli.evolution_setup import sampling_arguments
+    from executor.cli.execution import command_line
+
+    return command_line(
+        "run",
+        options.query,
+        scene=options.scene if options.photo is None else None,
+        photo=options.photo,
+        **({} if options.photo is None else asdict(options.photo_inputs)),
+        seed=options.seed,
+        out=options.out,
+        model=options.asked.model,
+        **sampling_arguments(options.asked),
+        image=[] if options.asked.model is None else list(options.image),
+        keep_sizes=options.keep_sizes,
+        full_size=options.full_size,
+        robot=options.robot,
+        repair=options.repair,
+        anyway=options.anyway,
+        evolve=options.evolve,
+        limit=options.limit if options.evolve else None,
+        no_video=not options.video,
+        size=None if options.size == Options.size else options.size,
+        plain=options.plain,
+        record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
+    )
+
+
 def _prove_and_execute(
     options: Options,
     proposal: Proposal,
@@ -205,8 +235,7 @@ def _prove_and_execute(
         spending: The proposing model and its usage; None for the offline planner.
         judged: The dry run with the changes of the scene, where these were asked for.
     """
-    from executor.cli.evolution_setup import sampling_arguments
-    from executor.cli.execution import command_line, results_writer
+    from executor.cli.execution import results_writer
     from executor.rollouts.run_record import RunRecord
     from oag import compose
 
@@ -220,29 +249,7 @@ def _prove_and_execute(
         notes=(*map(str, judged.fixes if judged is not None else ()), *proposal.notes),
         scene_fixes=judged.fixes if judged is not None else (),
         spending=spending,
-        command=command_line(
-            "run",
-            options.query,
-            scene=options.scene if options.photo is None else None,
-            photo=options.photo,
-            **({} if options.photo is None else asdict(options.photo_inputs)),
-            seed=options.seed,
-            out=options.out,
-            model=options.asked.model,
-            **sampling_arguments(options.asked),
-            image=[] if options.asked.model is None else list(options.image),
-            keep_sizes=options.keep_sizes,
-            full_size=options.full_size,
-            robot=options.robot,
-            repair=options.repair,
-            anyway=options.anyway,
-            evolve=options.evolve,
-            limit=options.limit if options.evolve else None,
-            no_video=not options.video,
-            size=None if options.size == Options.size else options.size,
-            plain=options.plain,
-            record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
-        ),
+        command=_command(options),
     )
     folder.write_plan(record)
     if not report:
