@@ -65,6 +65,8 @@ class EvolutionSetup:
         self.views = parse_views(options.views)
         if options.look_back < 0:
             raise BadOption("--look-back", options.look_back, "0 or more")
+        if options.inspect == "faulty" and not options.measurements:
+            raise BadOption("--inspect", options.inspect, "no --no-measurements: measurements tell what is faulty")
         if not self.views and not options.measurements:
             raise BadOption("--views", NO_VIEWS, "at least one view where --no-measurements is given")
         self.frames = self._frames_for_model() if options.model is not None and self.views else None
@@ -109,6 +111,7 @@ class EvolutionSetup:
             look_back=self._options.look_back if look_back is None else look_back,
             measurements=self._options.measurements,
             most_pictures=self._options.most_pictures,
+            only_faulty=self._options.inspect == "faulty",
             listen=self.spending.add_round,
         )
         self.teams.append(team)
@@ -287,6 +290,7 @@ def judge_arguments(options: JudgeOptions) -> dict[str, object]:
         "look_back": options.look_back,
         "no_measurements": not options.measurements,
         "most_pictures": options.most_pictures,
+        "inspect": options.inspect,
     }
 
 

@@ -267,6 +267,8 @@ class JudgeOptions(ModelOptions):
     """Cameras whose pictures the model sees, with commas between them; none: it gets measurements only."""
     look_back: int = 1
     """How many steps before the judged one the model sees as well."""
+    inspect: Literal["all", "faulty"] = "all"
+    """Which steps the model is asked about: all, or those that measurements find faulty or cannot tell."""
     measurements: Annotated[Flag, negated_flag("Show the model pictures only, and not what was measured.")] = True
     most_pictures: Maybe[int] = None
     """Most pictures in a question; by default 36 for a step, 24 for a revision."""

@@ -165,7 +165,12 @@ class AttemptFrames(AbstractContextManager["AttemptFrames"]):
         states = [[trajectory.packed_states[index] for index in indices] for indices in samples]
         drawing = _Drawing(self, record.state_hash, scene, observation.task, states)
         steps = tuple(
-            replace(step, frames=_StepFrames(drawing, number)) for number, step in enumerate(observation.steps)
+            replace(
+                step,
+                frames=_StepFrames(drawing, number),
+                moments_s=tuple(float(trajectory.time_s[index]) - ran.start_s for index in samples[number]),
+            )
+            for number, (step, ran) in enumerate(zip(observation.steps, record.steps, strict=True))
         )
         return replace(observation, steps=steps)
 

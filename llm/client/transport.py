@@ -242,10 +242,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """Forward requests with the same temperature and seed; both are part of the digest.
-
-    A request that asks for a lower temperature keeps it.
-    """
+    """Forward requests with the same temperature and seed, which replace the requests' own; the digest has both."""
 
     transport: Transport
     temperature: float | None = None
@@ -253,8 +250,7 @@ class Sampled:
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """Return the transport's reply."""
-        given = [one for one in (self.temperature, request.temperature) if one is not None]
-        temperature = min(given, default=None)
+        temperature = request.temperature if self.temperature is None else self.temperature
         extra = dict(request.extra_body) if self.seed is None else {**request.extra_body, "seed": self.seed}
         sent = replace(request, temperature=temperature, extra_body=extra)
         return replace(self.transport.complete(sent), request_sha256=sent.digest())

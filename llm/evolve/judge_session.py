@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from llm.client.transport import Image, Transport
+from llm.client.transport import Part, Transport
 from llm.errors import CassetteError, ModelCancelled, ModelConfigError, ModelError
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import (
@@ -58,7 +58,7 @@ class JudgeSession:
         text: str,
         schema: type[AnswerT],
         check: Callable[[AnswerT], Iterable[Diagnostic]],
-        images: Sequence[Image] = (),
+        images: Sequence[Part] = (),
     ) -> AnswerT | str:
         """Return an answer in which `check` finds nothing wrong, or in a sentence or two why there is none.
 

@@ -50,6 +50,7 @@ def judges(
     measurements: bool = True,
     rounds: int = ROUNDS,
     most_pictures: int | None = None,
+    only_faulty: bool = False,
     listen: Callable[[Round], None] | None = None,
 ) -> Judges:
     """Set up an Inspector and a Supervisor that ask one model.
@@ -62,6 +63,7 @@ def judges(
         scene: Name of the scene, for the record.
         views, look_back, measurements, rounds: See `ModelInspector`, `ModelSupervisor` and `JudgeSession`.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
+        only_faulty: See `ModelInspector`.
         listen: Called with every round.
 
     Raises:
@@ -75,6 +77,6 @@ def judges(
     inspected, supervised = (
         (MOST_INSPECTED, MOST_SUPERVISED) if most_pictures is None else (most_pictures, most_pictures)
     )
-    inspector = ModelInspector(session, tuple(views), look_back, measurements, inspected)
+    inspector = ModelInspector(session, tuple(views), look_back, measurements, inspected, only_faulty)
     supervisor = ModelSupervisor(session, tuple(views), measurements, supervised)
     return Judges(inspector, supervisor, session)

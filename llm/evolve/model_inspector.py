@@ -16,10 +16,10 @@ from llm.evolve.judge_session import ALL_VIEWS, JudgeSession
 from llm.evolve.observation import (
     AttemptObservation,
     Picture,
-    critique_text,
+    captioned,
     numbers_text,
     one_line,
-    picture_index_text,
+    picture_text,
     select_pictures,
     steps_text,
     subtask_text,
@@ -38,8 +38,9 @@ from llm.structured.schema import (
     Remark,
     begins_with_denial,
 )
-from oag import Diagnostic
+from oag import Diagnostic, Primitive
 from oag.measurements import MeasuredEvidence
+from oag.model.symbols import ARTICULATIONS
 from oag.revision import Critique, Origin
 
 LOOK_BACK = 1
@@ -47,6 +48,7 @@ MOST_INSPECTED = 36
 
 
 Judgement = Literal["yes", "no", "unclear"]
+_CHANGES_OBJECTS = frozenset({Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS})
 _MEANINGS: dict[Judgement, bool | None] = {"yes": True, "no": False, "unclear": None}
 
 
@@ -90,6 +92,8 @@ class ModelInspector:
         look_back: Number of steps before the judged one that are sent too, the paper's p_1.
         measurements: Whether measurements are sent.
         most_pictures: Most pictures in a question.
+        only_faulty: Whether only steps are asked about whose measurements find a fault, or leave open what they did
+            to an object; the critiques of the others are the measured ones.
 
     Raises:
         RequestError: Neither views nor measurements, an unknown view, or an invalid number.
@@ -100,11 +104,14 @@ class ModelInspector:
     look_back: int = LOOK_BACK
     measurements: bool = True
     most_pictures: int = MOST_INSPECTED
+    only_faulty: bool = False
     _measured: MeasuredInspector = field(default_factory=MeasuredInspector, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.views and not self.measurements:
             raise RequestError("an inspector without views and without measurements has nothing to judge by")
+        if self.only_faulty and not self.measurements:
+            raise RequestError("without measurements nothing tells which steps are faulty, so that all are asked about")
         unknown = [view for view in self.views if view not in ALL_VIEWS]
         if unknown:
             raise RequestError(f"there is no view {unknown[0]!r}; the views are {', '.join(ALL_VIEWS)}")
@@ -126,11 +133,14 @@ class ModelInspector:
         if self.session.stopped:
             return self._unjudged(attempt, step, self.session.stopped)
         measured = self._measured.inspect(attempt, step) if self.measurements else None
+        if self.only_faulty and measured is not None and not (measured.finds_fault or _is_uncertain(measured)):
+            return measured
         shown = window(step, self.look_back)
         pictures = select_pictures(attempt, shown, self.views, self.most_pictures)
         section = ""
         if measured is not None:
-            lines = f"{critique_text(measured)}\n{numbers_text(measured.evidence)}".rstrip()
+            # The evidence without the verdict: the model is to reach its own.
+            lines = f"the goal's conditions: {measured.state_contrast}\n{numbers_text(measured.evidence)}".rstrip()
             head = "What was measured of the step (m, rad, s as the names say; it is exact)"
             section = f"{head}:\n{fenced('measured', lines)}\n"
         text = render(
@@ -140,11 +150,10 @@ class ModelInspector:
             flow=fenced("flow", steps_text(attempt.steps, shown, numbers_run=self.measurements)),
             primitive=primitives_text(attempt.steps[step].asked.primitive),
             measurements=section,
-            pictures=picture_index_text(pictures),
+            pictures=picture_text(pictures),
         )
-        images = [picture.image for picture in pictures]
         answer = self.session.ask(
-            INSPECTOR, text, StepCritique, lambda given: _critique_findings(given, step, measured), images
+            INSPECTOR, text, StepCritique, lambda given: _critique_findings(given, step, measured), captioned(pictures)
         )
         if isinstance(answer, str):
             return self._unjudged(attempt, step, answer)
@@ -156,6 +165,11 @@ class ModelInspector:
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")
         measured = self._measured.inspect(attempt, step)
         return replace(measured, evidence=replace(measured.evidence, model_did_not_judge=reason))
+
+
+def _is_uncertain(measured: Critique) -> bool:
+    """Decide whether a step is there to change an object, and nothing was measured of the change."""
+    return measured.state_reached is None and measured.primitive in _CHANGES_OBJECTS
 
 
 def _critique(

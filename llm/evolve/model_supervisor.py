@@ -19,12 +19,13 @@ from llm.evolve.observation import (
     GiveUp,
     Picture,
     Situation,
+    captioned,
     critique_text,
     flow_text,
     history_text,
     numbers_text,
     one_line,
-    picture_index_text,
+    picture_text,
     select_pictures,
     start_text,
     task_text,
@@ -131,7 +132,7 @@ class ModelSupervisor:
             self._question(situation, pictures),
             RevisedFlow,
             lambda given: _revision_findings(given, situation, show_failures=self.measurements),
-            [picture.image for picture in pictures],
+            captioned(pictures),
         )
         refused = refusals(self.session.conversation.rounds[asked_before:])
         if isinstance(answer, str):
@@ -179,7 +180,7 @@ class ModelSupervisor:
             failure=_section("How it ended", _failure(attempt) if with_failures else "", label="failure"),
             history=_section("What was tried before, in order", tried),
             objections=_section("Answers of yours to this question that could not run, and why", "\n".join(objections)),
-            pictures=picture_index_text(pictures),
+            pictures=picture_text(pictures),
             primitives=primitives_text(),
             longest=str(MOST_ACTIONS),
             tolerance=str(Tolerance()),

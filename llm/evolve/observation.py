@@ -12,10 +12,9 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
 from typing import Protocol, runtime_checkable
 
-from llm.client.transport import Image
+from llm.client.transport import Image, Part
 from llm.structured.prompting import subtask_table
 from oag import Action, Scene, Task
 from oag.measurements import GoalReading, MeasuredEvidence, Measurements, Miss
@@ -38,6 +37,7 @@ class StepObservation:
         before, after: The goal's conditions at the step's beginning and end.
         misses_before, misses_after: Distances of misplaced items from their goals, at the beginning and the end.
         frames: View -> encoded pictures, for an inspector that uses them.
+        moments_s: Time of each picture since the step began [s]; empty where it is unknown.
     """
 
     step: int
@@ -52,6 +52,7 @@ class StepObservation:
     misses_before: tuple[Miss, ...] = ()
     misses_after: tuple[Miss, ...] = ()
     frames: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
+    moments_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,12 +176,19 @@ _JPEG = b"\xff\xd8\xff"
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a step."""
+    """One picture of a step, taken `moment_s` after its beginning [s]; None where that is unknown."""
 
     step: int
     primitive: str
     view: str
     image: Image
+    moment_s: float | None = None
+
+    @property
+    def caption(self) -> str:
+        """The step, the view and the moment, in a line."""
+        moment = "" if self.moment_s is None else f", {self.moment_s:.1f} s after the step began"
+        return f"step {self.step + 1} {self.primitive}, {self.view} view{moment}"
 
 
 def window(step: int, look_back: int) -> range:
@@ -197,9 +205,14 @@ def select_pictures(
     """
     sequences = [
         [
-            Picture(step, attempt.steps[step].asked.primitive.name, view, Image(data, kind))
-            for data in attempt.steps[step].frames.get(view, ())
-            for kind in ("image/jpeg" if data.startswith(_JPEG) else "image/png",)
+            Picture(
+                step,
+                attempt.steps[step].asked.primitive.name,
+                view,
+                Image(data, "image/jpeg" if data.startswith(_JPEG) else "image/png"),
+                moment_s,
+            )
+            for data, moment_s in _timed_frames(attempt.steps[step], view)
         ]
         for step in steps
         for view in views
@@ -213,6 +226,11 @@ def select_pictures(
     return tuple(_thinned([sequence[-1] for sequence in sequences if sequence], most))
 
 
+def _timed_frames(step: StepObservation, view: str) -> Iterator[tuple[bytes, float | None]]:
+    frames = step.frames.get(view, ())
+    return zip(frames, step.moments_s or (None,) * len(frames), strict=True)
+
+
 def _thinned(sequence: Sequence[Picture], count: int) -> Iterator[Picture]:
     """Yield at most `count` pictures of a sequence, evenly spread; the last one is always among them."""
     if len(sequence) <= count:
@@ -223,18 +241,17 @@ def _thinned(sequence: Sequence[Picture], count: int) -> Iterator[Picture]:
         yield from (sequence[round(k * (len(sequence) - 1) / (count - 1))] for k in range(count))
 
 
-def picture_index_text(pictures: Sequence[Picture]) -> str:
-    """Return the lines that identify the pictures, or state that there are none."""
+def captioned(pictures: Sequence[Picture]) -> tuple[Part, ...]:
+    """Return the pictures of a question, each after its caption."""
+    return tuple(part for picture in pictures for part in (picture.caption, picture.image))
+
+
+def picture_text(pictures: Sequence[Picture]) -> str:
+    """Return the sentence about the pictures of a question, or that there are none."""
     if not pictures:
         return "There are no pictures."
-    order = "in this order; each sequence runs from the step's beginning to its end:"
-    lines, first = [f"The pictures come with this message, {order}"], 1
-    for (step, primitive, view), group in groupby(pictures, key=lambda p: (p.step, p.primitive, p.view)):
-        last = first + len(list(group)) - 1
-        numbers = f"picture {first}" if first == last else f"pictures {first} to {last}"
-        lines.append(f"- {numbers}: step {step + 1} {primitive}, {view} view")
-        first = last + 1
-    return "\n".join(lines)
+    head = f"The pictures come with this message ({len(pictures)}), step by step and view by view"
+    return f"{head}; a caption stands before each. Those of one view run from the step's beginning to its end."
 
 
 LONGEST_LINE = 600

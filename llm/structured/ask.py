@@ -303,8 +303,9 @@ def ask(
     fallback: AnswerT | None = None
     findings: tuple[Diagnostic, ...] = () if objection is None else objection.findings
     for number in range(max(rounds, 1)):
-        temperature = _TEMPERATURES[min(number + (objection is not None), len(_TEMPERATURES) - 1)]
-        request = prompt.request(wire, refused, temperature)
+        # A colder draw would repeat what was given again already.
+        level = 0 if repeats else min(number + (objection is not None), len(_TEMPERATURES) - 1)
+        request = prompt.request(wire, refused, _TEMPERATURES[level])
         reply = transport.complete(request)
         answer, findings = _judged(reply, schema, check)
         repeated = () if answer is None else log.repeated(prompt, answer)

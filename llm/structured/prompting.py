@@ -18,7 +18,7 @@ from importlib import resources
 from string import Template
 
 import bddl
-from llm.client.transport import ChatRequest, Image, Message
+from llm.client.transport import ChatRequest, Message, Part
 from llm.structured.conversation import INSPECTOR, SPOTTER, SUPERVISOR
 from oag import Diagnostic, Primitive, Scene, SceneObject, SimpleTask
 from oag.model.symbols import ANY, EMPTY, Fact, ParameterKind, Value, fact_text, gripping, holding, parameter_kind
@@ -44,18 +44,19 @@ class Prompt:
         module: 1 to 5, or `llm.structured.conversation.INSPECTOR`, `SUPERVISOR`, or `SPOTTER`.
         system: Instructions above the conversation.
         text: The module's question with its data.
-        images: Pictures of the question.
+        images: Pictures of the question; a text before one is its caption.
     """
 
     module: int
     system: str
     text: str
-    images: tuple[Image, ...] = ()
+    images: tuple[Part, ...] = ()
 
     @property
     def sha256(self) -> str:
         """SHA-256 of the whole prompt, pictures included."""
-        parts = (self.system, self.text, *(image.sha256 for image in self.images))
+        shown = (part if isinstance(part, str) else part.sha256 for part in self.images)
+        parts = (self.system, self.text, *shown)
         return hashlib.sha256("\x00".join(parts).encode("utf-8", "backslashreplace")).hexdigest()
 
     def request(

@@ -10,7 +10,7 @@ import pytest
 
 import oag
 from llm.client.budget import Budget, Metered
-from llm.client.transport import ChatReply
+from llm.client.transport import ChatReply, Image
 from llm.errors import PicturesMissing, ReplayMissing, RequestError
 from llm.evolve import AttemptObservation, Inspector, MeasuredInspector
 from llm.evolve.judges import Judges, judges
@@ -70,11 +70,46 @@ def test_it_is_shown_the_window_in_order_and_told_which_picture_is_which(
     steps = range(4 - look_back, 5)
     expected = [f"{step} {view} {k}".encode() for step in steps for view in views for k in range(2)]
     assert [image.data[len(PNG) :] for image in request.images] == expected
-    text = question(request)
-    assert f"- pictures 1 to 2: step {steps[0] + 1} " in text
-    last = len(expected)
-    assert f"- pictures {last - 1} to {last}: step 5 ARTICULATE_CLOSE, {views[-1]} view" in text
-    assert f"step {steps[0] + 1}: " in text and f"step {steps[0]}: " not in text
+    text, *parts = request.messages[0].parts
+    captions = [part for part in parts if isinstance(part, str)]
+    assert [type(part) for part in parts] == [str, Image] * len(expected)
+    assert len(captions) == len(expected) and f"({len(expected)}), step by step and view by view" in str(text)
+    assert captions[0].startswith(f"step {steps[0] + 1} ") and captions[0].endswith(f", {views[0]} view")
+    assert captions[-1] == f"step 5 ARTICULATE_CLOSE, {views[-1]} view"
+    assert f"step {steps[0] + 1}: " in str(text) and f"step {steps[0]}: " not in str(text)
+
+
+def test_a_caption_has_the_moment_of_its_picture_where_it_is_known() -> None:
+    judge = Judge(critique=lambda step: critique_answer(step, state_reached="no"))
+    seen = ajar(("wrist",))
+    timed = replace(seen, steps=tuple(replace(step, moments_s=(0.0, 1.25)) for step in seen.steps))
+    inspect(judge, 4, timed, views=("wrist",), look_back=0)
+    captions = [part for part in judge.asked[0].messages[0].parts[1:] if isinstance(part, str)]
+    assert captions == [
+        f"step 5 ARTICULATE_CLOSE, wrist view, {moment} s after the step began" for moment in ("0.0", "1.2")
+    ]
+
+
+def test_faulty_steps_alone_are_asked_about_where_that_is_asked_for() -> None:
+    judge = Judge(critique=lambda step: critique_answer(step, state_reached="no"))
+    inspector = team(judge, only_faulty=True).inspector
+    critiques = [inspector.inspect(ajar(VIEWS), step) for step in range(len(ajar().steps))]
+    measured = [MeasuredInspector().inspect(ajar(), step) for step in range(len(ajar().steps))]
+    asked = [step for step, critique in enumerate(critiques) if critique.origin == "both"]
+    faulty = [step for step, critique in enumerate(measured) if critique.finds_fault]
+    # What a grasp or an articulation did, and was not measured, is asked about as well.
+    assert set(faulty) <= set(asked) and len(asked) < len(measured) and len(judge.asked) == len(asked)
+    assert all(critiques[step] == measured[step] for step in range(len(measured)) if step not in asked)
+    with pytest.raises(RequestError, match="without measurements"):
+        team(judge, only_faulty=True, measurements=False)
+
+
+def test_the_measured_verdict_is_no_part_of_the_question() -> None:
+    judge = Judge(critique=lambda step: critique_answer(step, state_reached="no"))
+    inspect(judge, 4)
+    measured = MeasuredInspector().inspect(ajar(), 4)
+    assert measured.text not in question(judge.asked[0]) and "state reached" not in question(judge.asked[0])
+    assert measured.state_contrast in question(judge.asked[0])
 
 
 @pytest.mark.parametrize(
