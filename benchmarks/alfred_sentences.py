@@ -13,9 +13,10 @@ tuning, and the others are for judging once.
 
 With --tests, FOLDER holds `instruction2_params_test_seen.p` and `instruction2_params_test_unseen.p` of
 github.com/soyeonm/FILM (MIT): the instructions of ALFRED's two test splits, each with the kind of task, the thing and
-the place that a classifier read in it. Seen homes are for tuning, unseen ones for judging once. A thing starts at the
-place that its instruction names after "from", "off" or "out of", and else on the counter, or on a shelf. Of the types clean, heat, cool, light and sliced nothing
-can be done here, so that every plan for them is one for something else.
+the place that a classifier read in it. Seen homes are for tuning, unseen ones for judging once. A home has the places
+that its instruction names, wherever they stand. A thing starts at the place that is named after "from", "off" or "out
+of", and else on the counter, or on a shelf. Of the types clean, heat, cool, light and sliced nothing can be done here,
+so that every plan for them is one for something else.
 
     understood  a plan that is proved, and whose goal moves the things of the expert's plan, and only these, there
     other       a plan that is proved for something else: to be looked at, since experts and people can disagree
@@ -50,7 +51,8 @@ _SPLITS = {"tuning": "seen", "judging": "unseen"}
 # Places of AI2-THOR as people call them; the longer names first.
 _CALLED = {
     "coffee table": "coffee_table", "side table": "side_table", "end table": "side_table", "night stand": "side_table",
-    "nightstand": "side_table", "dining table": "dining_table", "garbage can": "garbage_can", "trash can": "garbage_can",
+    "nightstand": "side_table", "dining table": "dining_table", "garbage can": "garbage_can",
+    "trash can": "garbage_can",
     "tv stand": "dresser", "dresser": "dresser", "fridge": "fridge", "refrigerator": "fridge", "microwave": "microwave",
     "cabinet": "cabinet", "cupboard": "cabinet", "drawer": "drawer", "shelf": "shelf", "sofa": "sofa", "couch": "sofa",
     "counter": "countertop", "sink": "sink_basin", "stove": "stove_burner", "toilet": "toilet", "bed": "bed",
