@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self, get_args
 
@@ -216,7 +216,10 @@ _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer."""
+    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer.
+
+    `moves`: it is not where the phrase says, and shall be put there.
+    """
 
     object_id: str
     by_surface: bool = False
@@ -224,6 +227,7 @@ class Grounded:
     notes: tuple[str, ...] = ()
     hollow: bool = False
     part: Where | None = None
+    moves: bool = False
 
 
 # Objects, with the assumptions made to find them.
@@ -251,6 +255,7 @@ class Grounding:
         source: Location | None = None,
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
+        fits: Callable[[str], bool] | None = None,
     ) -> Grounded:
         """Return the one object that a phrase names.
 
@@ -259,6 +264,7 @@ class Grounding:
             source: Where it is taken from.
             avoided: What "a glass" should rather not name, and where it should rather not stand already.
             taken: What "a glass" cannot name, since an earlier "a glass" did.
+            fits: What is asked for can be done with an object; of several that are called so, the only one is meant.
         """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
@@ -270,6 +276,11 @@ class Grounding:
         ids, more = (ids, ()) if named.part is not None and len(ids) == 1 else self._on_side(ids, phrase)
         if phrase.whichever:
             ids = _left(ids, phrase, taken)
+        if len(ids) > 1 and fits is not None and any(map(fits, ids)):
+            left = tuple(filter(fits, ids))
+            if len(left) == 1:
+                more = (*more, f'"{phrase}" is {left[0]}, the only one of {enumeration(ids)} that serves')
+            ids = left if len(left) == 1 or phrase.whichever else ids
         if len(ids) > 1 and phrase.whichever:
             ids, more = self._chosen(ids, 1, phrase, avoided)
         if len(ids) > 1:
@@ -303,6 +314,22 @@ class Grounding:
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    def nowhere(self, phrase: NounPhrase) -> bool:
+        """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
+        try:
+            self.every(phrase)
+        except Refusal as refusal:
+            if refusal.code != "wrong-place":
+                return False
+        else:
+            return False
+        plain = replace(phrase, location=None, load=())
+        try:
+            self.every(plain)
+        except Refusal as refusal:
+            return refusal.code == "ambiguous-object"
+        return True
 
     def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, avoided: Sequence[str]) -> _Noted:
         """Return as many objects as wanted of those that will do, with a note.
@@ -351,7 +378,7 @@ class Grounding:
 
     def _is_at(self, support: Support, place: Location) -> bool:
         """Decide whether a preposition allows a relation: "from" and "in the middle of" allow both."""
-        if place.direction == "IN" and place.preposition in self.names.lexicon.loose:
+        if place.direction == "IN" and place.loose:
             return True
         host = self.around.scene.objects.get(support.object_id)
         if place.direction == "IN" and host is not None and has_boards(host.category):
@@ -411,6 +438,9 @@ class Grounding:
             if place is not None:
                 ids, more = self._at(ids, place)
                 notes += more
+        for held in phrase.load:
+            ids, more = self._holding(ids, held, phrase)
+            notes += more
         return self._as_described(named.descriptions, ids, phrase), notes
 
     def _as_described(self, words: Sequence[str], ids: tuple[str, ...], phrase: NounPhrase) -> tuple[str, ...]:
@@ -491,11 +521,12 @@ class Grounding:
             problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
             bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
             raise Refusal("wrong-place", f"{problem}, as viewed from the robot's start", scene=bearings)
-        fitting = tuple(
-            key for key in ids if any(s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key))
-        )
-        if fitting:
-            return fitting, notes
+        there = [[s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key)] for key in ids]
+        # "The cup on the table" stands on it; one in a box on the table is meant where no other is.
+        for depth in (1, None):
+            fitting = tuple(key for key, steps in zip(ids, there, strict=True) if any(steps[:depth]))
+            if fitting:
+                return fitting, notes
         unstated = "at a place that the scene does not state"
         stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
@@ -503,6 +534,21 @@ class Grounding:
             f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
             f"{alternatives(supports)}: {stands}",
         )
+
+    def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase) -> _Noted:
+        """Return the objects that hold what a phrase says they do."""
+        named = self._bearers(held, named_only=True)
+        things, notes = self._narrowed(named, held, None)
+        place = Location(phrase.load_at, phrase, phrase.load_at.lower())
+        fitting = tuple(
+            key
+            for key in ids
+            if any(s.object_id == key and self._is_at(s, place) for one in things for s in self.around.supports(one))
+        )
+        if not fitting:
+            stands = alternatives((f"{key} is {self.around.support(key) or 'elsewhere'}" for key in things), "; ")
+            raise Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+        return fitting, (*named.notes, *notes)
 
     def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
         """Return the object on the side that the phrase names; a single object is assumed to be there."""

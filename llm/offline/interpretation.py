@@ -40,6 +40,7 @@ _SPOTS: Mapping[Direction, str] = {
     "BEHIND": "behind",
     "INFRONT": "in front of",
 }
+_INTO_OR_ONTO = ("INTO", "IN", "ONTO", "ON")
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
@@ -102,12 +103,14 @@ class _IntentBuilder:
             # "Clear the table and put everything into the fridge" says where to.
             placed = following is not None and any(phrase.everything or phrase.pronoun for phrase in following.objects)
             mention = self._clear(command, guess=not placed)
+        elif command.kind == "find":
+            mention = self._found(command, following)
         elif command.kind in _ARRANGING:
             mention = Mention(_ARRANGING[command.kind](self, command))
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
             mention = self._wished(command, placed)
-        if command.kind != "goto" and self.reached is not None:
+        if command.kind not in ("goto", "find") and self.reached is not None:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
             self.reached = None
@@ -118,12 +121,21 @@ class _IntentBuilder:
         self.notes += [
             f"{key} stays {'in' if i.relation == 'inside' else 'on'} {i.destination}" for key, i in kept.items()
         ]
-        self.intents += [intent for intent in mention.intents if intent.target not in kept]
+        if command.kind != "find":
+            self.intents += [intent for intent in mention.intents if intent.target not in kept]
         self.discourse.mentions.append(mention)
         state = self.start
         for intent in self.intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
+
+    def _found(self, command: Command, following: Command | None) -> Mention:
+        """Return the mention of things that are to be found, which is a part of what is done with them next."""
+        spoken = () if following is None else following.objects
+        place = None if following is None else following.destination
+        if not any(phrase.pronoun for phrase in (*spoken, *(() if place is None else (place.phrase,)))):
+            raise no_action()
+        return Mention(tuple(Intent(IntentKind.PICK, key) for key in self._things(command)))
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -161,6 +173,10 @@ class _IntentBuilder:
             problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
             raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
         source = self._source(command)
+        if command.kind == "place":
+            command = replace(command, objects=tuple(map(self._as_load, command.objects)))
+        if command.kind == "toss" and command.destination is None:
+            command = replace(command, destination=self._waste_place())
         targets, place = self._ends(command, source)
         if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
             raise no_action()
@@ -195,11 +211,62 @@ class _IntentBuilder:
             for phrase in spoken
             if (at := phrase.location) is not None and at.direction in _SPOTS
         )
+        loads = self._loads(command, targets)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
-            return Mention(_placings(ids, host.relation, host.object_id, spot), origin, as_one)
+            return Mention((*loads, *_placings(ids, host.relation, host.object_id, spot)), origin, as_one)
         relation = self._relation(command.destination, ids, place)
-        return Mention(_placings(ids, relation, place.object_id, place.part), origin, as_one)
+        carried = self._carried(place, command.destination, ids)
+        return Mention(
+            (*loads, *_placings(ids, relation, place.object_id, place.part), *carried), origin, as_one or bool(loads)
+        )
+
+    def _is_item(self, key: str) -> bool:
+        return self.grounding.around.scene.objects[key].role == "B"
+
+    def _as_load(self, phrase: NounPhrase) -> NounPhrase:
+        """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
+        at = phrase.location
+        if at is None or not (phrase.whichever and at.phrase.whichever and at.direction in ("IN", "ON")):
+            return phrase
+        if not self.grounding.nowhere(phrase) or not self._is_item(self.grounding.one(at.phrase).object_id):
+            return phrase
+        return replace(at.phrase, load=(replace(phrase, location=None),), load_at=at.direction)
+
+    def _loads(self, command: Command, targets: Sequence[Grounded]) -> tuple[Intent, ...]:
+        """Return the intents that put into or onto moved things what the sentence says they hold, and they do not."""
+        found: list[Intent] = []
+        if not any(phrase.load for phrase in command.objects):
+            return ()
+        if len(targets) != 1:
+            raise Refusal("several-objects", f'"{command}" loads several things; ask for one at a time')
+        vessel = targets[0].object_id
+        for phrase in command.objects[0].load:
+            held = self.grounding.every(phrase, taken=(vessel,))
+            for grounded in held:
+                check_item(grounded.object_id, self.grounding.around)
+                if not any(step.object_id == vessel for step in self.grounding.around.supports(grounded.object_id)):
+                    found.append(self._loading(command, grounded.object_id, vessel))
+            self.notes += [note for grounded in held for note in grounded.notes]
+        return tuple(dict.fromkeys(found))
+
+    def _loading(self, command: Command, item: str, vessel: str) -> Intent:
+        can, at = self.grounding.around.affordances[vessel], command.objects[0].load_at
+        relation: Relation = "ontop" if at == "ON" or (at == "FROM" and not can.interior) else "inside"
+        if at == "FROM":
+            check_item(vessel, self.grounding.around)
+            where = f"{'in' if relation == 'inside' else 'on'} {vessel}"
+            self.notes.append(f'"{command.objects[0]}" is taken for {item} {where}, since it is elsewhere')
+        return Intent(IntentKind.PLACE, item, relation, vessel)
+
+    def _carried(self, place: Grounded, spoken: Location, ids: Sequence[str]) -> tuple[Intent, ...]:
+        """Return the intent that puts a vessel where "a bowl on the table" says it shall be, if it is elsewhere."""
+        there = spoken.phrase.location
+        if there is None or not place.moves:
+            return ()
+        goal = self._destination(there, [*ids, place.object_id])
+        self.notes += [f'"{spoken.phrase}" is nowhere, so that {place.object_id} is put there', *goal.notes]
+        return _placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
 
     def _spot(self, command: Command, place: Grounded) -> Where | None:
         """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
@@ -215,6 +282,15 @@ class _IntentBuilder:
         names = self.grounding.names
         entry = names.entries[self.grounding.around.scene.objects[key].category]
         return entry is not None and entry.waste
+
+    def _waste_place(self) -> Location:
+        """Return the only place for waste, where "throw it away" puts a thing."""
+        around = self.grounding.around
+        bins = [key for key, thing in around.scene.objects.items() if thing.role == "A" and self._is_waste(key)]
+        if len(bins) != 1:
+            raise no_action()
+        self.notes.append(f"{bins[0]} is the only place for waste")
+        return Location("INTO", NounPhrase((bins[0],)), "into")
 
     def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
         """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
@@ -302,6 +378,9 @@ class _IntentBuilder:
             return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, avoided)
+        if phrase.load and command.kind == "place" and self.grounding.nowhere(phrase):
+            # "Put the bowl with the apple in it on the table": what it shall hold.
+            phrase = replace(phrase, load=())
         return self.grounding.every(phrase, source, avoided, taken)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
@@ -348,20 +427,33 @@ class _IntentBuilder:
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = (step.object_id for key in targets for step in self.grounding.around.supports(key))
-            return self.grounding.one(place.phrase, avoided=(*targets, *hosts))
+            phrase, there = place.phrase, place.phrase.location
+            moves = phrase.whichever and there is not None and there.direction in _INTO_OR_ONTO
+            if moves and self.grounding.nowhere(phrase):
+                grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts))
+                if self._is_item(grounded.object_id):
+                    return replace(grounded, moves=True)
+            return self.grounding.one(phrase, avoided=(*targets, *hosts), fits=self._takes(place))
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:
             can = affordances[key]
             carries = can.surface or can.top
             wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": carries, "ON": carries}
-            if place.direction == "IN" and place.preposition in self.grounding.names.lexicon.loose:
+            if place.direction == "IN" and place.loose:
                 wanted = {}
             return key not in targets and wanted.get(place.direction, can.interior or can.surface)
 
         if not self.discourse.mentions and place.phrase.words == ("there",):
             raise Refusal("missing-place", "it does not say where to")
         return Grounded(self._spoken_of(place.phrase, fits))
+
+    def _takes(self, place: Location) -> Callable[[str], bool]:
+        """Return what tells like places apart: whether things go into them, or onto them, as the preposition says."""
+        affordances = self.grounding.around.affordances
+        if place.direction in ("INTO", "IN"):
+            return lambda key: affordances[key].interior or has_boards(self.grounding.around.scene.objects[key].category)
+        return lambda key: place.direction not in ("ONTO", "ON") or affordances[key].surface or affordances[key].top
 
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decide whether the preposition means inside or on top; "to" means what the destination affords."""
@@ -370,9 +462,8 @@ class _IntentBuilder:
         self._check_direction(place, targets, destination)
         can = self.grounding.around.affordances[where]
         if place.direction in ("INTO", "IN"):
-            boards = has_boards(self.grounding.around.scene.objects[where].category)
-            loose = place.preposition in self.grounding.names.lexicon.loose
-            if (loose or boards) and can.surface and not can.interior:
+            boards = self._is_in_by_on(where)
+            if (place.loose or boards) and can.surface and not can.interior:
                 return "ontop"
             if destination.by_surface:
                 problem = f'"{place.phrase}" names the top of {where}, which has no interior'
@@ -389,6 +480,12 @@ class _IntentBuilder:
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
+
+    def _is_in_by_on(self, key: str) -> bool:
+        """Decide whether people say "in" of what is on a thing: on the boards of a shelf, and on a seat."""
+        category = self.grounding.around.scene.objects[key].category
+        entry = self.grounding.names.entries[category]
+        return has_boards(category) or (entry is not None and entry.seat)
 
     def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raise the refusal of a preposition that only distinguishes objects."""
@@ -510,24 +607,6 @@ class _IntentBuilder:
             Intent(IntentKind.PLACE, ids[1], first.relation, first.object_id),
         )
 
-    def _loaded(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things into or onto a thing, and this one somewhere."""
-        around, (vessel, *load) = self.grounding.around, command.objects
-        carrier = self.grounding.one(vessel)
-        moved = replace(command, objects=tuple(load), source=None, destination=None)
-        ids = [key for key in self._things(moved) if key != carrier.object_id]
-        check_item(carrier.object_id, around)
-        if command.destination is None:
-            raise Refusal("missing-place", f"it does not say where to put {carrier.object_id}")
-        place = self._destination(command.destination, [carrier.object_id, *ids])
-        self.notes += (*carrier.notes, *place.notes)
-        relation = self._relation(command.destination, [carrier.object_id], place)
-        within: Relation = "ontop" if command.source is not None and command.source.direction == "ON" else "inside"
-        return (
-            *_placings(ids, within, carrier.object_id),
-            *_placings((carrier.object_id,), relation, place.object_id),
-        )
-
     def _nested(self, command: Command) -> tuple[Intent, ...]:
         """Return the intents that put things into each other, the largest one outside."""
         ids = self._by_footprint(self._things(command))
@@ -594,7 +673,6 @@ class _IntentBuilder:
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
     "swap": _IntentBuilder._swapped,
-    "loaded": _IntentBuilder._loaded,
     "stack": _IntentBuilder._stacked,
     "nest": _IntentBuilder._nested,
     "unstack": _IntentBuilder._unstacked,

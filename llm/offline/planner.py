@@ -166,12 +166,21 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
             refusals.append(refusal)
         else:
             found.setdefault(request, notes)
-    undecided = [refusal for refusal in refusals if refusal.leaves_choice]
+    undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found)]
     if found and not undecided:
         if len(found) == 1:
             return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
+
+
+def _is_decided(refusal: Refusal, found: Collection[Request]) -> bool:
+    """Decide whether the only other reading says which one is meant: "the glass on the table" of several glasses."""
+    if refusal.code != "ambiguous-object" or len(found) != 1:
+        return False
+    (request,) = found
+    spoken = {key for i in request.intents for key in (i.target, i.destination, None if i.where is None else i.where.other)}
+    return bool(spoken.intersection(refusal.among))
 
 
 def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:

@@ -20,7 +20,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "tidy", "toss", "loaded",
+    "tidy", "toss", "find",
 ]  # fmt: skip
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top; OUTOF does where there is an interior.
 # Those of the second line distinguish objects, but no plan can achieve them.
@@ -59,11 +59,15 @@ _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A preposition with its noun phrase: a destination, a source, or a place."""
+    """A preposition with its noun phrase: a destination, a source, or a place.
+
+    `loose`: it names a part, such as "the edge of", at which nothing can be put exactly.
+    """
 
     direction: Direction
     phrase: NounPhrase
     preposition: str
+    loose: bool = False
 
     def __str__(self) -> str:
         return f"{self.preposition} {self.phrase}"
@@ -87,6 +91,9 @@ class NounPhrase:
         pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
         towards: Whether the side may be where it shall go ("the glass to the left").
+        load: What it holds, or shall hold ("the bowl with the apple in it").
+        load_at: "IN" or "ON" it, or "FROM" where that is not said.
+        elided: Whether it is not spoken ("pick up the mug and put in the sink").
     """
 
     words: tuple[str, ...]
@@ -102,6 +109,9 @@ class NounPhrase:
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
     towards: bool = False
+    load: tuple[NounPhrase, ...] = ()
+    load_at: Direction = "FROM"
+    elided: bool = False
 
     @property
     def front(self) -> Front | None:
@@ -120,6 +130,8 @@ class NounPhrase:
         text = " ".join(self.words if self.side is None else (self.side, *self.words))
         if self.owner is not None:
             text += f" of {self.owner}"
+        if self.load:
+            text += f" with {' and '.join(map(str, self.load))}"
         return text if self.location is None else f"{text} {self.location}"
 
 
@@ -131,7 +143,7 @@ class Command:
         kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place, and
             "tidy" about all that lies about.
         objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
-        source: Where the object is to be taken from; for "loaded", whether the others go in or on the first one.
+        source: Where the object is to be taken from.
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
         stays: Whether its objects stay as they are, as in "but leave the mug on the table".
@@ -153,7 +165,7 @@ class Command:
             "bare": "",
             "tidy": "tidy up",
             "toss": "throw ",
-            "loaded": "load and put ",
+            "find": "find ",
             "nest": "put into each other ",
         }
         verb = verbs.get(self.kind, f"{self.kind} ")
@@ -255,12 +267,14 @@ def _command(tree: Any) -> Command:
             source = _place(child)
         elif rule in ("destination", "there"):
             destination = _place(child)
-        elif rule in ("within", "upon"):
-            source = Location("ON" if rule == "upon" else "IN", NounPhrase(("it",), pronoun="it"), "in")
+        elif rule == "load":
+            objects = (replace(objects[0], **_load(child)),)
         elif rule == "things":
             objects = (*objects, *_phrases(child))
         else:
             objects = (*objects, _phrase(child))
+    if kind == "place" and not objects:
+        objects = (NounPhrase(("it",), pronoun="it", elided=True),)
     emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
     if kind == "clear" and emptied and not objects[0].everything:
         objects = (_contents(objects[0]),)
@@ -287,7 +301,17 @@ def _place(tree: Any) -> Location:
         # "Put it inside", "put it in there": into an object mentioned before.
         direction: Direction = prepositions[0].type if prepositions else "TO"
         return Location(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
-    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
+    parts = [str(child) for child in tree.children if not _is_tree(child) and child.type == "PARTOF"]
+    spoken = " ".join((*map(str, prepositions), *parts))
+    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), spoken, loose=bool(parts))
+
+
+def _load(tree: Any) -> dict[str, Any]:
+    """Return what a thing holds, and whether in or on it."""
+    parts = _subtrees(tree)
+    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "FROM")
+    held = (part for part in parts if part.data not in ("within", "upon"))
+    return {"load": tuple(map(_phrase, held)), "load_at": at}
 
 
 def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
@@ -308,13 +332,16 @@ def _phrase(tree: Any) -> NounPhrase:
         return _contents(_phrase(parts[-1]))
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
+    # "The lower left cabinet".
+    words = (*(str(child) for child in tree.children if not _is_tree(child) and child.type == "WORD"), *words)
+    load = next((_load(part) for part in parts if part.data == "load"), {})
     count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
     whichever = "A" in types or some_number or "ONE" in types
     if rule == "several":
         return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
-    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
+    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location", "load"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
     owner = next(owners, None)
@@ -330,6 +357,7 @@ def _phrase(tree: Any) -> NounPhrase:
         whichever=whichever,
         side=side,
         towards=bool(_TOWARDS & set(types)),
+        **load,
     )
 
 
@@ -407,7 +435,7 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 ):
                     # "A set of keys".
                     terminal = "WORD"
-                if phrase in lexicon.loose:
+                if terminal == "PARTOF":
                     manner.append(phrase)
                 if terminal == "FIRST":
                     terminal = _as_first(phrase, tokens, following, lexicon)
@@ -423,6 +451,10 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
+    for index in range(1, len(tokens) - 1):
+        if tokens[index].text == "to" and tokens[index + 1].terminal == "PUT":
+            # "Take the mug to put it on the table".
+            tokens[index] = TaggedWord("THEN", "to")
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
