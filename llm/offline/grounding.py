@@ -49,9 +49,10 @@ class Names:
     def of(cls, around: Surroundings, lexicon: Lexicon, entries: Mapping[str, Category | None]) -> Self:
         """Return the names of a scene's objects; `entries` are the lexicon's, by category."""
         objects = around.scene.objects
+        kinds = frozenset(thing.category.lower().replace("_", " ") for thing in objects.values())
         bearers: dict[str, tuple[list[str], ...]] = {}
         for key, thing in objects.items():
-            tiers = names_of(thing, entries[thing.category])
+            tiers = names_of(thing, entries[thing.category], kinds)
             tiers = (*tiers, short_names(thing, entries[thing.category], lexicon).difference(*tiers))
             for rank, names in enumerate(tiers):
                 for name in names:
@@ -59,6 +60,11 @@ class Names:
         known = (*bearers, *(name for entry in lexicon.categories.values() for name in entry.names))
         words = frozenset(word for name in known for word in name.split())
         return cls(around.scene, around.affordances, lexicon, entries, bearers, words)
+
+    @property
+    def plural_units(self) -> frozenset[str]:
+        """Words such as "bars" and "bottles"."""
+        return frozenset(f"{word}s" for word in self.lexicon.units | self.lexicon.vessels)
 
     def knows(self, word: str) -> bool:
         """Decide whether a word, or its singular, is part of any name or may stand before one."""
@@ -89,6 +95,22 @@ class Names:
                 return Named(named.ids, named.name, words[:start], named.passed_over)
             if words[start] not in self.lexicon.descriptions:
                 break
+        return Named((), " ".join(words))
+
+    def compound(self, words: tuple[str, ...]) -> Named:
+        """Return the one piece of furniture whose name ends "the sink counter"; what stands before it is on trust.
+
+        A name of several words is one of its own: "the towel rack" is no other rack. "The fridge drawer" is a part of the
+        fridge, if that opens.
+        """
+        owners = (key for word in words[:-1] for key in self.by_name(word).ids)
+        if not all(map(self.knows, words)) or any(self.affordances[key].door for key in owners):
+            return Named((), " ".join(words))
+        for start in range(1, len(words)):
+            named = self.described(words[start:])
+            known = any(self.lexicon.owners(" ".join(words[first:])) for first in range(start))
+            if len(named.ids) == 1 and self.scene.objects[named.ids[0]].role == "A" and not known:
+                return replace(named, descriptions=(*words[:start], *named.descriptions))
         return Named((), " ".join(words))
 
     def by_name(self, name: str) -> Named:
@@ -294,12 +316,13 @@ class Grounding:
         source: Location | None = None,
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
+        fits: Callable[[str], bool] | None = None,
     ) -> tuple[Grounded, ...]:
         """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if not phrase.several and (not named.plural or phrase.whichever):
-            return (self.one(phrase, source, avoided, taken),)
+            return (self.one(phrase, source, avoided, taken, fits),)
         ids, notes = self._narrowed(named, phrase, source)
         wanted = phrase.count
         if phrase.whichever:
@@ -406,7 +429,10 @@ class Grounding:
             return phrase
         for words in self.names.joined(phrase.words, owner.words):
             if self.names.described(words).ids:
-                return replace(phrase, words=words, owner=None, location=owner.location, door=False)
+                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False)
+                # "Bars of soap" are several, "a set of keys" and "the bottle of pills" are not.
+                many = phrase.words[-1] in self.names.plural_units and not (phrase.several or phrase.one_of)
+                return replace(joined, several=True) if many and len(self.names.described(words).ids) > 1 else joined
         return phrase
 
     def _bearers(self, phrase: NounPhrase, *, named_only: bool = False) -> Named:
@@ -417,7 +443,12 @@ class Grounding:
             return self._owned(phrase, phrase.owner)
         named = self.names.described(phrase.words)
         if not named.ids and phrase.front is not None:
-            named = self.names.doors(phrase, phrase.front)
+            try:
+                named = self.names.doors(phrase, phrase.front)
+            except Refusal:
+                named = self.names.compound(phrase.words)
+                if not named.ids or phrase.side is not None:
+                    raise
         if named.ids:
             # Two rings of keys are "the keys", and so is one.
             alike = (self.names.described((*phrase.words[:-1], one)).ids for one in singulars(phrase.words[-1]))
@@ -429,6 +460,9 @@ class Grounding:
         placed = self._placed(phrase, named_only=named_only)
         if placed is not None:
             return placed
+        named = self.names.compound(phrase.words)
+        if named.ids and not self.names.which(phrase.words):
+            return named
         raise self.names.unknown(phrase, self.around)
 
     def _narrowed(self, named: Named, phrase: NounPhrase, source: Location | None) -> _Noted:
@@ -493,7 +527,13 @@ class Grounding:
         return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
-        whole = self.one(owner)
+        front = phrase.front
+
+        def has_it(key: str) -> bool:
+            fronts = self.around.affordances[key].fronts
+            return not fronts or front is None or front in fronts
+
+        whole = self.one(owner, fits=has_it)
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
             return Named((whole.object_id,), words, notes=whole.notes)
@@ -547,6 +587,8 @@ class Grounding:
         )
         if not fitting:
             stands = alternatives((f"{key} is {self.around.support(key) or 'elsewhere'}" for key in things), "; ")
+            if phrase.load_at == "FROM" and all(self.around.scene.objects[key].role == "A" for key in ids):
+                raise Refusal("not-understood", f'it does not say what to do with the "{phrase}"')
             raise Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
         return fitting, (*named.notes, *notes)
 

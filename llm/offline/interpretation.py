@@ -168,7 +168,7 @@ class _IntentBuilder:
         """Return the intents of a command; `placed` is whether the next command places its objects."""
         spoken = (*command.objects, *(() if command.destination is None else (command.destination.phrase,)))
         sided = next((phrase for phrase in spoken if phrase.towards), None)
-        if sided is not None and command.kind in ("place", "nowhere", "toss"):
+        if sided is not None and command.kind in ("place", "nowhere", "away", "toss"):
             named = " ".join(command.objects[0].words)
             problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
             raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
@@ -180,6 +180,8 @@ class _IntentBuilder:
         targets, place = self._ends(command, source)
         if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
             raise no_action()
+        if place is not None and command.destination is not None:
+            command = replace(command, destination=self._on_its_side(command.destination, place))
         for grounded in (*targets, *(() if place is None else (place,))):
             if grounded.by_door and command.kind not in ("open", "close") and not self._goes_in(command, grounded):
                 raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
@@ -188,9 +190,11 @@ class _IntentBuilder:
         ids = [grounded.object_id for grounded in targets]
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
+        if command.kind == "away" and all(usual := {key: self._usual_place(key) for key in ids}.values()):
+            return Mention(self._put_away(dict(zip(ids, usual, strict=True))))
         if command.kind == "nowhere" and self._set_down(command, ids):
             return self._put_at_reached(ids)
-        if command.kind == "nowhere":
+        if command.kind in ("nowhere", "away"):
             for key in ids:
                 check_item(key, self.grounding.around)
             places = places_for(ids, self.grounding.around)
@@ -267,6 +271,15 @@ class _IntentBuilder:
         goal = self._destination(there, [*ids, place.object_id])
         self.notes += [f'"{spoken.phrase}" is nowhere, so that {place.object_id} is put there', *goal.notes]
         return _placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
+
+    def _on_its_side(self, place: Location, grounded: Grounded) -> Location:
+        """Return "on the table" for "on the left side of the table", which is a part of it and no place next to it."""
+        can = self.grounding.around.affordances[grounded.object_id]
+        beside = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
+        if beside or not can.surface or self._hosts(grounded.object_id):
+            return place
+        self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
+        return replace(place, direction="ON", loose=True)
 
     def _spot(self, command: Command, place: Grounded) -> Where | None:
         """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
@@ -378,6 +391,10 @@ class _IntentBuilder:
             return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, avoided)
+        if is_door and not phrase.several:
+            can, shut = self.grounding.around.affordances, command.kind == "open"
+            is_open = self.grounding.around.is_open
+            return self.grounding.every(phrase, fits=lambda key: can[key].door and is_open(key) is not shut)
         if phrase.load and command.kind == "place" and self.grounding.nowhere(phrase):
             # "Put the bowl with the apple in it on the table": what it shall hold.
             phrase = replace(phrase, load=())

@@ -153,12 +153,15 @@ class Lexicon:
         return tuple((relation, self.categories[key]) for usual in kept for relation, key in usual.places)
 
 
-def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], ...]:
+def names_of(
+    thing: SceneObject, entry: Category | None, kinds: frozenset[str] = frozenset()
+) -> tuple[frozenset[str], ...]:
     """Return the names of an object in tiers, the best-fitting first.
 
     Args:
         thing: The object.
         entry: The lexicon's entry of its category.
+        kinds: Categories of the scene; `apple_0` of the category `half_apple` is no "apple" if another thing is one.
 
     Returns:
         Its own names (id, stem of the id, category, model); names of its kind with the noun of its own name, as
@@ -170,7 +173,8 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
     # "The cabinet drawers" are not `cabinet_drawers` itself.
     written = (key, category) if fronts_in(model) else (key, category, model)
     stem = _spoken(key).rstrip("0123456789 ")
-    own = frozenset({*written, *map(_spoken, written), stem} - {""})
+    stems = {stem} if stem == _spoken(category) or stem not in kinds else set()
+    own = frozenset({*written, *map(_spoken, written), *stems} - {""})
     of_kind = frozenset(() if entry is None else entry.names) - own
     tops = of_kind & (frozenset() if entry is None else entry.surface_names)
     nouns = {_noun(name) for name in (stem, _spoken(category)) if name}

@@ -161,7 +161,7 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
         try:
             request, notes = interpret_reading(reading, grounding)
         except Refusal as refusal:
-            refusal.in_vain = any(command.kind in ("bare", "nowhere") for command in reading)
+            refusal.in_vain = any(command.kind in ("bare", "nowhere", "away") for command in reading)
             refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
             refusals.append(refusal)
         else:

@@ -20,7 +20,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "tidy", "toss", "find",
+    "tidy", "toss", "find", "away",
 ]  # fmt: skip
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top; OUTOF does where there is an interior.
 # Those of the second line distinguish objects, but no plan can achieve them.
@@ -140,7 +140,7 @@ class Command:
     """One command of a query.
 
     Attributes:
-        kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place, and
+        kind: The action; "nowhere" lacks its place, "away" means the usual ones of all that is there, "bare" lacks its verb, "clear" is about the contents of a place, and
             "tidy" about all that lies about.
         objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
         source: Where the object is to be taken from.
@@ -161,6 +161,7 @@ class Command:
             "pick": "pick up ",
             "place": "put ",
             "nowhere": "put ",
+            "away": "put away ",
             "goto": "go to ",
             "bare": "",
             "tidy": "tidy up",
@@ -269,12 +270,16 @@ def _command(tree: Any) -> Command:
             destination = _place(child)
         elif rule == "load":
             objects = (replace(objects[0], **_load(child)),)
+        elif rule == "location":
+            objects = (NounPhrase(("everything",), location=_place(child), several=True, everything=True),)
         elif rule == "things":
             objects = (*objects, *_phrases(child))
         else:
             objects = (*objects, _phrase(child))
     if kind == "place" and not objects:
         objects = (NounPhrase(("it",), pronoun="it", elided=True),)
+    if kind == "nowhere" and objects[0].everything and any(str(child) == "away" for child in tree.children):
+        kind = "away"
     emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
     if kind == "clear" and emptied and not objects[0].everything:
         objects = (_contents(objects[0]),)
@@ -427,16 +432,10 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
             elif phrase in lexicon.terminals:
                 terminal = lexicon.terminals[phrase]
-                if (
-                    following == "of"
-                    and terminal in _VERBS_AS_NOUNS
-                    and tokens
-                    and tokens[-1].terminal in _BEFORE_NOUNS
-                ):
-                    # "A set of keys".
+                if terminal in _VERBS_AS_NOUNS and tokens and _is_noun(phrase, tokens[-1], following, lexicon):
                     terminal = "WORD"
                 if terminal == "PARTOF":
-                    manner.append(phrase)
+                    manner.append(f"{tokens[-1].text} {phrase}" if tokens else phrase)
                 if terminal == "FIRST":
                     terminal = _as_first(phrase, tokens, following, lexicon)
                 tokens.append(TaggedWord(terminal, phrase))
@@ -462,9 +461,15 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
 
 
 # Verbs that are nouns after an article and before "of".
-_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE"})
+_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "DRIVE"})
 _IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
 _BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
+
+
+def _is_noun(phrase: str, before: TaggedWord, following: str, lexicon: Lexicon) -> bool:
+    """Decide whether a verb is a noun, as in "a set of keys" and "the candle stick"."""
+    counts = following == "of" and before.terminal in _BEFORE_NOUNS
+    return counts or (before.terminal == "WORD" and bool(lexicon.owners(f"{before.text} {phrase}")))
 
 
 def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon: Lexicon) -> str:
@@ -480,7 +485,7 @@ def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon
 
 def _is_one_wish(tokens: Sequence[TaggedWord]) -> bool:
     """Decide whether words are one wish of several things: "put the mug and the cup into the bowl"."""
-    verbs = sum(token.terminal in _VERBS_AS_NOUNS for token in tokens)
+    verbs = sum(token.terminal in _VERBS_AS_NOUNS and token.terminal != "DRIVE" for token in tokens)
     joins = [index for index, token in enumerate(tokens) if token.terminal in _ENDS]
     places = [index for index, token in enumerate(tokens) if token.terminal in _PREPOSITIONS]
     listing = all(tokens[index].terminal in ("AND", "COMMA") for index in joins)

@@ -34,7 +34,7 @@ from executor.scenes.room import NoRoom, Room, against, build_walls, stand, wall
 from executor.scenes.validation import Unsettled, settle
 from oag import Scene
 from oag.model.robots import LIFTED
-from oag.model.symbols import GRIPPER, Kind
+from oag.model.symbols import GRIPPER, Kind, has_boards
 
 FAMILY = "T7"
 MOST_LAYOUTS = 40
@@ -182,7 +182,8 @@ def _wish(seed: int, wanted: str, scene: Scene, rng: np.random.Generator) -> Any
         **{letter: str(rng.choice(data["absent"][letter])) for letter in "xy"},
         "n": _part(b, scene, rng),
     }
-    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, phrasing, a, b, c, d, s, where)))
+    meant = tuple(_meant(wanted, phrasing, a, b, c, d, s, where, boards=bool(b) and has_boards(scene[b].category)))
+    return AnyWish(seed, wanted, phrasing.format(**words), scene, meant)
 
 
 def _part(key: str, scene: Scene, rng: np.random.Generator) -> str:
@@ -213,7 +214,16 @@ def _called(key: str, scene: Scene, where: dict[str, bddl.Atom], rng: np.random.
 
 
 def _meant(
-    wanted: str, phrasing: str, a: str, b: str, c: str, d: str, s: str, where: dict[str, bddl.Atom]
+    wanted: str,
+    phrasing: str,
+    a: str,
+    b: str,
+    c: str,
+    d: str,
+    s: str,
+    where: dict[str, bddl.Atom],
+    *,
+    boards: bool,
 ) -> Iterator[bddl.Literal]:
     """Yield what a wish means, as far as goals can say it."""
 
@@ -233,7 +243,9 @@ def _meant(
     elif wanted in ("fill", "second"):
         yield from (holds("inside", key, c) for key in (a, d) if key)
     elif wanted == "all":
-        relation = "inside" if "in" in phrasing.split("{s}")[1].split() or "into" in phrasing else "ontop"
+        says_in = "in" in phrasing.split("{s}")[1].split() or "into" in phrasing
+        # Who says "in the shelf" means its boards.
+        relation = "inside" if says_in and not boards else "ontop"
         yield from (holds(relation, key, b) for key, atom in where.items() if atom.args[1] == s)
     elif wanted == "two" and phrasing.startswith("put"):
         yield from (holds("inside", a, b), holds("ontop", d, s))
