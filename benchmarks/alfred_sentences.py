@@ -52,7 +52,8 @@ _SPLITS = {"tuning": "seen", "judging": "unseen"}
 _CALLED = {
     "coffee table": "coffee_table", "side table": "side_table", "end table": "side_table", "night stand": "side_table",
     "nightstand": "side_table", "dining table": "dining_table", "garbage can": "garbage_can",
-    "trash can": "garbage_can",
+    "trash can": "garbage_can", "trash bin": "garbage_can", "waste basket": "garbage_can", "trash": "garbage_can",
+    "armchair": "armchair", "bathtub": "bathtub_basin", "vault": "safe", "island": "countertop", "ground": "floor",
     "tv stand": "dresser", "dresser": "dresser", "fridge": "fridge", "refrigerator": "fridge", "microwave": "microwave",
     "cabinet": "cabinet", "cupboard": "cabinet", "drawer": "drawer", "shelf": "shelf", "sofa": "sofa", "couch": "sofa",
     "counter": "countertop", "sink": "sink_basin", "stove": "stove_burner", "toilet": "toilet", "bed": "bed",
@@ -139,7 +140,7 @@ def _as_classified(
     # "From the top of the brown coffee table": a few words may stand before the name.
     named = re.search(rf"\b(?:from|off|out of)\b(?: \w+){{0,4}}? ({'|'.join(_CALLED)})\b", text)
     start = "shelf" if goal == "countertop" else "countertop"
-    if named is not None and _CALLED[named[1]] != goal:
+    if named is not None and (_CALLED[named[1]] != goal or text.count(named[1]) > 1):
         start = _CALLED[named[1]]
     # A home has what its instruction names; a bare "table" is the goal where that is one.
     plain = [name for name in _CALLED if re.search(rf"\b{name}\b", text)]

@@ -44,6 +44,10 @@ class Discourse:
             if not themes:
                 continue
             if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
+                vessel = mention.intents[-1].destination
+                if vessel is not None and self._is_item(vessel) and phrase.count in (None, 2):
+                    # "Put the knife into the pot and move them": the knife moves along with the pot.
+                    return (vessel,)
                 themes = self._picked_in_a_row(index)
             elif phrase.pronoun == "it" and not mention.as_one:
                 # In "put the apple into the bowl and put it ..." either of them can be meant.

@@ -98,7 +98,9 @@ class Names:
         return Named((), " ".join(words))
 
     def compound(self, words: tuple[str, ...]) -> Named:
-        """Return the one piece of furniture whose name ends "the sink counter"; what stands before it is on trust.
+        """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
+
+        What stands before it in "the sink counter" is taken on trust.
 
         A name of several words is one of its own: "the towel rack" is no other rack. "The fridge drawer" is a part of the
         fridge, if that opens.
@@ -108,6 +110,10 @@ class Names:
             return Named((), " ".join(words))
         for start in range(1, len(words)):
             named = self.described(words[start:])
+            # "The hand soap bottle" is both.
+            twice = tuple(key for key in self.described(words[:start]).ids if key in named.ids)
+            if twice:
+                return Named(twice, " ".join(words))
             known = any(self.lexicon.owners(" ".join(words[first:])) for first in range(start))
             if len(named.ids) == 1 and self.scene.objects[named.ids[0]].role == "A" and not known:
                 return replace(named, descriptions=(*words[:start], *named.descriptions))
@@ -460,9 +466,10 @@ class Grounding:
         placed = self._placed(phrase, named_only=named_only)
         if placed is not None:
             return placed
-        named = self.names.compound(phrase.words)
-        if named.ids and not self.names.which(phrase.words):
-            return named
+        for last in (phrase.words[-1], *singulars(phrase.words[-1])):
+            named = self.names.compound((*phrase.words[:-1], last))
+            if named.ids and not self.names.which(phrase.words):
+                return replace(named, plural=last != phrase.words[-1] and not phrase.one_of)
         raise self.names.unknown(phrase, self.around)
 
     def _narrowed(self, named: Named, phrase: NounPhrase, source: Location | None) -> _Noted:
@@ -577,6 +584,7 @@ class Grounding:
 
     def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase) -> _Noted:
         """Return the objects that hold what a phrase says they do."""
+        held = self._of_one_name(held)
         named = self._bearers(held, named_only=True)
         things, notes = self._narrowed(named, held, None)
         place = Location(phrase.load_at, phrase, phrase.load_at.lower())

@@ -220,7 +220,7 @@ class _IntentBuilder:
             host = self._hosts(place.object_id)[0]
             return Mention((*loads, *_placings(ids, host.relation, host.object_id, spot)), origin, as_one)
         relation = self._relation(command.destination, ids, place)
-        carried = self._carried(place, command.destination, ids)
+        carried = self._carried(place, command.destination)
         return Mention(
             (*loads, *_placings(ids, relation, place.object_id, place.part), *carried), origin, as_one or bool(loads)
         )
@@ -263,12 +263,12 @@ class _IntentBuilder:
             self.notes.append(f'"{command.objects[0]}" is taken for {item} {where}, since it is elsewhere')
         return Intent(IntentKind.PLACE, item, relation, vessel)
 
-    def _carried(self, place: Grounded, spoken: Location, ids: Sequence[str]) -> tuple[Intent, ...]:
+    def _carried(self, place: Grounded, spoken: Location) -> tuple[Intent, ...]:
         """Return the intent that puts a vessel where "a bowl on the table" says it shall be, if it is elsewhere."""
         there = spoken.phrase.location
         if there is None or not place.moves:
             return ()
-        goal = self._destination(there, [*ids, place.object_id])
+        goal = self._destination(there, [place.object_id])
         self.notes += [f'"{spoken.phrase}" is nowhere, so that {place.object_id} is put there', *goal.notes]
         return _placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
 

@@ -454,6 +454,11 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
         if tokens[index].text == "to" and tokens[index + 1].terminal == "PUT":
             # "Take the mug to put it on the table".
             tokens[index] = TaggedWord("THEN", "to")
+    for index in range(len(tokens) - 3, 0, -1):
+        # "The yellow and blue jar".
+        one, link, other, noun = tokens[index - 1 : index + 3]
+        if link.terminal == "AND" and noun.terminal == "WORD" and {one.text, other.text} <= lexicon.descriptions:
+            del tokens[index]
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
