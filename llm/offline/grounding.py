@@ -526,7 +526,7 @@ class Grounding:
             trusted = which[0] in LEVELS and (named_only or not has_boards(things[0].category))
             return replace(named, descriptions=(*named.descriptions, *which)) if trusted else None
         ids, notes = self._narrowed(named, phrase, None)
-        found = placed(ids, which[0], self.around.scene)
+        found = placed(ids, which[0], self.around.scene) if phrase.side is None else None
         if found is None:
             return None
         key, counted = found

@@ -469,7 +469,9 @@ class _IntentBuilder:
         """Return what tells like places apart: whether things go into them, or onto them, as the preposition says."""
         affordances = self.grounding.around.affordances
         if place.direction in ("INTO", "IN"):
-            return lambda key: affordances[key].interior or has_boards(self.grounding.around.scene.objects[key].category)
+            return lambda key: (
+                affordances[key].interior or has_boards(self.grounding.around.scene.objects[key].category)
+            )
         return lambda key: place.direction not in ("ONTO", "ON") or affordances[key].surface or affordances[key].top
 
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:

@@ -179,7 +179,9 @@ def _is_decided(refusal: Refusal, found: Collection[Request]) -> bool:
     if refusal.code != "ambiguous-object" or len(found) != 1:
         return False
     (request,) = found
-    spoken = {key for i in request.intents for key in (i.target, i.destination, None if i.where is None else i.where.other)}
+    spoken = {
+        key for i in request.intents for key in (i.target, i.destination, None if i.where is None else i.where.other)
+    }
     return bool(spoken.intersection(refusal.among))
 
 

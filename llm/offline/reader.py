@@ -278,8 +278,14 @@ def _command(tree: Any) -> Command:
             objects = (*objects, _phrase(child))
     if kind == "place" and not objects:
         objects = (NounPhrase(("it",), pronoun="it", elided=True),)
-    if kind == "nowhere" and objects[0].everything and any(str(child) == "away" for child in tree.children):
-        kind = "away"
+    words = [str(child) for child in tree.children if not _is_tree(child)]
+    puts = kind in ("nowhere", "place") and "away" in words and objects[0].everything
+    if puts and (destination is None or destination.direction in ("ON", "IN")):
+        before = next(child for child in tree.children if _is_tree(child) or str(child) == "away")
+        if destination is None or not _is_tree(before):
+            # "Put away everything on the table" is about what is there.
+            there = objects[0].location or destination
+            kind, objects, destination = "away", (replace(objects[0], location=there),), None
     emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
     if kind == "clear" and emptied and not objects[0].everything:
         objects = (_contents(objects[0]),)
