@@ -100,10 +100,8 @@ class Names:
     def compound(self, words: tuple[str, ...]) -> Named:
         """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
 
-        What stands before it in "the sink counter" is taken on trust.
-
-        A name of several words is one of its own: "the towel rack" is no other rack. "The fridge drawer" is a part of the
-        fridge, if that opens.
+        What stands before it in "the sink counter" is taken on trust. A name of several words is one of its own: "the
+        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens.
         """
         owners = (key for word in words[:-1] for key in self.by_name(word).ids)
         if not all(map(self.knows, words)) or any(self.affordances[key].door for key in owners):
@@ -144,7 +142,10 @@ class Names:
         """Return an object whose door or drawer is meant."""
         before, front = phrase.words[:-1], phrase.front
         which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
-        if (part := _part(phrase, which)) is not None and (front is None or self.affordances[whole].door):
+        can = self.affordances[whole]
+        if (part := _part(phrase, which)) is not None and (front is None or can.door):
+            if front is not None and can.fronts and front not in can.fronts:
+                raise self.without((whole,), front, by_name=True)
             return Named((whole,), " ".join(phrase.words), by_door=front is not None, part=part)
         if front is not None and which:
             raise self.unresolvable(phrase, which)
@@ -356,8 +357,8 @@ class Grounding:
         plain = replace(phrase, location=None, load=())
         try:
             self.every(plain)
-        except Refusal as refusal:
-            return refusal.code == "ambiguous-object"
+        except Refusal as other:
+            return other.code == "ambiguous-object"
         return True
 
     def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, avoided: Sequence[str]) -> _Noted:

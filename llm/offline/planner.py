@@ -58,7 +58,7 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "take-out": IntentKind.PICK,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
-_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
+_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 LONGEST_QUERY = 2_000
 """Most characters of a query; the longest readable sentence needs a quarter of them."""
@@ -135,7 +135,7 @@ def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Ref
     if not tokens:
         return refusal
     verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
-    if verb == tokens[0].text and refusal.code in _OF_WORDS:
+    if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
     if verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'

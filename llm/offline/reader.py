@@ -140,8 +140,8 @@ class Command:
     """One command of a query.
 
     Attributes:
-        kind: The action; "nowhere" lacks its place, "away" means the usual ones of all that is there, "bare" lacks its verb, "clear" is about the contents of a place, and
-            "tidy" about all that lies about.
+        kind: The action; "nowhere" lacks its place, "away" means the usual ones of all that is there, "bare" lacks its
+            verb, "clear" is about the contents of a place, and "tidy" about all that lies about.
         objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
         source: Where the object is to be taken from.
         destination: Where it shall go.
@@ -296,6 +296,9 @@ def _command(tree: Any) -> Command:
         # To hold it there is no placing, and nothing else brings it there.
         there = replace(where, direction="AGAINST")
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
+    if kind == "liked":
+        # "I want the mug on the table" says where it shall be.
+        return Command("bare" if any(phrase.location for phrase in objects) else "bring", objects)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
