@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.grounding import Grounded, Grounding
+from llm.offline.housekeeping import Housekeeping
 from llm.offline.intents import (
     RELATIONS,
     Intent,
@@ -20,17 +21,16 @@ from llm.offline.intents import (
     Refusal,
     Relation,
     Request,
-    Support,
     Surroundings,
     carries_past_doors,
     enumeration,
     merge_repeated,
+    no_action,
     order_for_one_hand,
 )
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
-from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
+from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_hand
 from llm.offline.viewpoint import start_gap_m
-from oag.model.symbols import has_boards
 from oag.model.where import Where
 
 _SPOTS: Mapping[Direction, str] = {
@@ -65,24 +65,12 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
     return request, tuple(dict.fromkeys(notes))
 
 
-def no_action(near: Sequence[str] = ()) -> Refusal:
-    """Return the refusal of a query without an action of the library."""
-    meant = f"; did you mean {' or '.join(near)}?" if near else ""
-    return Refusal(
-        "unknown-action",
-        "it names no action of the library, which opens and closes things, picks them up, "
-        f"and puts them into or onto others{meant}",
-    )
-
-
 @dataclass(slots=True)
-class _IntentBuilder:
+class _IntentBuilder(Housekeeping):
     """Intents so far; the state after them determines the meaning of the next words."""
 
-    grounding: Grounding
     discourse: Discourse
     intents: list[Intent] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
@@ -225,9 +213,6 @@ class _IntentBuilder:
             (*loads, *_placings(ids, relation, place.object_id, place.part), *carried), origin, as_one or bool(loads)
         )
 
-    def _is_item(self, key: str) -> bool:
-        return self.grounding.around.scene.objects[key].role == "B"
-
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
         """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
         at = phrase.location
@@ -289,21 +274,6 @@ class _IntentBuilder:
         if relation != "next to":
             self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
         return Where(relation, place.object_id)
-
-    def _is_waste(self, key: str) -> bool:
-        """Decide whether "throw" means putting a thing there."""
-        names = self.grounding.names
-        entry = names.entries[self.grounding.around.scene.objects[key].category]
-        return entry is not None and entry.waste
-
-    def _waste_place(self) -> Location:
-        """Return the only place for waste, where "throw it away" puts a thing."""
-        around = self.grounding.around
-        bins = [key for key, thing in around.scene.objects.items() if thing.role == "A" and self._is_waste(key)]
-        if len(bins) != 1:
-            raise no_action()
-        self.notes.append(f"{bins[0]} is the only place for waste")
-        return Location("INTO", NounPhrase((bins[0],)), "into")
 
     def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
         """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
@@ -465,15 +435,6 @@ class _IntentBuilder:
             raise Refusal("missing-place", "it does not say where to")
         return Grounded(self._spoken_of(place.phrase, fits))
 
-    def _takes(self, place: Location) -> Callable[[str], bool]:
-        """Return what tells like places apart: whether things go into them, or onto them, as the preposition says."""
-        affordances = self.grounding.around.affordances
-        if place.direction in ("INTO", "IN"):
-            return lambda key: (
-                affordances[key].interior or has_boards(self.grounding.around.scene.objects[key].category)
-            )
-        return lambda key: place.direction not in ("ONTO", "ON") or affordances[key].surface or affordances[key].top
-
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decide whether the preposition means inside or on top; "to" means what the destination affords."""
         where = destination.object_id
@@ -499,12 +460,6 @@ class _IntentBuilder:
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
-
-    def _is_in_by_on(self, key: str) -> bool:
-        """Decide whether people say "in" of what is on a thing: on the boards of a shelf, and on a seat."""
-        category = self.grounding.around.scene.objects[key].category
-        entry = self.grounding.names.entries[category]
-        return has_boards(category) or (entry is not None and entry.seat)
 
     def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raise the refusal of a preposition that only distinguishes objects."""
@@ -540,65 +495,6 @@ class _IntentBuilder:
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
         return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
-
-    def _anywhere(self, ids: Sequence[str], cleared: Grounded, *, guess: bool = True) -> tuple[Intent, ...]:
-        """Return the intents that put objects at the only other place for them, or at their usual places."""
-        around = self.grounding.around
-        choices = places_for(ids, around, avoided=(cleared.object_id,))
-        if len(choices) != 1:
-            usual = {key: self._usual_place(key, cleared.object_id) if guess else None for key in ids}
-            if all(usual.values()):
-                return self._put_away(usual)
-            problem = f"it does not say where to put {enumeration(key for key in ids if not usual[key])}"
-            problem += ", and several places can take them" if choices else ", and no other place can take them"
-            raise Refusal("missing-place", problem, instead=choices)
-        intents = choices[0].intents
-        self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
-        return intents
-
-    def _usual_place(self, key: str, avoided: str = "") -> Intent | None:
-        """Return the intent that puts an object where people usually keep its kind; None without such a place."""
-        around, names = self.grounding.around, self.grounding.names
-        entry = names.entries[around.scene.objects[key].category]
-        for relation, kind in names.lexicon.usual_places(entry):
-            for place, thing in around.scene.objects.items():
-                intent = Intent(IntentKind.PLACE, key, relation, place)
-                if names.entries[thing.category] is kind and place != avoided and is_possible(intent, around):
-                    return intent
-        return None
-
-    def _put_away(self, usual: Mapping[str, Intent | None]) -> tuple[Intent, ...]:
-        """Return the intents that put objects at their usual places, those of one place together."""
-        intents = [intent for intent in usual.values() if intent is not None]
-        places = [intent.destination for intent in intents]
-        intents.sort(key=lambda intent: places.index(intent.destination))
-        self.notes += [f"{intent.destination} is taken for the usual place of {intent.target}" for intent in intents]
-        return tuple(intents)
-
-    def _tidied(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put everything that lies about where people usually keep it."""
-        around = self.grounding.around
-        items = [key for key, thing in around.scene.objects.items() if thing.role == "B"]
-        loose = [key for key in items if not any(step.object_id in items for step in around.supports(key))]
-        usual = {key: self._usual_place(key) for key in loose if not self._is_kept(key)}
-        unplaced = [key for key, intent in usual.items() if intent is None]
-        if len(unplaced) == len(usual):
-            problem = f"no usual place is known for {enumeration(unplaced)}" if unplaced else "everything is tidy"
-            raise Refusal("missing-place" if unplaced else "already-so", problem)
-        self.notes += [f"no usual place of {key} is known; it stays where it is" for key in unplaced]
-        return self._put_away(usual)
-
-    def _is_kept(self, key: str) -> bool:
-        """Decide whether an object is at one of its usual places."""
-        around, names = self.grounding.around, self.grounding.names
-        entry = names.entries[around.scene.objects[key].category]
-        usual = names.lexicon.usual_places(entry)
-        kinds = [(s.relation, names.entries[around.scene.objects[s.object_id].category]) for s in self._hosts(key)]
-        return any(relation == where and kind is host for relation, kind in usual for where, host in kinds)
-
-    def _hosts(self, key: str) -> list[Support]:
-        around = self.grounding.around
-        return [step for step in around.supports(key) if step.object_id in around.scene.objects]
 
     def _things(self, command: Command, source: Location | None = None) -> list[str]:
         """Return the items that a command is about."""

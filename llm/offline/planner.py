@@ -18,10 +18,21 @@ import bddl
 import oag
 from bddl.grounding import All, Leaf, Negation, Some
 from llm.errors import QueryError, RefusalCode
-from llm.offline.grounding import Grounding, Names
-from llm.offline.intents import PREPOSITION, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
-from llm.offline.interpretation import interpret_reading, no_action
+from llm.offline.grounding import Grounding
+from llm.offline.intents import (
+    PREPOSITION,
+    Intent,
+    IntentKind,
+    Refusal,
+    Request,
+    Support,
+    Surroundings,
+    enumeration,
+    no_action,
+)
+from llm.offline.interpretation import interpret_reading
 from llm.offline.lexicon import Lexicon, built_in
+from llm.offline.names import Names
 from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read, read_words
 from llm.offline.subtasks import (
     PlainTask,

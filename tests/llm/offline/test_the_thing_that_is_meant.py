@@ -8,7 +8,7 @@ import pytest
 
 import llm
 from llm.offline import planner
-from llm.offline.grounding import Names
+from llm.offline.names import Names
 from oag import Scene
 from tests.llm.kitchens import conjuncts
 
