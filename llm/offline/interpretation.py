@@ -178,15 +178,8 @@ class _IntentBuilder(Housekeeping):
         ids = [grounded.object_id for grounded in targets]
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
-        if command.kind == "away" and all(usual := {key: self._usual_place(key) for key in ids}.values()):
-            return Mention(self._put_away(dict(zip(ids, usual, strict=True))))
-        if command.kind == "nowhere" and self._set_down(command, ids):
-            return self._put_at_reached(ids)
         if command.kind in ("nowhere", "away"):
-            for key in ids:
-                check_item(key, self.grounding.around)
-            places = places_for(ids, self.grounding.around)
-            raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
+            return self._put_somewhere(command, ids)
         self.notes += [note for grounded in targets for note in grounded.notes]
         as_one = any(phrase.everything for phrase in command.objects)
         origin = self._origin(source)
@@ -197,21 +190,38 @@ class _IntentBuilder(Housekeeping):
             return Mention(
                 tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets), origin, as_one
             )
+        return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+
+    def _put_somewhere(self, command: Command, ids: Sequence[str]) -> Mention:
+        """Return the intents that put things where they usually are, or where the robot has been sent."""
+        usual = {key: self._usual_place(key) for key in ids}
+        if command.kind == "away" and all(usual.values()):
+            return Mention(self._put_away(usual))
+        if command.kind == "nowhere" and self._set_down(command, ids):
+            return self._put_at_reached(ids)
+        for key in ids:
+            check_item(key, self.grounding.around)
+        places = places_for(ids, self.grounding.around)
+        raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
+
+    def _placed(self, command: Command, targets: Sequence[Grounded], place: Grounded) -> tuple[Intent, ...]:
+        """Return the intents that put things at a place, with what they shall hold."""
+        if command.destination is None:
+            raise ValueError(f"{command} has no destination")
+        ids = [grounded.object_id for grounded in targets]
         self.notes += place.notes
         self.notes += (
             f'"{at.preposition} {at.phrase}" says which {phrase.words[-1]} is meant, and not where anything is put'
-            for phrase in spoken
+            for phrase in (*command.objects, command.destination.phrase)
             if (at := phrase.location) is not None and at.direction in _SPOTS
         )
         loads = self._loads(command, targets)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
-            return Mention((*loads, *_placings(ids, host.relation, host.object_id, spot)), origin, as_one)
+            return (*loads, *_placings(ids, host.relation, host.object_id, spot))
         relation = self._relation(command.destination, ids, place)
         carried = self._carried(place, command.destination)
-        return Mention(
-            (*loads, *_placings(ids, relation, place.object_id, place.part), *carried), origin, as_one or bool(loads)
-        )
+        return (*loads, *_placings(ids, relation, place.object_id, place.part), *carried)
 
     def _as_load(self, phrase: NounPhrase) -> NounPhrase:
         """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
@@ -224,20 +234,17 @@ class _IntentBuilder(Housekeeping):
 
     def _loads(self, command: Command, targets: Sequence[Grounded]) -> tuple[Intent, ...]:
         """Return the intents that put into or onto moved things what the sentence says they hold, and they do not."""
-        found: list[Intent] = []
         if not any(phrase.load for phrase in command.objects):
             return ()
         if len(targets) != 1:
             raise Refusal("several-objects", f'"{command}" loads several things; ask for one at a time')
-        vessel = targets[0].object_id
-        for phrase in command.objects[0].load:
-            held = self.grounding.every(phrase, taken=(vessel,))
-            for grounded in held:
-                check_item(grounded.object_id, self.grounding.around)
-                if not any(step.object_id == vessel for step in self.grounding.around.supports(grounded.object_id)):
-                    found.append(self._loading(command, grounded.object_id, vessel))
-            self.notes += [note for grounded in held for note in grounded.notes]
-        return tuple(dict.fromkeys(found))
+        vessel, around = targets[0].object_id, self.grounding.around
+        held = [one for phrase in command.objects[0].load for one in self.grounding.every(phrase, taken=(vessel,))]
+        self.notes += [note for grounded in held for note in grounded.notes]
+        for grounded in held:
+            check_item(grounded.object_id, around)
+        lacking = [one.object_id for one in held if all(s.object_id != vessel for s in around.supports(one.object_id))]
+        return tuple(dict.fromkeys(self._loading(command, key, vessel) for key in lacking))
 
     def _loading(self, command: Command, item: str, vessel: str) -> Intent:
         can, at = self.grounding.around.affordances[vessel], command.objects[0].load_at

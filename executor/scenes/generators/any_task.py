@@ -182,8 +182,9 @@ def _wish(seed: int, wanted: str, scene: Scene, rng: np.random.Generator) -> Any
         **{letter: str(rng.choice(data["absent"][letter])) for letter in "xy"},
         "n": _part(b, scene, rng),
     }
-    meant = tuple(_meant(wanted, phrasing, a, b, c, d, s, where, boards=bool(b) and has_boards(scene[b].category)))
-    return AnyWish(seed, wanted, phrasing.format(**words), scene, meant)
+    # Who says "in the shelf" means its boards.
+    said = phrasing.replace("in the {b}", "on the {b}") if b and has_boards(scene[b].category) else phrasing
+    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, said, a, b, c, d, s, where)))
 
 
 def _part(key: str, scene: Scene, rng: np.random.Generator) -> str:
@@ -214,16 +215,7 @@ def _called(key: str, scene: Scene, where: dict[str, bddl.Atom], rng: np.random.
 
 
 def _meant(
-    wanted: str,
-    phrasing: str,
-    a: str,
-    b: str,
-    c: str,
-    d: str,
-    s: str,
-    where: dict[str, bddl.Atom],
-    *,
-    boards: bool,
+    wanted: str, phrasing: str, a: str, b: str, c: str, d: str, s: str, where: dict[str, bddl.Atom]
 ) -> Iterator[bddl.Literal]:
     """Yield what a wish means, as far as goals can say it."""
 
@@ -243,9 +235,7 @@ def _meant(
     elif wanted in ("fill", "second"):
         yield from (holds("inside", key, c) for key in (a, d) if key)
     elif wanted == "all":
-        says_in = "in" in phrasing.split("{s}")[1].split() or "into" in phrasing
-        # Who says "in the shelf" means its boards.
-        relation = "inside" if says_in and not boards else "ontop"
+        relation = "inside" if "in" in phrasing.split("{s}")[1].split() or "into" in phrasing else "ontop"
         yield from (holds(relation, key, b) for key, atom in where.items() if atom.args[1] == s)
     elif wanted == "two" and phrasing.startswith("put"):
         yield from (holds("inside", a, b), holds("ontop", d, s))
