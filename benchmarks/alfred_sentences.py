@@ -1,6 +1,7 @@
 """What the offline planner makes of people's own instructions for household tasks.
 
     python -m benchmarks.alfred_sentences FOLDER [--half tuning] [--types simple two] [--show]
+    python -m benchmarks.alfred_sentences FOLDER --tests [--half tuning] [--types simple two stacked] [--show]
 
 FOLDER holds the command files of github.com/zebehn/revisiting_alfred (`refined_*_commands.json`, MIT): instructions
 that people wrote for tasks of ALFRED, each with the action sequence of its expert. Every task becomes a scene: the
@@ -9,6 +10,13 @@ All that stands in it is made here; nothing of the files is kept.
 
 Instructions are unique up to case, blanks and a last full stop, and sorted. Every second one from the first is for
 tuning, and the others are for judging once.
+
+With --tests, FOLDER holds `instruction2_params_test_seen.p` and `instruction2_params_test_unseen.p` of
+github.com/soyeonm/FILM (MIT): the instructions of ALFRED's two test splits, each with the kind of task, the thing and
+the place that a classifier read in it. Seen homes are for tuning, unseen ones for judging once. A home has the places
+that its instruction names, wherever they stand. A thing starts at the place that is named after "from", "off" or "out
+of", and else on the counter, or on a shelf. Of the types clean, heat, cool, light and sliced nothing can be done here,
+so that every plan for them is one for something else.
 
     understood  a plan that is proved, and whose goal moves the things of the expert's plan, and only these, there
     other       a plan that is proved for something else: to be looked at, since experts and people can disagree
@@ -19,6 +27,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import pickle
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -33,14 +42,31 @@ _TYPES = {
     "simple": "pick_and_place_simple",
     "two": "pick_two_obj_and_place",
     "stacked": "pick_and_place_with_movable_recep",
+    "clean": "pick_clean_then_place_in_recep",
+    "heat": "pick_heat_then_place_in_recep",
+    "cool": "pick_cool_then_place_in_recep",
+    "light": "look_at_obj_in_light",
 }
+_SPLITS = {"tuning": "seen", "judging": "unseen"}
+# Places of AI2-THOR as people call them; the longer names first.
+_CALLED = {
+    "coffee table": "coffee_table", "side table": "side_table", "end table": "side_table", "night stand": "side_table",
+    "nightstand": "side_table", "dining table": "dining_table", "garbage can": "garbage_can",
+    "trash can": "garbage_can", "trash bin": "garbage_can", "waste basket": "garbage_can", "trash": "garbage_can",
+    "armchair": "armchair", "bathtub": "bathtub_basin", "vault": "safe", "island": "countertop", "ground": "floor",
+    "tv stand": "dresser", "dresser": "dresser", "fridge": "fridge", "refrigerator": "fridge", "microwave": "microwave",
+    "cabinet": "cabinet", "cupboard": "cabinet", "drawer": "drawer", "shelf": "shelf", "sofa": "sofa", "couch": "sofa",
+    "counter": "countertop", "sink": "sink_basin", "stove": "stove_burner", "toilet": "toilet", "bed": "bed",
+    "desk": "desk", "cart": "cart", "safe": "safe", "tub": "bathtub_basin", "chair": "armchair", "ottoman": "ottoman",
+    "floor": "floor", "table": "dining_table",
+}  # fmt: skip
 # Names of AI2-THOR that the sequences write as one word.
 _WORDS = (
     "soap_bar", "toilet_paper_hanger", "toilet_paper", "garbage_can", "spray_bottle", "key_chain", "pepper_shaker",
     "salt_shaker", "soap_bottle", "butter_knife", "remote_control", "credit_card", "glass_bottle", "tissue_box",
     "baseball_bat", "hand_towel_holder", "hand_towel", "side_table", "coffee_table", "dining_table", "alarm_clock",
     "wine_bottle", "cell_phone", "bathtub_basin", "sink_basin", "stove_burner", "coffee_machine", "tennis_racket",
-    "laundry_hamper", "arm_chair",
+    "laundry_hamper", "arm_chair", "dish_sponge", "watering_can",
 )  # fmt: skip
 _CATEGORY = {word.replace("_", ""): word for word in _WORDS} | {"armchair": "armchair"}
 _INTERIORS = frozenset((
@@ -79,6 +105,52 @@ def instructions(folder: Path, types: Sequence[str]) -> list[Instruction]:
     return [Instruction(text, moves, scene) for text, moves, scene in made]
 
 
+class _Plain(pickle.Unpickler):
+    """Reads texts, numbers and collections; whatever else a file names is refused."""
+
+    def find_class(self, module: str, name: str) -> object:
+        raise pickle.UnpicklingError(f"{module}.{name} is no plain data")
+
+
+def split_instructions(folder: Path, half: str, types: Sequence[str]) -> list[Instruction]:
+    """Return the unique instructions of a half of the test splits, sorted; none of the others is among them."""
+    splits: dict[str, dict[str, dict[str, object]]] = {}
+    for name, split in _SPLITS.items():
+        with (folder / f"instruction2_params_test_{split}.p").open("rb") as file:
+            splits[name] = {normalised(text): read for text, read in _Plain(file).load().items()}
+    others = splits["tuning"] if half == "judging" else {}
+    found = ((text, *_as_classified(text, read, types)) for text, read in sorted(splits[half].items()))
+    return [Instruction(text, moves, scene) for text, moves, scene in found if scene is not None and text not in others]
+
+
+def _as_classified(
+    text: str, read: dict[str, object], types: Sequence[str]
+) -> tuple[tuple[tuple[str, str], ...], oag.Scene | None]:
+    kind = next(name for name, full in _TYPES.items() if full == read["task_type"])
+    treated = kind not in ("simple", "two", "stacked") or read["sliced"]
+    if ("sliced" if read["sliced"] and kind in ("simple", "two", "stacked") else kind) not in types:
+        return (), None
+    thing, vessel, goal = (
+        _CATEGORY.get(str(read[key]).lower(), str(read[key]).lower())
+        for key in ("object_target", "mrecep_target", "parent_target")
+    )
+    if kind == "light":
+        goal = "desk"
+    moves = [(thing, vessel), (vessel, goal)] if kind == "stacked" else [(thing, goal)] * (2 if kind == "two" else 1)
+    # "From the top of the brown coffee table": a few words may stand before the name.
+    named = re.search(rf"\b(?:from|off|out of)\b(?: \w+){{0,4}}? ({'|'.join(_CALLED)})\b", text)
+    start = "shelf" if goal == "countertop" else "countertop"
+    if named is not None and (_CALLED[named[1]] != goal or text.count(named[1]) > 1):
+        start = _CALLED[named[1]]
+    # A home has what its instruction names; a bare "table" is the goal where that is one.
+    plain = [name for name in _CALLED if re.search(rf"\b{name}\b", text)]
+    spoken = [_CALLED[name] for name in plain if not any(name != longer and name in longer for longer in plain)]
+    tables = goal.endswith("table") or goal == "desk"
+    there = [place for place in spoken if place != goal and not (tables and place == "dining_table")]
+    scene = _scene([(what, start) for what, _ in moves], moves, there)
+    return () if treated else tuple(moves), scene
+
+
 def scene_of(sequence: str) -> tuple[tuple[tuple[str, str], ...], oag.Scene]:
     """Return the moves of an expert's plan by category, and a scene in which it can be followed."""
     actions = [
@@ -101,7 +173,7 @@ def scene_of(sequence: str) -> tuple[tuple[tuple[str, str], ...], oag.Scene]:
     return tuple(moves), _scene(held, moves)
 
 
-def _scene(held: Sequence[tuple[str, str]], moves: Sequence[tuple[str, str]]) -> oag.Scene:
+def _scene(held: Sequence[tuple[str, str]], moves: Sequence[tuple[str, str]], named: Sequence[str] = ()) -> oag.Scene:
     objects: dict[str, dict[str, object]] = {}
     facts: list[str] = []
     goals = list(dict.fromkeys(where for _, where in moves))
@@ -119,8 +191,8 @@ def _scene(held: Sequence[tuple[str, str]], moves: Sequence[tuple[str, str]]) ->
     for category in goals:
         if category in items and f"{category}_0" not in objects:
             _add(objects, facts, category, item=True)
-    for category in _LANDMARKS:
-        if f"{category}_0" not in objects:
+    for category in (*named, *_LANDMARKS):
+        if not any(key.rsplit("_", 1)[0] == category for key in objects):
             _add(objects, facts, category)
     return oag.Scene.from_json(
         {"name": "home", "objects": objects, "facts": facts, "closed": ["ontop", "inside", "open"]}
@@ -177,10 +249,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="How many of people's instructions the offline planner understands.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--half", choices=("tuning", "judging"), default="tuning")
-    parser.add_argument("--types", nargs="+", choices=tuple(_TYPES), default=["simple", "two"])
+    parser.add_argument("--types", nargs="+", choices=(*_TYPES, "sliced"), default=["simple", "two"])
+    parser.add_argument("--tests", action="store_true", help="the instructions of ALFRED's test splits")
     parser.add_argument("--show", action="store_true")
     args = parser.parse_args()
-    half = instructions(args.folder, args.types)[0 if args.half == "tuning" else 1 :: 2]
+    if args.tests:
+        half = split_instructions(args.folder, args.half, args.types)
+    else:
+        half = instructions(args.folder, args.types)[0 if args.half == "tuning" else 1 :: 2]
     counts: Counter[str] = Counter()
     for instruction in half:
         outcome, text = judged(instruction)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from llm.offline.intents import Front, Intent, IntentKind, Refusal, Surroundings, alternatives
 from llm.offline.reader import NounPhrase
@@ -44,11 +44,18 @@ class Discourse:
             if not themes:
                 continue
             if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
+                vessel = mention.intents[-1].destination
+                if vessel is not None and self._is_item(vessel) and phrase.count in (None, 2):
+                    # "Put the knife into the pot and move them": the knife moves along with the pot.
+                    return (vessel,)
                 themes = self._picked_in_a_row(index)
             elif phrase.pronoun == "it" and not mention.as_one:
                 # In "put the apple into the bowl and put it ..." either of them can be meant.
                 moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
-                themes += tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
+                others = tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
+                # What is not spoken can be several things, but not these or the ones that they were put into.
+                mention = replace(mention, as_one=phrase.elided and not others)
+                themes += others
             return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
         raise self._unclear(phrase)
 

@@ -2,213 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Self, get_args
+from typing import Self
 
-import bddl
-from llm.offline.intents import Affordances, Front, Refusal, Support, Surroundings, alternatives, enumeration
-from llm.offline.lexicon import Category, Lexicon, names_of, short_names
+from llm.offline.intents import Refusal, Support, Surroundings, alternatives, enumeration
+from llm.offline.lexicon import Lexicon
+from llm.offline.names import Named, Names, singulars
 from llm.offline.reader import REFERENCE_DIRECTIONS, Location, NounPhrase
 from llm.offline.viewpoint import COLORS, LEVELS, SIZES, by_size, on_side, placed, referenced, stated_colors
 from oag import Scene
 from oag.model.symbols import has_boards
-from oag.model.where import WHICH, Part, Where
+from oag.model.where import Where
 from oag.sizes import TO_THE_AIM, Sizing
-
-
-@dataclass(frozen=True, slots=True)
-class Named:
-    """Objects with a name, the unconfirmed describing words before it, and notes."""
-
-    ids: tuple[str, ...]
-    name: str
-    descriptions: tuple[str, ...] = ()
-    passed_over: tuple[str, ...] = ()
-    by_door: bool = False
-    plural: bool = False
-    notes: tuple[str, ...] = ()
-    part: Where | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Names:
-    """Names of the objects of a scene.
-
-    The `bearers` of a name are the objects that it fits best, then those that it fits less.
-    """
-
-    scene: Scene
-    affordances: Mapping[str, Affordances]
-    lexicon: Lexicon
-    entries: Mapping[str, Category | None]
-    bearers: Mapping[str, Sequence[Sequence[str]]]
-    words: frozenset[str]
-
-    @classmethod
-    def of(cls, around: Surroundings, lexicon: Lexicon, entries: Mapping[str, Category | None]) -> Self:
-        """Return the names of a scene's objects; `entries` are the lexicon's, by category."""
-        objects = around.scene.objects
-        bearers: dict[str, tuple[list[str], ...]] = {}
-        for key, thing in objects.items():
-            tiers = names_of(thing, entries[thing.category])
-            tiers = (*tiers, short_names(thing, entries[thing.category], lexicon).difference(*tiers))
-            for rank, names in enumerate(tiers):
-                for name in names:
-                    bearers.setdefault(name, tuple([] for _ in tiers))[rank].append(key)
-        known = (*bearers, *(name for entry in lexicon.categories.values() for name in entry.names))
-        words = frozenset(word for name in known for word in name.split())
-        return cls(around.scene, around.affordances, lexicon, entries, bearers, words)
-
-    def knows(self, word: str) -> bool:
-        """Decide whether a word, or its singular, is part of any name or may stand before one."""
-        forms = (word, *singulars(word))
-        lexicon = self.lexicon
-        if (
-            word in lexicon.descriptions
-            or word in lexicon.which
-            or (lexicon.units | lexicon.vessels).intersection(forms)
-        ):
-            return True
-        return any(form in self.words for form in forms)
-
-    def mentioned(self, words: Sequence[str]) -> tuple[str, ...]:
-        """Return the objects named by any run of words, for suggestions."""
-        longest = max((name.count(" ") + 1 for name in self.bearers), default=0)
-        found: dict[str, None] = {}
-        for start in range(len(words)):
-            for stop in range(min(len(words), start + longest), start, -1):
-                found.update(dict.fromkeys(self.by_name(" ".join(words[start:stop])).ids))
-        return tuple(found)
-
-    def described(self, words: tuple[str, ...]) -> Named:
-        """Return the objects named by the longest ending of the words, if only descriptions precede it."""
-        for start in range(len(words)):
-            named = self.by_name(" ".join(words[start:]))
-            if named.ids:
-                return Named(named.ids, named.name, words[:start], named.passed_over)
-            if words[start] not in self.lexicon.descriptions:
-                break
-        return Named((), " ".join(words))
-
-    def by_name(self, name: str) -> Named:
-        """Return the objects that a name fits best, in the order of `names_of`; the others are passed over."""
-        tiers = [tier for tier in self.bearers.get(name, ()) if tier]
-        if not tiers:
-            return Named((), name)
-        return Named(tuple(tiers[0]), name, passed_over=tuple(key for tier in tiers[1:] for key in tier))
-
-    def doors(self, phrase: NounPhrase, front: Front) -> Named:
-        """Return the objects whose door or drawer is meant: those of the name before the word, or all that have one."""
-        before = phrase.words[:-1]
-        named = self.described(before) if before else Named(tuple(self.affordances), phrase.words[-1])
-        if phrase.side is not None and (not before or len(named.ids) == 1):
-            # "The left cabinet door" of several cabinets is that of the left one.
-            raise self.unresolvable(phrase, (phrase.side,))
-        if not named.ids:
-            return named
-        ids = tuple(key for key in named.ids if self.affordances[key].opens_by(front))
-        if not ids:
-            raise self.without(named.ids, front, by_name=bool(before))
-        return Named(ids, named.name, named.descriptions, by_door=True)
-
-    def door_of(self, whole: str, phrase: NounPhrase) -> Named:
-        """Return an object whose door or drawer is meant."""
-        before, front = phrase.words[:-1], phrase.front
-        which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
-        if (part := _part(phrase, which)) is not None and (front is None or self.affordances[whole].door):
-            return Named((whole,), " ".join(phrase.words), by_door=front is not None, part=part)
-        if front is not None and which:
-            raise self.unresolvable(phrase, which)
-        named = all(word in self.lexicon.descriptions for word in before)
-        if front is None or not named or not self.affordances[whole].door:
-            problem = f'{whole} has no "{" ".join(phrase.words)}" that can be told apart from it'
-            raise Refusal("unknown-object", problem)
-        if not self.affordances[whole].opens_by(front):
-            raise self.without((whole,), front, by_name=True)
-        return Named((whole,), " ".join(phrase.words), before, by_door=True)
-
-    def without(self, ids: Iterable[str], front: Front, *, by_name: bool) -> Refusal:
-        """Return the refusal of a door or drawer that objects are not known to have."""
-        can_open = [key for key in ids if self.affordances[key].door]
-        has = [_opened_by(key, self.affordances[key]) for key in can_open]
-        if by_name and has:
-            return Refusal("affordance", f"{has[0]}; no plan opens a {front} of it")
-        return Refusal("unknown-object", f"nothing in {self.scene.name} is known to open by a {front}", scene=has)
-
-    def unknown(self, phrase: NounPhrase, around: Surroundings) -> Refusal:
-        """Return the refusal of a name without an object in the scene, with the nearest names."""
-        which = self.which(phrase.words)
-        if which:
-            return self.unresolvable(phrase, which)
-        wanted = " ".join(phrase.words)
-        return Refusal(
-            "unknown-object",
-            f'nothing in {self.scene.name} is called "{wanted}"{self.meant(wanted)}',
-            scene=[around.described(key) for key in self.scene.objects],
-        )
-
-    def joined(self, words: tuple[str, ...], of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        """Yield the names that "a bottle of medicine", "two bars of soap" or "a set of keys" can stand for."""
-        *before, noun = words
-        for unit in dict.fromkeys((noun, *singulars(noun))):
-            yield (*before, unit, "of", *of)
-            if unit in self.lexicon.vessels:
-                yield from ((*before, *of[:-1], last, unit) for last in (of[-1], *singulars(of[-1])))
-            if unit in self.lexicon.units:
-                yield (*before, *of)
-
-    def meant(self, *wanted: str) -> str:
-        """Return the question whether one of the nearest names was meant; empty if none is near."""
-        near: dict[tuple[str, ...], str] = {}
-        for words in wanted:
-            for name in bddl.near_names(words, sorted(self.bearers)):
-                near.setdefault(self.by_name(name).ids, name)
-        meant = [name if ids == (name,) else f"{name} ({alternatives(ids)})" for ids, name in near.items()]
-        return f"; did you mean {' or '.join(meant)}?" if meant else ""
-
-    def unresolvable(self, phrase: NounPhrase, which: Sequence[str]) -> Refusal:
-        """Return the refusal of words that select one of several, which no plan can do."""
-        listed = " and ".join(f'"{word}"' for word in which)
-        if (part := _part(phrase, which)) is not None:
-            problem = f'{listed} says which {part.part} is meant, but not of what: say "the {part} of ..."'
-            return Refusal("unknown-object", f"{problem}, with the name or the id of the thing")
-        if phrase.door:
-            problem = f"{listed} says which {phrase.words[-1]} is meant, and a plan opens and closes a thing as a whole"
-        else:
-            problem = f"{listed} says which of several is meant, and nothing in {self.scene.name} tells that"
-        return Refusal("unknown-object", f"{problem}; name the object alone, by its id where there are several")
-
-    def which(self, words: Sequence[str]) -> tuple[str, ...]:
-        """Return the words that select one of several, such as "second"."""
-        return tuple(word for word in words if word in self.lexicon.which)
-
-
-_ORDERED = {
-    **{word: level for word, level in LEVELS.items()},
-    **dict(zip(("1st", "2nd", "3rd", "4th", "5th"), WHICH[5:10], strict=True)),
-}
-
-
-def _part(phrase: NounPhrase, which: Sequence[str]) -> Where | None:
-    """Return the part that "the top drawer" or "the left door" of a thing names; None where it names none."""
-    noun = next((n for n in (phrase.words[-1], *singulars(phrase.words[-1])) if n in get_args(Part)), None)
-    words = [_ORDERED.get(word, word) for word in which]
-    rest = len(phrase.words) - 1 - len(which) + (phrase.side is not None)
-    return Where("", "", words[0], noun) if noun and len(words) == 1 and words[0] in WHICH and not rest else None
-
-
-def _opened_by(key: str, can: Affordances) -> str:
-    if not can.fronts:
-        return f"neither the category nor the model of {key} says whether it has doors or drawers"
-    return f"{key} opens by its {'doors' if can.opens_by('door') else 'drawers'}"
-
-
-def singulars(word: str) -> tuple[str, ...]:
-    """Return the possible singulars of a plural; empty for a word that is none."""
-    endings = (("lves", "lf"), ("ives", "ife"), ("oaves", "oaf"), ("ies", "y"), ("es", ""), ("s", ""))
-    return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
-
 
 _WHERE = {"FROM": "on or in", "OUTOF": "in"}
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
@@ -216,7 +22,10 @@ _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer."""
+    """An object that a phrase names; `hollow` if the naming part holds things itself, such as a drawer.
+
+    `moves`: it is not where the phrase says, and shall be put there.
+    """
 
     object_id: str
     by_surface: bool = False
@@ -224,6 +33,7 @@ class Grounded:
     notes: tuple[str, ...] = ()
     hollow: bool = False
     part: Where | None = None
+    moves: bool = False
 
 
 # Objects, with the assumptions made to find them.
@@ -251,6 +61,7 @@ class Grounding:
         source: Location | None = None,
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
+        fits: Callable[[str], bool] | None = None,
     ) -> Grounded:
         """Return the one object that a phrase names.
 
@@ -259,6 +70,7 @@ class Grounding:
             source: Where it is taken from.
             avoided: What "a glass" should rather not name, and where it should rather not stand already.
             taken: What "a glass" cannot name, since an earlier "a glass" did.
+            fits: What is asked for can be done with an object; of several that are called so, the only one is meant.
         """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
@@ -270,6 +82,11 @@ class Grounding:
         ids, more = (ids, ()) if named.part is not None and len(ids) == 1 else self._on_side(ids, phrase)
         if phrase.whichever:
             ids = _left(ids, phrase, taken)
+        if len(ids) > 1 and fits is not None and any(map(fits, ids)):
+            left = tuple(filter(fits, ids))
+            if len(left) == 1:
+                more = (*more, f'"{phrase}" is {left[0]}, the only one of {enumeration(ids)} that serves')
+            ids = left if len(left) == 1 or phrase.whichever else ids
         if len(ids) > 1 and phrase.whichever:
             ids, more = self._chosen(ids, 1, phrase, avoided)
         if len(ids) > 1:
@@ -283,12 +100,13 @@ class Grounding:
         source: Location | None = None,
         avoided: Sequence[str] = (),
         taken: Collection[str] = (),
+        fits: Callable[[str], bool] | None = None,
     ) -> tuple[Grounded, ...]:
         """Return all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses"."""
         phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if not phrase.several and (not named.plural or phrase.whichever):
-            return (self.one(phrase, source, avoided, taken),)
+            return (self.one(phrase, source, avoided, taken, fits),)
         ids, notes = self._narrowed(named, phrase, source)
         wanted = phrase.count
         if phrase.whichever:
@@ -303,6 +121,22 @@ class Grounding:
             problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
+
+    def nowhere(self, phrase: NounPhrase) -> bool:
+        """Decide whether things are called so, and none is where the phrase says, or holds what it says."""
+        try:
+            self.every(phrase)
+        except Refusal as refusal:
+            if refusal.code != "wrong-place":
+                return False
+        else:
+            return False
+        plain = replace(phrase, location=None, load=())
+        try:
+            self.every(plain)
+        except Refusal as other:
+            return other.code == "ambiguous-object"
+        return True
 
     def _chosen(self, ids: Sequence[str], wanted: int, phrase: NounPhrase, avoided: Sequence[str]) -> _Noted:
         """Return as many objects as wanted of those that will do, with a note.
@@ -351,7 +185,7 @@ class Grounding:
 
     def _is_at(self, support: Support, place: Location) -> bool:
         """Decide whether a preposition allows a relation: "from" and "in the middle of" allow both."""
-        if place.direction == "IN" and place.preposition in self.names.lexicon.loose:
+        if place.direction == "IN" and place.loose:
             return True
         host = self.around.scene.objects.get(support.object_id)
         if place.direction == "IN" and host is not None and has_boards(host.category):
@@ -379,7 +213,10 @@ class Grounding:
             return phrase
         for words in self.names.joined(phrase.words, owner.words):
             if self.names.described(words).ids:
-                return replace(phrase, words=words, owner=None, location=owner.location, door=False)
+                joined = replace(phrase, words=words, owner=None, location=owner.location, door=False)
+                # "Bars of soap" are several, "a set of keys" and "the bottle of pills" are not.
+                many = phrase.words[-1] in self.names.plural_units and not (phrase.several or phrase.one_of)
+                return replace(joined, several=True) if many and len(self.names.described(words).ids) > 1 else joined
         return phrase
 
     def _bearers(self, phrase: NounPhrase, *, named_only: bool = False) -> Named:
@@ -390,7 +227,12 @@ class Grounding:
             return self._owned(phrase, phrase.owner)
         named = self.names.described(phrase.words)
         if not named.ids and phrase.front is not None:
-            named = self.names.doors(phrase, phrase.front)
+            try:
+                named = self.names.doors(phrase, phrase.front)
+            except Refusal:
+                named = self.names.compound(phrase.words)
+                if not named.ids or phrase.side is not None:
+                    raise
         if named.ids:
             # Two rings of keys are "the keys", and so is one.
             alike = (self.names.described((*phrase.words[:-1], one)).ids for one in singulars(phrase.words[-1]))
@@ -402,6 +244,10 @@ class Grounding:
         placed = self._placed(phrase, named_only=named_only)
         if placed is not None:
             return placed
+        for last in (phrase.words[-1], *singulars(phrase.words[-1])):
+            named = self.names.compound((*phrase.words[:-1], last))
+            if named.ids and not self.names.which(phrase.words):
+                return replace(named, plural=last != phrase.words[-1] and not phrase.one_of)
         raise self.names.unknown(phrase, self.around)
 
     def _narrowed(self, named: Named, phrase: NounPhrase, source: Location | None) -> _Noted:
@@ -411,6 +257,9 @@ class Grounding:
             if place is not None:
                 ids, more = self._at(ids, place)
                 notes += more
+        for held in phrase.load:
+            ids, more = self._holding(ids, held, phrase)
+            notes += more
         return self._as_described(named.descriptions, ids, phrase), notes
 
     def _as_described(self, words: Sequence[str], ids: tuple[str, ...], phrase: NounPhrase) -> tuple[str, ...]:
@@ -455,7 +304,7 @@ class Grounding:
             trusted = which[0] in LEVELS and (named_only or not has_boards(things[0].category))
             return replace(named, descriptions=(*named.descriptions, *which)) if trusted else None
         ids, notes = self._narrowed(named, phrase, None)
-        found = placed(ids, which[0], self.around.scene)
+        found = placed(ids, which[0], self.around.scene) if phrase.side is None else None
         if found is None:
             return None
         key, counted = found
@@ -463,7 +312,13 @@ class Grounding:
         return replace(named, ids=(key,), notes=(*named.notes, note, *notes))
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
-        whole = self.one(owner)
+        front = phrase.front
+
+        def has_it(key: str) -> bool:
+            fronts = self.around.affordances[key].fronts
+            return not fronts or front is None or front in fronts
+
+        whole = self.one(owner, fits=has_it)
         words = " ".join(phrase.words)
         if whole.object_id in self.names.by_name(words).ids:
             return Named((whole.object_id,), words, notes=whole.notes)
@@ -491,11 +346,12 @@ class Grounding:
             problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
             bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
             raise Refusal("wrong-place", f"{problem}, as viewed from the robot's start", scene=bearings)
-        fitting = tuple(
-            key for key in ids if any(s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key))
-        )
-        if fitting:
-            return fitting, notes
+        there = [[s.object_id in supports and self._is_at(s, place) for s in self.around.chain(key)] for key in ids]
+        # "The cup on the table" stands on it; one in a box on the table is meant where no other is.
+        for depth in (1, None):
+            fitting = tuple(key for key, steps in zip(ids, there, strict=True) if any(steps[:depth]))
+            if fitting:
+                return fitting, notes
         unstated = "at a place that the scene does not state"
         stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
@@ -503,6 +359,24 @@ class Grounding:
             f"{alternatives(ids)} is not {_WHERE.get(place.direction, place.preposition)} "
             f"{alternatives(supports)}: {stands}",
         )
+
+    def _holding(self, ids: tuple[str, ...], held: NounPhrase, phrase: NounPhrase) -> _Noted:
+        """Return the objects that hold what a phrase says they do."""
+        held = self._of_one_name(held)
+        named = self._bearers(held, named_only=True)
+        things, notes = self._narrowed(named, held, None)
+        place = Location(phrase.load_at, phrase, phrase.load_at.lower())
+        fitting = tuple(
+            key
+            for key in ids
+            if any(s.object_id == key and self._is_at(s, place) for one in things for s in self.around.supports(one))
+        )
+        if not fitting:
+            stands = alternatives((f"{key} is {self.around.support(key) or 'elsewhere'}" for key in things), "; ")
+            if phrase.load_at == "FROM" and all(self.around.scene.objects[key].role == "A" for key in ids):
+                raise Refusal("not-understood", f'it does not say what to do with the "{phrase}"')
+            raise Refusal("wrong-place", f"{alternatives(ids)} does not hold {alternatives(things)}: {stands}")
+        return fitting, (*named.notes, *notes)
 
     def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
         """Return the object on the side that the phrase names; a single object is assumed to be there."""

@@ -226,6 +226,16 @@ class Refusal(Exception):
         return self.code.startswith("ambiguous") and not self.in_vain
 
 
+def no_action(near: Sequence[str] = ()) -> Refusal:
+    """Return the refusal of a query without an action of the library."""
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    return Refusal(
+        "unknown-action",
+        "it names no action of the library, which opens and closes things, picks them up, "
+        f"and puts them into or onto others{meant}",
+    )
+
+
 # Kinds of closures of an opening.
 Front = Literal["door", "drawer"]
 FRONTS: tuple[Front, ...] = get_args(Front)

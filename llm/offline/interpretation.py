@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.grounding import Grounded, Grounding
+from llm.offline.housekeeping import Housekeeping
 from llm.offline.intents import (
     RELATIONS,
     Intent,
@@ -20,17 +21,16 @@ from llm.offline.intents import (
     Refusal,
     Relation,
     Request,
-    Support,
     Surroundings,
     carries_past_doors,
     enumeration,
     merge_repeated,
+    no_action,
     order_for_one_hand,
 )
 from llm.offline.reader import REFERENCE_DIRECTIONS, Command, Direction, Location, NounPhrase, Reading
-from llm.offline.subtasks import check_all, check_item, is_possible, places_for, with_a_free_hand
+from llm.offline.subtasks import check_all, check_item, places_for, with_a_free_hand
 from llm.offline.viewpoint import start_gap_m
-from oag.model.symbols import has_boards
 from oag.model.where import Where
 
 _SPOTS: Mapping[Direction, str] = {
@@ -40,6 +40,7 @@ _SPOTS: Mapping[Direction, str] = {
     "BEHIND": "behind",
     "INFRONT": "in front of",
 }
+_INTO_OR_ONTO = ("INTO", "IN", "ONTO", "ON")
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
@@ -64,24 +65,12 @@ def interpret_reading(reading: Reading, grounding: Grounding) -> tuple[Request, 
     return request, tuple(dict.fromkeys(notes))
 
 
-def no_action(near: Sequence[str] = ()) -> Refusal:
-    """Return the refusal of a query without an action of the library."""
-    meant = f"; did you mean {' or '.join(near)}?" if near else ""
-    return Refusal(
-        "unknown-action",
-        "it names no action of the library, which opens and closes things, picks them up, "
-        f"and puts them into or onto others{meant}",
-    )
-
-
 @dataclass(slots=True)
-class _IntentBuilder:
+class _IntentBuilder(Housekeeping):
     """Intents so far; the state after them determines the meaning of the next words."""
 
-    grounding: Grounding
     discourse: Discourse
     intents: list[Intent] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
     reached: str | None = None
     start: Surroundings = field(init=False)
     taken: set[str] = field(default_factory=set)
@@ -102,12 +91,14 @@ class _IntentBuilder:
             # "Clear the table and put everything into the fridge" says where to.
             placed = following is not None and any(phrase.everything or phrase.pronoun for phrase in following.objects)
             mention = self._clear(command, guess=not placed)
+        elif command.kind == "find":
+            mention = self._found(command, following)
         elif command.kind in _ARRANGING:
             mention = Mention(_ARRANGING[command.kind](self, command))
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
             mention = self._wished(command, placed)
-        if command.kind != "goto" and self.reached is not None:
+        if command.kind not in ("goto", "find") and self.reached is not None:
             if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
             self.reached = None
@@ -118,12 +109,21 @@ class _IntentBuilder:
         self.notes += [
             f"{key} stays {'in' if i.relation == 'inside' else 'on'} {i.destination}" for key, i in kept.items()
         ]
-        self.intents += [intent for intent in mention.intents if intent.target not in kept]
+        if command.kind != "find":
+            self.intents += [intent for intent in mention.intents if intent.target not in kept]
         self.discourse.mentions.append(mention)
         state = self.start
         for intent in self.intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
+
+    def _found(self, command: Command, following: Command | None) -> Mention:
+        """Return the mention of things that are to be found, which is a part of what is done with them next."""
+        spoken = () if following is None else following.objects
+        place = None if following is None else following.destination
+        if not any(phrase.pronoun for phrase in (*spoken, *(() if place is None else (place.phrase,)))):
+            raise no_action()
+        return Mention(tuple(Intent(IntentKind.PICK, key) for key in self._things(command)))
 
     def _stays(self, intent: Intent) -> bool:
         """Decide whether "but leave it there" takes a thing out of the wishes before it.
@@ -156,14 +156,20 @@ class _IntentBuilder:
         """Return the intents of a command; `placed` is whether the next command places its objects."""
         spoken = (*command.objects, *(() if command.destination is None else (command.destination.phrase,)))
         sided = next((phrase for phrase in spoken if phrase.towards), None)
-        if sided is not None and command.kind in ("place", "nowhere", "toss"):
+        if sided is not None and command.kind in ("place", "nowhere", "away", "toss"):
             named = " ".join(command.objects[0].words)
             problem = f'"to the {sided.side}" says where to put "{named}", and a plan tells places apart, but no spots'
             raise Refusal("unsupported-relation", f'{problem}; "on the {sided.side}" says which one is meant')
         source = self._source(command)
+        if command.kind == "place":
+            command = replace(command, objects=tuple(map(self._as_load, command.objects)))
+        if command.kind == "toss" and command.destination is None:
+            command = replace(command, destination=self._waste_place())
         targets, place = self._ends(command, source)
         if command.kind == "toss" and (place is None or not self._is_waste(place.object_id)):
             raise no_action()
+        if place is not None and command.destination is not None:
+            command = replace(command, destination=self._on_its_side(command.destination, place))
         for grounded in (*targets, *(() if place is None else (place,))):
             if grounded.by_door and command.kind not in ("open", "close") and not self._goes_in(command, grounded):
                 raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
@@ -172,13 +178,8 @@ class _IntentBuilder:
         ids = [grounded.object_id for grounded in targets]
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
-        if command.kind == "nowhere" and self._set_down(command, ids):
-            return self._put_at_reached(ids)
-        if command.kind == "nowhere":
-            for key in ids:
-                check_item(key, self.grounding.around)
-            places = places_for(ids, self.grounding.around)
-            raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
+        if command.kind in ("nowhere", "away"):
+            return self._put_somewhere(command, ids)
         self.notes += [note for grounded in targets for note in grounded.notes]
         as_one = any(phrase.everything for phrase in command.objects)
         origin = self._origin(source)
@@ -189,17 +190,88 @@ class _IntentBuilder:
             return Mention(
                 tuple(Intent(_KINDS[command.kind], t.object_id, where=t.part) for t in targets), origin, as_one
             )
+        return Mention(self._placed(command, targets, place), origin, as_one or any(p.load for p in command.objects))
+
+    def _put_somewhere(self, command: Command, ids: Sequence[str]) -> Mention:
+        """Return the intents that put things where they usually are, or where the robot has been sent."""
+        usual = {key: self._usual_place(key) for key in ids}
+        if command.kind == "away" and all(usual.values()):
+            return Mention(self._put_away(usual))
+        if command.kind == "nowhere" and self._set_down(command, ids):
+            return self._put_at_reached(ids)
+        for key in ids:
+            check_item(key, self.grounding.around)
+        places = places_for(ids, self.grounding.around)
+        raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
+
+    def _placed(self, command: Command, targets: Sequence[Grounded], place: Grounded) -> tuple[Intent, ...]:
+        """Return the intents that put things at a place, with what they shall hold."""
+        if command.destination is None:
+            raise ValueError(f"{command} has no destination")
+        ids = [grounded.object_id for grounded in targets]
         self.notes += place.notes
         self.notes += (
             f'"{at.preposition} {at.phrase}" says which {phrase.words[-1]} is meant, and not where anything is put'
-            for phrase in spoken
+            for phrase in (*command.objects, command.destination.phrase)
             if (at := phrase.location) is not None and at.direction in _SPOTS
         )
+        loads = self._loads(command, targets)
         if (spot := self._spot(command, place)) is not None:
             host = self._hosts(place.object_id)[0]
-            return Mention(_placings(ids, host.relation, host.object_id, spot), origin, as_one)
+            return (*loads, *_placings(ids, host.relation, host.object_id, spot))
         relation = self._relation(command.destination, ids, place)
-        return Mention(_placings(ids, relation, place.object_id, place.part), origin, as_one)
+        carried = self._carried(place, command.destination)
+        return (*loads, *_placings(ids, relation, place.object_id, place.part), *carried)
+
+    def _as_load(self, phrase: NounPhrase) -> NounPhrase:
+        """Return the bowl that shall hold an apple for "an apple in a bowl" that is nowhere."""
+        at = phrase.location
+        if at is None or not (phrase.whichever and at.phrase.whichever and at.direction in ("IN", "ON")):
+            return phrase
+        if not self.grounding.nowhere(phrase) or not self._is_item(self.grounding.one(at.phrase).object_id):
+            return phrase
+        return replace(at.phrase, load=(replace(phrase, location=None),), load_at=at.direction)
+
+    def _loads(self, command: Command, targets: Sequence[Grounded]) -> tuple[Intent, ...]:
+        """Return the intents that put into or onto moved things what the sentence says they hold, and they do not."""
+        if not any(phrase.load for phrase in command.objects):
+            return ()
+        if len(targets) != 1:
+            raise Refusal("several-objects", f'"{command}" loads several things; ask for one at a time')
+        vessel, around = targets[0].object_id, self.grounding.around
+        held = [one for phrase in command.objects[0].load for one in self.grounding.every(phrase, taken=(vessel,))]
+        self.notes += [note for grounded in held for note in grounded.notes]
+        for grounded in held:
+            check_item(grounded.object_id, around)
+        lacking = [one.object_id for one in held if all(s.object_id != vessel for s in around.supports(one.object_id))]
+        return tuple(dict.fromkeys(self._loading(command, key, vessel) for key in lacking))
+
+    def _loading(self, command: Command, item: str, vessel: str) -> Intent:
+        can, at = self.grounding.around.affordances[vessel], command.objects[0].load_at
+        relation: Relation = "ontop" if at == "ON" or (at == "FROM" and not can.interior) else "inside"
+        if at == "FROM":
+            check_item(vessel, self.grounding.around)
+            where = f"{'in' if relation == 'inside' else 'on'} {vessel}"
+            self.notes.append(f'"{command.objects[0]}" is taken for {item} {where}, since it is elsewhere')
+        return Intent(IntentKind.PLACE, item, relation, vessel)
+
+    def _carried(self, place: Grounded, spoken: Location) -> tuple[Intent, ...]:
+        """Return the intent that puts a vessel where "a bowl on the table" says it shall be, if it is elsewhere."""
+        there = spoken.phrase.location
+        if there is None or not place.moves:
+            return ()
+        goal = self._destination(there, [place.object_id])
+        self.notes += [f'"{spoken.phrase}" is nowhere, so that {place.object_id} is put there', *goal.notes]
+        return _placings((place.object_id,), self._relation(there, [place.object_id], goal), goal.object_id, goal.part)
+
+    def _on_its_side(self, place: Location, grounded: Grounded) -> Location:
+        """Return "on the table" for "on the left side of the table", which is a part of it and no place next to it."""
+        can = self.grounding.around.affordances[grounded.object_id]
+        beside = place.direction not in ("LEFTOF", "RIGHTOF") or "side of" not in place.preposition
+        if beside or not can.surface or self._hosts(grounded.object_id):
+            return place
+        self.notes.append(f'"{place.preposition}" changes nothing in the plan: {grounded.object_id} has no such spot')
+        return replace(place, direction="ON", loose=True)
 
     def _spot(self, command: Command, place: Grounded) -> Where | None:
         """Return the spot that "next to the cup" names, on or in what the cup is on or in; None where it names none."""
@@ -209,12 +281,6 @@ class _IntentBuilder:
         if relation != "next to":
             self.notes.append(f'"{relation} {place.object_id}" is meant as seen from the robot\'s start')
         return Where(relation, place.object_id)
-
-    def _is_waste(self, key: str) -> bool:
-        """Decide whether "throw" means putting a thing there."""
-        names = self.grounding.names
-        entry = names.entries[self.grounding.around.scene.objects[key].category]
-        return entry is not None and entry.waste
 
     def _set_down(self, command: Command, ids: Sequence[str]) -> bool:
         """Decide whether "put it down" means where the robot has been sent, or where the thing has just been put."""
@@ -302,6 +368,13 @@ class _IntentBuilder:
             return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, avoided)
+        if is_door and not phrase.several:
+            can, shut = self.grounding.around.affordances, command.kind == "open"
+            is_open = self.grounding.around.is_open
+            return self.grounding.every(phrase, fits=lambda key: can[key].door and is_open(key) is not shut)
+        if phrase.load and command.kind == "place" and self.grounding.nowhere(phrase):
+            # "Put the bowl with the apple in it on the table": what it shall hold.
+            phrase = replace(phrase, load=())
         return self.grounding.every(phrase, source, avoided, taken)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
@@ -348,14 +421,20 @@ class _IntentBuilder:
         """Return the object of a place; a pronoun means none of the targets, and "a table" rather another one."""
         if not place.phrase.pronoun:
             hosts = (step.object_id for key in targets for step in self.grounding.around.supports(key))
-            return self.grounding.one(place.phrase, avoided=(*targets, *hosts))
+            phrase, there = place.phrase, place.phrase.location
+            moves = phrase.whichever and there is not None and there.direction in _INTO_OR_ONTO
+            if moves and self.grounding.nowhere(phrase):
+                grounded = self.grounding.one(replace(phrase, location=None), avoided=(*targets, *hosts))
+                if self._is_item(grounded.object_id):
+                    return replace(grounded, moves=True)
+            return self.grounding.one(phrase, avoided=(*targets, *hosts), fits=self._takes(place))
         affordances = self.grounding.around.affordances
 
         def fits(key: str) -> bool:
             can = affordances[key]
             carries = can.surface or can.top
             wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": carries, "ON": carries}
-            if place.direction == "IN" and place.preposition in self.grounding.names.lexicon.loose:
+            if place.direction == "IN" and place.loose:
                 wanted = {}
             return key not in targets and wanted.get(place.direction, can.interior or can.surface)
 
@@ -370,9 +449,8 @@ class _IntentBuilder:
         self._check_direction(place, targets, destination)
         can = self.grounding.around.affordances[where]
         if place.direction in ("INTO", "IN"):
-            boards = has_boards(self.grounding.around.scene.objects[where].category)
-            loose = place.preposition in self.grounding.names.lexicon.loose
-            if (loose or boards) and can.surface and not can.interior:
+            boards = self._is_in_by_on(where)
+            if (place.loose or boards) and can.surface and not can.interior:
                 return "ontop"
             if destination.by_surface:
                 problem = f'"{place.phrase}" names the top of {where}, which has no interior'
@@ -425,65 +503,6 @@ class _IntentBuilder:
         relation = self._relation(command.destination, ids, place)
         return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
 
-    def _anywhere(self, ids: Sequence[str], cleared: Grounded, *, guess: bool = True) -> tuple[Intent, ...]:
-        """Return the intents that put objects at the only other place for them, or at their usual places."""
-        around = self.grounding.around
-        choices = places_for(ids, around, avoided=(cleared.object_id,))
-        if len(choices) != 1:
-            usual = {key: self._usual_place(key, cleared.object_id) if guess else None for key in ids}
-            if all(usual.values()):
-                return self._put_away(usual)
-            problem = f"it does not say where to put {enumeration(key for key in ids if not usual[key])}"
-            problem += ", and several places can take them" if choices else ", and no other place can take them"
-            raise Refusal("missing-place", problem, instead=choices)
-        intents = choices[0].intents
-        self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
-        return intents
-
-    def _usual_place(self, key: str, avoided: str = "") -> Intent | None:
-        """Return the intent that puts an object where people usually keep its kind; None without such a place."""
-        around, names = self.grounding.around, self.grounding.names
-        entry = names.entries[around.scene.objects[key].category]
-        for relation, kind in names.lexicon.usual_places(entry):
-            for place, thing in around.scene.objects.items():
-                intent = Intent(IntentKind.PLACE, key, relation, place)
-                if names.entries[thing.category] is kind and place != avoided and is_possible(intent, around):
-                    return intent
-        return None
-
-    def _put_away(self, usual: Mapping[str, Intent | None]) -> tuple[Intent, ...]:
-        """Return the intents that put objects at their usual places, those of one place together."""
-        intents = [intent for intent in usual.values() if intent is not None]
-        places = [intent.destination for intent in intents]
-        intents.sort(key=lambda intent: places.index(intent.destination))
-        self.notes += [f"{intent.destination} is taken for the usual place of {intent.target}" for intent in intents]
-        return tuple(intents)
-
-    def _tidied(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put everything that lies about where people usually keep it."""
-        around = self.grounding.around
-        items = [key for key, thing in around.scene.objects.items() if thing.role == "B"]
-        loose = [key for key in items if not any(step.object_id in items for step in around.supports(key))]
-        usual = {key: self._usual_place(key) for key in loose if not self._is_kept(key)}
-        unplaced = [key for key, intent in usual.items() if intent is None]
-        if len(unplaced) == len(usual):
-            problem = f"no usual place is known for {enumeration(unplaced)}" if unplaced else "everything is tidy"
-            raise Refusal("missing-place" if unplaced else "already-so", problem)
-        self.notes += [f"no usual place of {key} is known; it stays where it is" for key in unplaced]
-        return self._put_away(usual)
-
-    def _is_kept(self, key: str) -> bool:
-        """Decide whether an object is at one of its usual places."""
-        around, names = self.grounding.around, self.grounding.names
-        entry = names.entries[around.scene.objects[key].category]
-        usual = names.lexicon.usual_places(entry)
-        kinds = [(s.relation, names.entries[around.scene.objects[s.object_id].category]) for s in self._hosts(key)]
-        return any(relation == where and kind is host for relation, kind in usual for where, host in kinds)
-
-    def _hosts(self, key: str) -> list[Support]:
-        around = self.grounding.around
-        return [step for step in around.supports(key) if step.object_id in around.scene.objects]
-
     def _things(self, command: Command, source: Location | None = None) -> list[str]:
         """Return the items that a command is about."""
         targets = self._targets(command, source, ())
@@ -508,24 +527,6 @@ class _IntentBuilder:
         return (
             Intent(IntentKind.PLACE, ids[0], second.relation, second.object_id),
             Intent(IntentKind.PLACE, ids[1], first.relation, first.object_id),
-        )
-
-    def _loaded(self, command: Command) -> tuple[Intent, ...]:
-        """Return the intents that put things into or onto a thing, and this one somewhere."""
-        around, (vessel, *load) = self.grounding.around, command.objects
-        carrier = self.grounding.one(vessel)
-        moved = replace(command, objects=tuple(load), source=None, destination=None)
-        ids = [key for key in self._things(moved) if key != carrier.object_id]
-        check_item(carrier.object_id, around)
-        if command.destination is None:
-            raise Refusal("missing-place", f"it does not say where to put {carrier.object_id}")
-        place = self._destination(command.destination, [carrier.object_id, *ids])
-        self.notes += (*carrier.notes, *place.notes)
-        relation = self._relation(command.destination, [carrier.object_id], place)
-        within: Relation = "ontop" if command.source is not None and command.source.direction == "ON" else "inside"
-        return (
-            *_placings(ids, within, carrier.object_id),
-            *_placings((carrier.object_id,), relation, place.object_id),
         )
 
     def _nested(self, command: Command) -> tuple[Intent, ...]:
@@ -594,7 +595,6 @@ class _IntentBuilder:
 
 _ARRANGING: Mapping[str, Callable[[_IntentBuilder, Command], tuple[Intent, ...]]] = {
     "swap": _IntentBuilder._swapped,
-    "loaded": _IntentBuilder._loaded,
     "stack": _IntentBuilder._stacked,
     "nest": _IntentBuilder._nested,
     "unstack": _IntentBuilder._unstacked,

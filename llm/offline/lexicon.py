@@ -34,6 +34,7 @@ class Category:
     """One category: all its names, those of its top such as "countertop", and what can be done with it.
 
     `waste`: what is thrown away goes there. `ground`: it is what everything stands on, and no place to bring things to.
+    `seat`: "in" it is on it.
     """
 
     names: tuple[str, ...]
@@ -41,6 +42,7 @@ class Category:
     affordances: Affordances
     waste: bool = False
     ground: bool = False
+    seat: bool = False
     compact: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -64,7 +66,6 @@ class Lexicon:
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
         rooms: The same, where they name the room.
-        loose: Prepositions that name a part of a place, which is dropped with a note.
         descriptions: Words that may stand before a name without changing its meaning.
         which: Words that select one of several, such as "second", and that no scene can resolve.
         people: Words for recipients to whom nothing can be handed.
@@ -89,7 +90,6 @@ class Lexicon:
     vessels: frozenset[str]
     anything: frozenset[str]
     beyond: Mapping[str, str]
-    loose: frozenset[str]
     usual: tuple[Usual, ...]
     categories: Mapping[str, Category]
 
@@ -120,7 +120,7 @@ class Lexicon:
             _claim(owner if key in _DROPPED else {}, key, words.get(key, []), place)
         return cls(
             terminals=terminals,
-            **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", "loose", *_SIGNS)},
+            **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             **{key: frozenset(data.get("counters", {}).get(key, ())) for key in _COUNTERS},
             beyond={verb: reason for reason, verbs in data.get("beyond", {}).items() for verb in verbs},
             usual=tuple(_usual(entry, data["categories"]) for entry in data.get("usual", ())),
@@ -153,12 +153,15 @@ class Lexicon:
         return tuple((relation, self.categories[key]) for usual in kept for relation, key in usual.places)
 
 
-def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], ...]:
+def names_of(
+    thing: SceneObject, entry: Category | None, kinds: frozenset[str] = frozenset()
+) -> tuple[frozenset[str], ...]:
     """Return the names of an object in tiers, the best-fitting first.
 
     Args:
         thing: The object.
         entry: The lexicon's entry of its category.
+        kinds: Categories of the scene; `apple_0` of the category `half_apple` is no "apple" if another thing is one.
 
     Returns:
         Its own names (id, stem of the id, category, model); names of its kind with the noun of its own name, as
@@ -170,7 +173,8 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
     # "The cabinet drawers" are not `cabinet_drawers` itself.
     written = (key, category) if fronts_in(model) else (key, category, model)
     stem = _spoken(key).rstrip("0123456789 ")
-    own = frozenset({*written, *map(_spoken, written), stem} - {""})
+    stems = {stem} if stem == _spoken(category) or stem not in kinds else set()
+    own = frozenset({*written, *map(_spoken, written), *stems} - {""})
     of_kind = frozenset(() if entry is None else entry.names) - own
     tops = of_kind & (frozenset() if entry is None else entry.surface_names)
     nouns = {_noun(name) for name in (stem, _spoken(category)) if name}
@@ -231,7 +235,7 @@ def _category(key: str, entry: Any) -> Category:
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
-    kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground")}
+    kind = {flag: bool(entry.get(flag, False)) for flag in ("waste", "ground", "seat")}
     return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances, **kind)
 
 

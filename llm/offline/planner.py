@@ -18,10 +18,21 @@ import bddl
 import oag
 from bddl.grounding import All, Leaf, Negation, Some
 from llm.errors import QueryError, RefusalCode
-from llm.offline.grounding import Grounding, Names
-from llm.offline.intents import PREPOSITION, Intent, IntentKind, Refusal, Request, Support, Surroundings, enumeration
-from llm.offline.interpretation import interpret_reading, no_action
+from llm.offline.grounding import Grounding
+from llm.offline.intents import (
+    PREPOSITION,
+    Intent,
+    IntentKind,
+    Refusal,
+    Request,
+    Support,
+    Surroundings,
+    enumeration,
+    no_action,
+)
+from llm.offline.interpretation import interpret_reading
 from llm.offline.lexicon import Lexicon, built_in
+from llm.offline.names import Names
 from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read, read_words
 from llm.offline.subtasks import (
     PlainTask,
@@ -58,7 +69,7 @@ _VERB_OF: dict[WishKind, IntentKind] = {
     "take-out": IntentKind.PICK,
     **dict.fromkeys(("put-into", "put-onto", "fill", "stack"), IntentKind.PLACE),
 }
-_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
+_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "LIKE", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 LONGEST_QUERY = 2_000
 """Most characters of a query; the longest readable sentence needs a quarter of them."""
@@ -135,7 +146,7 @@ def _beyond(tokens: Sequence[TaggedWord], names: Names, refusal: Refusal) -> Ref
     if not tokens:
         return refusal
     verb = next((token.text for token in tokens if token.text in names.lexicon.beyond), None)
-    if verb == tokens[0].text and refusal.code in _OF_WORDS:
+    if verb is not None and (verb == tokens[0].text or " " in verb) and refusal.code in _OF_WORDS:
         refusal.code = "unknown-action"
     if verb is not None and refusal.code in ("unknown-action", "not-understood"):
         refusal.problem = f'"{verb}" is no action of the library: {names.lexicon.beyond[verb]}; {refusal.problem}'
@@ -161,17 +172,28 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Reques
         try:
             request, notes = interpret_reading(reading, grounding)
         except Refusal as refusal:
-            refusal.in_vain = any(command.kind in ("bare", "nowhere") for command in reading)
+            refusal.in_vain = any(command.kind in ("bare", "nowhere", "away") for command in reading)
             refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
             refusals.append(refusal)
         else:
             found.setdefault(request, notes)
-    undecided = [refusal for refusal in refusals if refusal.leaves_choice]
+    undecided = [refusal for refusal in refusals if refusal.leaves_choice and not _is_decided(refusal, found)]
     if found and not undecided:
         if len(found) == 1:
             return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
+
+
+def _is_decided(refusal: Refusal, found: Collection[Request]) -> bool:
+    """Decide whether the only other reading says which one is meant: "the glass on the table" of several glasses."""
+    if refusal.code != "ambiguous-object" or len(found) != 1:
+        return False
+    (request,) = found
+    spoken = {
+        key for i in request.intents for key in (i.target, i.destination, None if i.where is None else i.where.other)
+    }
+    return bool(spoken.intersection(refusal.among))
 
 
 def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:

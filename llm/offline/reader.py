@@ -20,7 +20,7 @@ from oag.phrasing import rephrasings
 
 CommandKind = Literal[
     "open", "close", "pick", "place", "clear", "goto", "nowhere", "bare", "swap", "stack", "nest", "unstack", "bring",
-    "tidy", "toss", "loaded",
+    "tidy", "toss", "find", "away",
 ]  # fmt: skip
 # Terminal of the preposition: TO and FROM do not distinguish inside and on top; OUTOF does where there is an interior.
 # Those of the second line distinguish objects, but no plan can achieve them.
@@ -59,11 +59,15 @@ _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A preposition with its noun phrase: a destination, a source, or a place."""
+    """A preposition with its noun phrase: a destination, a source, or a place.
+
+    `loose`: it names a part, such as "the edge of", at which nothing can be put exactly.
+    """
 
     direction: Direction
     phrase: NounPhrase
     preposition: str
+    loose: bool = False
 
     def __str__(self) -> str:
         return f"{self.preposition} {self.phrase}"
@@ -87,6 +91,9 @@ class NounPhrase:
         pronoun: For "it" and "them", whether one or several of the objects mentioned before are meant.
         side: Which of several is meant ("the left glass").
         towards: Whether the side may be where it shall go ("the glass to the left").
+        load: What it holds, or shall hold ("the bowl with the apple in it").
+        load_at: "IN" or "ON" it, or "FROM" where that is not said.
+        elided: Whether it is not spoken ("pick up the mug and put in the sink").
     """
 
     words: tuple[str, ...]
@@ -102,6 +109,9 @@ class NounPhrase:
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
     towards: bool = False
+    load: tuple[NounPhrase, ...] = ()
+    load_at: Direction = "FROM"
+    elided: bool = False
 
     @property
     def front(self) -> Front | None:
@@ -120,6 +130,8 @@ class NounPhrase:
         text = " ".join(self.words if self.side is None else (self.side, *self.words))
         if self.owner is not None:
             text += f" of {self.owner}"
+        if self.load:
+            text += f" with {' and '.join(map(str, self.load))}"
         return text if self.location is None else f"{text} {self.location}"
 
 
@@ -128,10 +140,10 @@ class Command:
     """One command of a query.
 
     Attributes:
-        kind: The action; "nowhere" lacks its place, "bare" its verb, "clear" is about the contents of a place, and
-            "tidy" about all that lies about.
+        kind: The action; "nowhere" lacks its place, "away" means the usual ones of all that is there, "bare" lacks its
+            verb, "clear" is about the contents of a place, and "tidy" about all that lies about.
         objects: Objects of the action; for "clear" and "goto", the place; none for "tidy".
-        source: Where the object is to be taken from; for "loaded", whether the others go in or on the first one.
+        source: Where the object is to be taken from.
         destination: Where it shall go.
         verbless: Whether it has only a noun and a place, as in "apple in the bowl".
         stays: Whether its objects stay as they are, as in "but leave the mug on the table".
@@ -149,11 +161,12 @@ class Command:
             "pick": "pick up ",
             "place": "put ",
             "nowhere": "put ",
+            "away": "put away ",
             "goto": "go to ",
             "bare": "",
             "tidy": "tidy up",
             "toss": "throw ",
-            "loaded": "load and put ",
+            "find": "find ",
             "nest": "put into each other ",
         }
         verb = verbs.get(self.kind, f"{self.kind} ")
@@ -255,12 +268,24 @@ def _command(tree: Any) -> Command:
             source = _place(child)
         elif rule in ("destination", "there"):
             destination = _place(child)
-        elif rule in ("within", "upon"):
-            source = Location("ON" if rule == "upon" else "IN", NounPhrase(("it",), pronoun="it"), "in")
+        elif rule == "load":
+            objects = (replace(objects[0], **_load(child)),)
+        elif rule == "location":
+            objects = (NounPhrase(("everything",), location=_place(child), several=True, everything=True),)
         elif rule == "things":
             objects = (*objects, *_phrases(child))
         else:
             objects = (*objects, _phrase(child))
+    if kind == "place" and not objects:
+        objects = (NounPhrase(("it",), pronoun="it", elided=True),)
+    words = [str(child) for child in tree.children if not _is_tree(child)]
+    puts = kind in ("nowhere", "place") and "away" in words and objects[0].everything
+    if puts and (destination is None or destination.direction in ("ON", "IN")):
+        before = next(child for child in tree.children if _is_tree(child) or str(child) == "away")
+        if destination is None or not _is_tree(before):
+            # "Put away everything on the table" is about what is there.
+            there = objects[0].location or destination
+            kind, objects, destination = "away", (replace(objects[0], location=there),), None
     emptied = any(child.type == "EMPTY" for child in tree.children if not _is_tree(child))
     if kind == "clear" and emptied and not objects[0].everything:
         objects = (_contents(objects[0]),)
@@ -271,6 +296,9 @@ def _command(tree: Any) -> Command:
         # To hold it there is no placing, and nothing else brings it there.
         there = replace(where, direction="AGAINST")
         return Command("place", tuple(replace(phrase, location=None) for phrase in objects), destination=there)
+    if kind == "liked":
+        # "I want the mug on the table" says where it shall be.
+        return Command("bare" if any(phrase.location for phrase in objects) else "bring", objects)
     if kind in ("also", "lying"):
         return Command("place", objects, source, destination, verbless=kind == "lying")
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
@@ -287,7 +315,17 @@ def _place(tree: Any) -> Location:
         # "Put it inside", "put it in there": into an object mentioned before.
         direction: Direction = prepositions[0].type if prepositions else "TO"
         return Location(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
-    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
+    parts = [str(child) for child in tree.children if not _is_tree(child) and child.type == "PARTOF"]
+    spoken = " ".join((*map(str, prepositions), *parts))
+    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), spoken, loose=bool(parts))
+
+
+def _load(tree: Any) -> dict[str, Any]:
+    """Return what a thing holds, and whether in or on it."""
+    parts = _subtrees(tree)
+    at = {"within": "IN", "upon": "ON"}.get(str(parts[-1].data), "FROM")
+    held = (part for part in parts if part.data not in ("within", "upon"))
+    return {"load": tuple(map(_phrase, held)), "load_at": at}
 
 
 def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
@@ -308,13 +346,16 @@ def _phrase(tree: Any) -> NounPhrase:
         return _contents(_phrase(parts[-1]))
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
+    # "The lower left cabinet".
+    words = (*(str(child) for child in tree.children if not _is_tree(child) and child.type == "WORD"), *words)
+    load = next((_load(part) for part in parts if part.data == "load"), {})
     count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
     # "Two glasses" and "two of the glasses", but not "the two glasses" or "both glasses".
     some_number = bool(_INDEFINITE & set(types)) and "DETERMINER" not in types
     whichever = "A" in types or some_number or "ONE" in types
     if rule == "several":
         return NounPhrase(words, states, location, door=door, several=True, count=count, whichever=whichever)
-    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
+    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location", "load"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
     several = count is not None or "ALL" in types
     owner = next(owners, None)
@@ -330,6 +371,7 @@ def _phrase(tree: Any) -> NounPhrase:
         whichever=whichever,
         side=side,
         towards=bool(_TOWARDS & set(types)),
+        **load,
     )
 
 
@@ -399,16 +441,10 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
                 tokens[-1] = TaggedWord("WORD", f"{tokens[-1].text}s")
             elif phrase in lexicon.terminals:
                 terminal = lexicon.terminals[phrase]
-                if (
-                    following == "of"
-                    and terminal in _VERBS_AS_NOUNS
-                    and tokens
-                    and tokens[-1].terminal in _BEFORE_NOUNS
-                ):
-                    # "A set of keys".
+                if terminal in _VERBS_AS_NOUNS and tokens and _is_noun(phrase, tokens[-1], following, lexicon):
                     terminal = "WORD"
-                if phrase in lexicon.loose:
-                    manner.append(phrase)
+                if terminal == "PARTOF":
+                    manner.append(f"{tokens[-1].text} {phrase}" if tokens else phrase)
                 if terminal == "FIRST":
                     terminal = _as_first(phrase, tokens, following, lexicon)
                 tokens.append(TaggedWord(terminal, phrase))
@@ -423,6 +459,15 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
     if len(tokens) > 1 and tokens[0].text == "to" and tokens[1].terminal not in ("DETERMINER", "A", "WORD"):
         # "To put the glass on the table".
         del tokens[0]
+    for index in range(1, len(tokens) - 1):
+        if tokens[index].text == "to" and tokens[index + 1].terminal == "PUT":
+            # "Take the mug to put it on the table".
+            tokens[index] = TaggedWord("THEN", "to")
+    for index in range(len(tokens) - 3, 0, -1):
+        # "The yellow and blue jar".
+        one, link, other, noun = tokens[index - 1 : index + 3]
+        if link.terminal == "AND" and noun.terminal == "WORD" and {one.text, other.text} <= lexicon.descriptions:
+            del tokens[index]
     later = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, later, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
@@ -430,9 +475,15 @@ def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tu
 
 
 # Verbs that are nouns after an article and before "of".
-_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE"})
+_VERBS_AS_NOUNS = frozenset({"PUT", "TAKE", "PICK", "STACK", "TOSS", "PULL", "FORCE", "DRIVE"})
 _IN_NAMES = frozenset({"WORD", "DOOR", "LEFT", "RIGHT", "NEAREST", "FARTHEST"})
 _BEFORE_NOUNS = frozenset({"DETERMINER", "A", "ONE", "ALL", "BOTH", "TWO", "THREE", "FOUR"})
+
+
+def _is_noun(phrase: str, before: TaggedWord, following: str, lexicon: Lexicon) -> bool:
+    """Decide whether a verb is a noun, as in "a set of keys" and "the candle stick"."""
+    counts = following == "of" and before.terminal in _BEFORE_NOUNS
+    return counts or (before.terminal == "WORD" and bool(lexicon.owners(f"{before.text} {phrase}")))
 
 
 def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon: Lexicon) -> str:
@@ -448,7 +499,7 @@ def _as_first(phrase: str, before: Sequence[TaggedWord], following: str, lexicon
 
 def _is_one_wish(tokens: Sequence[TaggedWord]) -> bool:
     """Decide whether words are one wish of several things: "put the mug and the cup into the bowl"."""
-    verbs = sum(token.terminal in _VERBS_AS_NOUNS for token in tokens)
+    verbs = sum(token.terminal in _VERBS_AS_NOUNS and token.terminal != "DRIVE" for token in tokens)
     joins = [index for index, token in enumerate(tokens) if token.terminal in _ENDS]
     places = [index for index, token in enumerate(tokens) if token.terminal in _PREPOSITIONS]
     listing = all(tokens[index].terminal in ("AND", "COMMA") for index in joins)

@@ -27,8 +27,8 @@ _PLAIN_COLORS = (
 COLORS = {**dict(zip(_PLAIN_COLORS, _PLAIN_COLORS, strict=True)), "gray": "grey", "golden": "gold"}
 # Word for a size -> whether the largest or the smallest is meant, and whether by its height alone.
 SIZES = {
-    **dict.fromkeys(("big", "large", "huge"), (True, False)),
-    **dict.fromkeys(("small", "little", "tiny"), (False, False)),
+    **dict.fromkeys(("big", "large", "huge", "bigger", "larger"), (True, False)),
+    **dict.fromkeys(("small", "little", "tiny", "smaller"), (False, False)),
     "tall": (True, True),
     "short": (False, True),
 }

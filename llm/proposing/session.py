@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from llm.client.transport import Image, Transport
-from llm.offline.grounding import Grounding, singulars
+from llm.offline.grounding import Grounding
 from llm.offline.lexicon import built_in
+from llm.offline.names import singulars
 from llm.offline.planner import named_in
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import errors_of, finding

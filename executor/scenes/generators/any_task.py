@@ -34,7 +34,7 @@ from executor.scenes.room import NoRoom, Room, against, build_walls, stand, wall
 from executor.scenes.validation import Unsettled, settle
 from oag import Scene
 from oag.model.robots import LIFTED
-from oag.model.symbols import GRIPPER, Kind
+from oag.model.symbols import GRIPPER, Kind, has_boards
 
 FAMILY = "T7"
 MOST_LAYOUTS = 40
@@ -182,7 +182,9 @@ def _wish(seed: int, wanted: str, scene: Scene, rng: np.random.Generator) -> Any
         **{letter: str(rng.choice(data["absent"][letter])) for letter in "xy"},
         "n": _part(b, scene, rng),
     }
-    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, phrasing, a, b, c, d, s, where)))
+    # Who says "in the shelf" means its boards.
+    said = phrasing.replace("in the {b}", "on the {b}") if b and has_boards(scene[b].category) else phrasing
+    return AnyWish(seed, wanted, phrasing.format(**words), scene, tuple(_meant(wanted, said, a, b, c, d, s, where)))
 
 
 def _part(key: str, scene: Scene, rng: np.random.Generator) -> str:

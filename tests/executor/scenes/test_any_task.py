@@ -42,7 +42,7 @@ def test_what_is_meant_is_about_the_scene() -> None:
 
 
 def test_labels_are_a_hundred_in_two_halves_and_give_reasons_for_what_is_impossible() -> None:
-    assert Counter(label.half for label in labels().values()) == {"tuning": 50, "judging": 50}
+    assert Counter(label.half for label in labels().values()) == {"tuning": 50, "judging": 50, "judging-2": 100}
     for label in labels().values():
         assert label.possible in ("yes", "no", "unsure")
         assert bool(label.reasons) is (label.possible == "no") and set(label.reasons) <= _STATED.keys()

@@ -37,7 +37,7 @@ def test_no_name_of_a_thing_is_swallowed_by_another_class() -> None:
 
 ENTRIES = {
     "water_glass": "water_glass",
-    "half_apple": "apple",
+    "half_apple": "half_apple",
     "breakfast_table": "table",
     "fridge": "refrigerator",
     "bottom_cabinet": "cabinet",

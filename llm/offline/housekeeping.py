@@ -1,0 +1,112 @@
+"""What people expect of the places of a home: where things are usually kept, thrown away, and put in or on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from llm.offline.grounding import Grounded, Grounding
+from llm.offline.intents import Intent, IntentKind, Refusal, Support, enumeration, no_action
+from llm.offline.reader import Command, Location, NounPhrase
+from llm.offline.subtasks import is_possible, places_for
+from oag.model.symbols import has_boards
+
+
+@dataclass(slots=True)
+class Housekeeping:
+    """Usual places in the state of a scene, and the notes on what was assumed of them."""
+
+    grounding: Grounding
+    notes: list[str] = field(default_factory=list, kw_only=True)
+
+    def _is_item(self, key: str) -> bool:
+        return self.grounding.around.scene.objects[key].role == "B"
+
+    def _hosts(self, key: str) -> list[Support]:
+        around = self.grounding.around
+        return [step for step in around.supports(key) if step.object_id in around.scene.objects]
+
+    def _is_waste(self, key: str) -> bool:
+        """Decide whether "throw" means putting a thing there."""
+        names = self.grounding.names
+        entry = names.entries[self.grounding.around.scene.objects[key].category]
+        return entry is not None and entry.waste
+
+    def _waste_place(self) -> Location:
+        """Return the only place for waste, where "throw it away" puts a thing."""
+        around = self.grounding.around
+        bins = [key for key, thing in around.scene.objects.items() if thing.role == "A" and self._is_waste(key)]
+        if len(bins) != 1:
+            raise no_action()
+        self.notes.append(f"{bins[0]} is the only place for waste")
+        return Location("INTO", NounPhrase((bins[0],)), "into")
+
+    def _takes(self, place: Location) -> Callable[[str], bool]:
+        """Return what tells like places apart: whether things go into them, or onto them, as the preposition says."""
+        affordances = self.grounding.around.affordances
+        if place.direction in ("INTO", "IN"):
+            return lambda key: (
+                affordances[key].interior or has_boards(self.grounding.around.scene.objects[key].category)
+            )
+        return lambda key: place.direction not in ("ONTO", "ON") or affordances[key].surface or affordances[key].top
+
+    def _is_in_by_on(self, key: str) -> bool:
+        """Decide whether people say "in" of what is on a thing: on the boards of a shelf, and on a seat."""
+        category = self.grounding.around.scene.objects[key].category
+        entry = self.grounding.names.entries[category]
+        return has_boards(category) or (entry is not None and entry.seat)
+
+    def _anywhere(self, ids: Sequence[str], cleared: Grounded, *, guess: bool = True) -> tuple[Intent, ...]:
+        """Return the intents that put objects at the only other place for them, or at their usual places."""
+        around = self.grounding.around
+        choices = places_for(ids, around, avoided=(cleared.object_id,))
+        if len(choices) != 1:
+            usual = {key: self._usual_place(key, cleared.object_id) if guess else None for key in ids}
+            if all(usual.values()):
+                return self._put_away(usual)
+            problem = f"it does not say where to put {enumeration(key for key in ids if not usual[key])}"
+            problem += ", and several places can take them" if choices else ", and no other place can take them"
+            raise Refusal("missing-place", problem, instead=choices)
+        intents = choices[0].intents
+        self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
+        return intents
+
+    def _usual_place(self, key: str, avoided: str = "") -> Intent | None:
+        """Return the intent that puts an object where people usually keep its kind; None without such a place."""
+        around, names = self.grounding.around, self.grounding.names
+        entry = names.entries[around.scene.objects[key].category]
+        for relation, kind in names.lexicon.usual_places(entry):
+            for place, thing in around.scene.objects.items():
+                intent = Intent(IntentKind.PLACE, key, relation, place)
+                if names.entries[thing.category] is kind and place != avoided and is_possible(intent, around):
+                    return intent
+        return None
+
+    def _put_away(self, usual: Mapping[str, Intent | None]) -> tuple[Intent, ...]:
+        """Return the intents that put objects at their usual places, those of one place together."""
+        intents = [intent for intent in usual.values() if intent is not None]
+        places = [intent.destination for intent in intents]
+        intents.sort(key=lambda intent: places.index(intent.destination))
+        self.notes += [f"{intent.destination} is taken for the usual place of {intent.target}" for intent in intents]
+        return tuple(intents)
+
+    def _tidied(self, command: Command) -> tuple[Intent, ...]:
+        """Return the intents that put everything that lies about where people usually keep it."""
+        around = self.grounding.around
+        items = [key for key, thing in around.scene.objects.items() if thing.role == "B"]
+        loose = [key for key in items if not any(step.object_id in items for step in around.supports(key))]
+        usual = {key: self._usual_place(key) for key in loose if not self._is_kept(key)}
+        unplaced = [key for key, intent in usual.items() if intent is None]
+        if len(unplaced) == len(usual):
+            problem = f"no usual place is known for {enumeration(unplaced)}" if unplaced else "everything is tidy"
+            raise Refusal("missing-place" if unplaced else "already-so", problem)
+        self.notes += [f"no usual place of {key} is known; it stays where it is" for key in unplaced]
+        return self._put_away(usual)
+
+    def _is_kept(self, key: str) -> bool:
+        """Decide whether an object is at one of its usual places."""
+        around, names = self.grounding.around, self.grounding.names
+        entry = names.entries[around.scene.objects[key].category]
+        usual = names.lexicon.usual_places(entry)
+        kinds = [(s.relation, names.entries[around.scene.objects[s.object_id].category]) for s in self._hosts(key)]
+        return any(relation == where and kind is host for relation, kind in usual for where, host in kinds)

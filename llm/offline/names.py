@@ -1,0 +1,237 @@
+"""Names of the objects of a scene: which of them a run of words fits best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self, get_args
+
+import bddl
+from llm.offline.intents import Affordances, Front, Refusal, Surroundings, alternatives
+from llm.offline.lexicon import Category, Lexicon, names_of, short_names
+from llm.offline.reader import NounPhrase
+from llm.offline.viewpoint import LEVELS
+from oag import Scene
+from oag.model.where import WHICH, Part, Where
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Objects with a name, the unconfirmed describing words before it, and notes."""
+
+    ids: tuple[str, ...]
+    name: str
+    descriptions: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+    by_door: bool = False
+    plural: bool = False
+    notes: tuple[str, ...] = ()
+    part: Where | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names of the objects of a scene.
+
+    The `bearers` of a name are the objects that it fits best, then those that it fits less.
+    """
+
+    scene: Scene
+    affordances: Mapping[str, Affordances]
+    lexicon: Lexicon
+    entries: Mapping[str, Category | None]
+    bearers: Mapping[str, Sequence[Sequence[str]]]
+    words: frozenset[str]
+
+    @classmethod
+    def of(cls, around: Surroundings, lexicon: Lexicon, entries: Mapping[str, Category | None]) -> Self:
+        """Return the names of a scene's objects; `entries` are the lexicon's, by category."""
+        objects = around.scene.objects
+        kinds = frozenset(thing.category.lower().replace("_", " ") for thing in objects.values())
+        bearers: dict[str, tuple[list[str], ...]] = {}
+        for key, thing in objects.items():
+            tiers = names_of(thing, entries[thing.category], kinds)
+            tiers = (*tiers, short_names(thing, entries[thing.category], lexicon).difference(*tiers))
+            for rank, names in enumerate(tiers):
+                for name in names:
+                    bearers.setdefault(name, tuple([] for _ in tiers))[rank].append(key)
+        known = (*bearers, *(name for entry in lexicon.categories.values() for name in entry.names))
+        words = frozenset(word for name in known for word in name.split())
+        return cls(around.scene, around.affordances, lexicon, entries, bearers, words)
+
+    @property
+    def plural_units(self) -> frozenset[str]:
+        """Words such as "bars" and "bottles"."""
+        return frozenset(f"{word}s" for word in self.lexicon.units | self.lexicon.vessels)
+
+    def knows(self, word: str) -> bool:
+        """Decide whether a word, or its singular, is part of any name or may stand before one."""
+        forms = (word, *singulars(word))
+        lexicon = self.lexicon
+        if (
+            word in lexicon.descriptions
+            or word in lexicon.which
+            or (lexicon.units | lexicon.vessels).intersection(forms)
+        ):
+            return True
+        return any(form in self.words for form in forms)
+
+    def mentioned(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Return the objects named by any run of words, for suggestions."""
+        longest = max((name.count(" ") + 1 for name in self.bearers), default=0)
+        found: dict[str, None] = {}
+        for start in range(len(words)):
+            for stop in range(min(len(words), start + longest), start, -1):
+                found.update(dict.fromkeys(self.by_name(" ".join(words[start:stop])).ids))
+        return tuple(found)
+
+    def described(self, words: tuple[str, ...]) -> Named:
+        """Return the objects named by the longest ending of the words, if only descriptions precede it."""
+        for start in range(len(words)):
+            named = self.by_name(" ".join(words[start:]))
+            if named.ids:
+                return Named(named.ids, named.name, words[:start], named.passed_over)
+            if words[start] not in self.lexicon.descriptions:
+                break
+        return Named((), " ".join(words))
+
+    def compound(self, words: tuple[str, ...]) -> Named:
+        """Return what several names name: a thing by two of its own, or the one piece of furniture by the last.
+
+        What stands before it in "the sink counter" is taken on trust. A name of several words is one of its own: "the
+        towel rack" is no other rack. "The fridge drawer" is a part of the fridge, if that opens.
+        """
+        owners = (key for word in words[:-1] for key in self.by_name(word).ids)
+        if not all(map(self.knows, words)) or any(self.affordances[key].door for key in owners):
+            return Named((), " ".join(words))
+        for start in range(1, len(words)):
+            named = self.described(words[start:])
+            # "The hand soap bottle" is both.
+            twice = tuple(key for key in self.described(words[:start]).ids if key in named.ids)
+            if twice:
+                return Named(twice, " ".join(words))
+            known = any(self.lexicon.owners(" ".join(words[first:])) for first in range(start))
+            if len(named.ids) == 1 and self.scene.objects[named.ids[0]].role == "A" and not known:
+                return replace(named, descriptions=(*words[:start], *named.descriptions))
+        return Named((), " ".join(words))
+
+    def by_name(self, name: str) -> Named:
+        """Return the objects that a name fits best, in the order of `names_of`; the others are passed over."""
+        tiers = [tier for tier in self.bearers.get(name, ()) if tier]
+        if not tiers:
+            return Named((), name)
+        return Named(tuple(tiers[0]), name, passed_over=tuple(key for tier in tiers[1:] for key in tier))
+
+    def doors(self, phrase: NounPhrase, front: Front) -> Named:
+        """Return the objects whose door or drawer is meant: those of the name before the word, or all that have one."""
+        before = phrase.words[:-1]
+        named = self.described(before) if before else Named(tuple(self.affordances), phrase.words[-1])
+        if phrase.side is not None and (not before or len(named.ids) == 1):
+            # "The left cabinet door" of several cabinets is that of the left one.
+            raise self.unresolvable(phrase, (phrase.side,))
+        if not named.ids:
+            return named
+        ids = tuple(key for key in named.ids if self.affordances[key].opens_by(front))
+        if not ids:
+            raise self.without(named.ids, front, by_name=bool(before))
+        return Named(ids, named.name, named.descriptions, by_door=True)
+
+    def door_of(self, whole: str, phrase: NounPhrase) -> Named:
+        """Return an object whose door or drawer is meant."""
+        before, front = phrase.words[:-1], phrase.front
+        which = (*((phrase.side,) if phrase.side else ()), *self.which(before))
+        can = self.affordances[whole]
+        if (part := _part(phrase, which)) is not None and (front is None or can.door):
+            if front is not None and can.fronts and front not in can.fronts:
+                raise self.without((whole,), front, by_name=True)
+            return Named((whole,), " ".join(phrase.words), by_door=front is not None, part=part)
+        if front is not None and which:
+            raise self.unresolvable(phrase, which)
+        named = all(word in self.lexicon.descriptions for word in before)
+        if front is None or not named or not self.affordances[whole].door:
+            problem = f'{whole} has no "{" ".join(phrase.words)}" that can be told apart from it'
+            raise Refusal("unknown-object", problem)
+        if not self.affordances[whole].opens_by(front):
+            raise self.without((whole,), front, by_name=True)
+        return Named((whole,), " ".join(phrase.words), before, by_door=True)
+
+    def without(self, ids: Iterable[str], front: Front, *, by_name: bool) -> Refusal:
+        """Return the refusal of a door or drawer that objects are not known to have."""
+        can_open = [key for key in ids if self.affordances[key].door]
+        has = [_opened_by(key, self.affordances[key]) for key in can_open]
+        if by_name and has:
+            return Refusal("affordance", f"{has[0]}; no plan opens a {front} of it")
+        return Refusal("unknown-object", f"nothing in {self.scene.name} is known to open by a {front}", scene=has)
+
+    def unknown(self, phrase: NounPhrase, around: Surroundings) -> Refusal:
+        """Return the refusal of a name without an object in the scene, with the nearest names."""
+        which = self.which(phrase.words)
+        if which:
+            return self.unresolvable(phrase, which)
+        wanted = " ".join(phrase.words)
+        return Refusal(
+            "unknown-object",
+            f'nothing in {self.scene.name} is called "{wanted}"{self.meant(wanted)}',
+            scene=[around.described(key) for key in self.scene.objects],
+        )
+
+    def joined(self, words: tuple[str, ...], of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        """Yield the names that "a bottle of medicine", "two bars of soap" or "a set of keys" can stand for."""
+        *before, noun = words
+        for unit in dict.fromkeys((noun, *singulars(noun))):
+            yield (*before, unit, "of", *of)
+            if unit in self.lexicon.vessels:
+                yield from ((*before, *of[:-1], last, unit) for last in (of[-1], *singulars(of[-1])))
+            if unit in self.lexicon.units:
+                yield (*before, *of)
+
+    def meant(self, *wanted: str) -> str:
+        """Return the question whether one of the nearest names was meant; empty if none is near."""
+        near: dict[tuple[str, ...], str] = {}
+        for words in wanted:
+            for name in bddl.near_names(words, sorted(self.bearers)):
+                near.setdefault(self.by_name(name).ids, name)
+        meant = [name if ids == (name,) else f"{name} ({alternatives(ids)})" for ids, name in near.items()]
+        return f"; did you mean {' or '.join(meant)}?" if meant else ""
+
+    def unresolvable(self, phrase: NounPhrase, which: Sequence[str]) -> Refusal:
+        """Return the refusal of words that select one of several, which no plan can do."""
+        listed = " and ".join(f'"{word}"' for word in which)
+        if (part := _part(phrase, which)) is not None:
+            problem = f'{listed} says which {part.part} is meant, but not of what: say "the {part} of ..."'
+            return Refusal("unknown-object", f"{problem}, with the name or the id of the thing")
+        if phrase.door:
+            problem = f"{listed} says which {phrase.words[-1]} is meant, and a plan opens and closes a thing as a whole"
+        else:
+            problem = f"{listed} says which of several is meant, and nothing in {self.scene.name} tells that"
+        return Refusal("unknown-object", f"{problem}; name the object alone, by its id where there are several")
+
+    def which(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Return the words that select one of several, such as "second"."""
+        return tuple(word for word in words if word in self.lexicon.which)
+
+
+_ORDERED = {
+    **{word: level for word, level in LEVELS.items()},
+    **dict(zip(("1st", "2nd", "3rd", "4th", "5th"), WHICH[5:10], strict=True)),
+}
+
+
+def _part(phrase: NounPhrase, which: Sequence[str]) -> Where | None:
+    """Return the part that "the top drawer" or "the left door" of a thing names; None where it names none."""
+    noun = next((n for n in (phrase.words[-1], *singulars(phrase.words[-1])) if n in get_args(Part)), None)
+    words = [_ORDERED.get(word, word) for word in which]
+    rest = len(phrase.words) - 1 - len(which) + (phrase.side is not None)
+    return Where("", "", words[0], noun) if noun and len(words) == 1 and words[0] in WHICH and not rest else None
+
+
+def _opened_by(key: str, can: Affordances) -> str:
+    if not can.fronts:
+        return f"neither the category nor the model of {key} says whether it has doors or drawers"
+    return f"{key} opens by its {'doors' if can.opens_by('door') else 'drawers'}"
+
+
+def singulars(word: str) -> tuple[str, ...]:
+    """Return the possible singulars of a plural; empty for a word that is none."""
+    endings = (("lves", "lf"), ("ives", "ife"), ("oaves", "oaf"), ("ies", "y"), ("es", ""), ("s", ""))
+    return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)
