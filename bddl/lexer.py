@@ -1,18 +1,24 @@
-"""Lexer: words, parentheses and nested forms of a text, by the Lark grammar in `grammar.lark`."""
+"""Lexer: words, parentheses and nested forms of a text.
+
+It decides one thing: where every form begins and ends. What a form must contain is in the tables of the dialects, and
+checked by the readers of formulas and sections: a malformed form must not hide the mistakes in its neighbours.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from bddl.ast import Span
 from bddl.diagnostics import Source
 
-if TYPE_CHECKING:
-    from lark import Lark
+# Whatever none of these matches is a blank. There are no strings in BDDL, so `;` always begins a comment.
+_WORDS = re.compile(
+    r"(?P<COMMENT>;[^\n]*)|(?P<OPEN>\()|(?P<CLOSE>\))|(?P<HYPHEN>-(?=[\s();\ufeff]|$))"
+    r"|(?P<SECTION>:[^\s();\ufeff]*)|(?P<VARIABLE>\?[^\s();\ufeff]*)|(?P<NAME>[^\s();\ufeff]+)"
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -20,7 +26,7 @@ class Word:
     """A word of the text, or a parenthesis.
 
     Attributes:
-        kind: Name of its terminal in the grammar.
+        kind: Name of its group in the pattern of words.
         offset: Where it begins in the text.
         invented: True for a parenthesis that the text lacks and that was put in to read on.
     """
@@ -44,11 +50,6 @@ class Word:
     @property
     def span(self) -> Span:
         return self.source.span(self.offset, 0 if self.invented else len(self.text))
-
-    @property
-    def type(self) -> str:
-        """Name of its terminal, under which Lark's parser knows a token."""
-        return self.kind
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -83,99 +84,38 @@ class Group:
         opened = self.opened
         return opened.source.span(opened.offset, self.closed.end - opened.offset)
 
-    @property
-    def type(self) -> str:
-        """Name of its terminal, under which Lark's parser knows a form that was read in one piece."""
-        return "FLAT"
-
 
 Item: TypeAlias = Word | Group
 Forest: TypeAlias = Sequence[Item]
-
-
-def read_forest(source: Source) -> Forest | None:
-    """Return the forms and words of a text, or None when its parentheses do not match."""
-    from lark.exceptions import UnexpectedInput
-
-    try:
-        return regroup(_tokens(source))
-    except UnexpectedInput:
-        return None
 
 
 def read_words(source: Source) -> list[Word]:
     """Return every word and parenthesis of a text, in order."""
     return [
         Word(found.lastgroup or "", found.group(), found.start(), source)
-        for found in _grammar().words.finditer(source.text)
+        for found in _WORDS.finditer(source.text)
         if found.lastgroup != "COMMENT"
     ]
 
 
-def _tokens(source: Source) -> Iterator[Item]:
-    """Yield the tokens of a text, forms that hold nothing but words in one piece."""
-    grammar, text = _grammar(), source.text
-    for found in grammar.tokens.finditer(text):
-        kind = found.lastgroup or ""
-        if kind == "FLAT":
-            start, end = found.span()
-            inside = [
-                Word(word.lastgroup or "", word.group(), word.start(), source)
-                for word in grammar.words.finditer(text, start + 1, end - 1)
-            ]
-            yield Group(inside, Word("OPEN", "(", start, source), Word("CLOSE", ")", end - 1, source))
-        elif kind != "COMMENT":
-            yield Word(kind, found.group(), found.start(), source)
-
-
-def regroup(tokens: Iterable[Item]) -> Forest:
-    """Return the forest of some tokens; raise Lark's UnexpectedInput when their parentheses do not match."""
-    from lark import Token
-
-    feed = _grammar().lark.parse_interactive().parser_state.feed_token
-    for token in tokens:
-        feed(token)  # type: ignore[arg-type]
-    forest: Forest = feed(Token("$END", ""), is_end=True)
-    return forest
-
-
-@dataclass(frozen=True, slots=True)
-class _Grammar:
-    """Lark's parser, and its terminals as two patterns: with and without forms read in one piece.
-
-    Blanks are in neither pattern: whatever no other terminal matches is a blank.
-    """
-
-    lark: Lark
-    tokens: re.Pattern[str]
-    words: re.Pattern[str]
-
-
-@lru_cache(maxsize=1)
-def _grammar() -> _Grammar:
-    """Return the parser, built once; it makes groups while it parses, so no step depends on the depth of a text."""
-    from lark import Lark
-
-    lark = Lark.open("grammar.lark", rel_to=__file__, parser="lalr", lexer="basic", transformer=_Builder())
-    terminals = sorted(lark.terminals, key=lambda terminal: -terminal.priority)
-    named = {terminal.name: f"(?P<{terminal.name}>{terminal.pattern.to_regexp()})" for terminal in terminals}
-    del named["SPACE"]
-    tokens = re.compile("|".join(named.values()))
-    del named["FLAT"]
-    return _Grammar(lark, tokens, re.compile("|".join(named.values())))
-
-
-class _Builder:
-    """Transformer that Lark calls for each rule of the grammar as soon as the rule is complete."""
-
-    def start(self, children: list[Item]) -> Forest:
-        return children
-
-    def group(self, children: list[Item]) -> Group:
-        opened, closed = children[0], children[-1]
-        if not isinstance(opened, Word) or not isinstance(closed, Word):
-            raise TypeError("The grammar's rule `group` begins with OPEN and ends with CLOSE.")
-        return Group(children[1:-1], opened, closed)
+def group_words(words: Iterable[Word]) -> Forest | None:
+    """Return the forms and loose words of a text, or None when its parentheses do not match."""
+    items: list[Item] = []
+    # The opening parentheses so far, each with the items before it.
+    opened: list[tuple[Word, list[Item]]] = []
+    for word in words:
+        if word.kind == "OPEN":
+            opened.append((word, items))
+            items = []
+        elif word.kind != "CLOSE":
+            items.append(word)
+        elif not opened:
+            return None
+        else:
+            first, around = opened.pop()
+            around.append(Group(items, first, word))
+            items = around
+    return None if opened else items
 
 
 def is_call(items: Sequence[Item]) -> bool:

@@ -21,11 +21,10 @@ from bddl.lexer import (
     Forest,
     Group,
     Word,
+    group_words,
     hide_free_text,
     is_call,
-    read_forest,
     read_words,
-    regroup,
     to_prefix,
     words_of,
 )
@@ -206,9 +205,10 @@ def read_text(text: str, wanted: Wanted, profile: Profile, objects: Mapping[str,
 
 def _select_forms(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest, list[Group]]:
     """Return the forms of the reporter's text that are to be read: one when the text is legal."""
-    forest = read_forest(reporter.source)
+    words_read = read_words(reporter.source)
+    forest = group_words(words_read)
     if forest is None:
-        forest = regroup(recover_parentheses(read_words(reporter.source), profile, reporter))
+        forest = group_words(recover_parentheses(words_read, profile, reporter)) or ()
         reporter.restrict(_AFTER_REPAIR)
     groups = [item for item in forest if isinstance(item, Group)]
     words = [item for item in forest if isinstance(item, Word)]
@@ -284,7 +284,7 @@ def _unwrap(
             hint="write (NAME ARGUMENT ...)",
             whole=True,
         )
-        return [item for item in regroup(to_prefix(words_of(forest))) if isinstance(item, Group)]
+        return [item for item in group_words(to_prefix(words_of(forest))) or () if isinstance(item, Group)]
     likely = likely_forms(groups, profile, with_prose=True) or groups
     hint = "give the BDDL text alone; a comment begins with ;"
     fence = next((word for word in words if word.text.startswith(("```", "~~~"))), None)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from bddl.ast import And, Exists, ForAll, Formula, FormulaNode, Imply, Not, Or, Quantified
 from bddl.diagnostics import BDDLError, Reporter, Source
 from bddl.dialects import PredicateSpec, Profile
-from bddl.lexer import Group, read_forest
+from bddl.lexer import Group, group_words, read_words
 from bddl.problem import ROOT_CATEGORY, Domain, Problem
 
 _DEFINITION = re.compile(r"\(\s*define\b", re.IGNORECASE)
@@ -24,7 +24,7 @@ def split_domain(text: str) -> tuple[str, str] | None:
     """
     if len(_DEFINITION.findall(text)) != 2:
         return None
-    forest = read_forest(Source(text)) or ()
+    forest = group_words(read_words(Source(text))) or ()
     forms = [item for item in forest if isinstance(item, Group)]
     if len(forms) != 2 or len(forest) != 2:
         return None

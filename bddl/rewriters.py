@@ -17,7 +17,7 @@ from typing import NamedTuple
 from bddl.ast import QUANTIFIER_WORDS
 from bddl.diagnostics import SLIP_OF_CODE, Reporter, Slip, Source
 from bddl.dialects import FORM_SYNONYMS, ROOM, SYNONYM_OF, VAGUE_PREDICATES, Profile, near_names, swap_reason
-from bddl.lexer import Forest, Group, Item, Word, read_forest, read_words, words_in, words_of
+from bddl.lexer import Forest, Group, Item, Word, group_words, read_words, words_in, words_of
 from bddl.parser import likely_forms
 from bddl.recovery import recover_parentheses
 
@@ -62,7 +62,7 @@ class TextDraft:
     @cached_property
     def balanced(self) -> Forest | None:
         """Its forms and loose words, or None when the parentheses do not match."""
-        return read_forest(Source(self.text)) if self.given is None else self.given
+        return group_words(read_words(Source(self.text))) if self.given is None else self.given
 
     @cached_property
     def groups(self) -> list[Group]:

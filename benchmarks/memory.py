@@ -11,13 +11,41 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from executor.bench.folder import BenchFolder
-from executor.bench.tables import memory_growth, of_one_process
+from executor.bench.tables import Result
 
 MOST_PERCENT = 10.0
 SHOWN = (1, 10, 20, 50, 100, 200, 500, 1000)
+
+
+def memory_growth(results: Sequence[Result]) -> dict[str, object] | None:
+    """Return the memory growth of the process with the most units after its warm-up, or None.
+
+    The first ten units, or a tenth where there are fewer than a hundred, warm up caches of libraries.
+    """
+    longest = of_one_process(results)
+    if not longest:
+        return None
+    warm = longest[min(10, len(longest) // 10) :]
+    first, last = warm[0]["rss_mb"], warm[-1]["rss_mb"]
+    return {
+        "units_in_one_process": len(longest),
+        "after_warm_up_mb": first,
+        "at_the_end_mb": last,
+        "growth_percent": 100.0 * (last / first - 1.0),
+        "peak_mb": max(result["peak_rss_mb"] for result in longest),
+    }
+
+
+def of_one_process(results: Sequence[Result]) -> list[Result]:
+    """Return the results of the process with the most units, in their order."""
+    by_worker: dict[int, list[Result]] = {}
+    for result in sorted((r for r in results if "rss_mb" in r), key=lambda r: r["started_s"]):
+        by_worker.setdefault(result["worker"], []).append(result)
+    return max(by_worker.values(), key=len, default=[])
 
 
 def main(folder: str) -> int:

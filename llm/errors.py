@@ -114,10 +114,6 @@ class ModelRefused(ModelError):
     exit_code = 1
 
 
-class ModelCancelled(ModelError):
-    """The caller cancelled while a reply was awaited."""
-
-
 class BadReply(ModelError):
     """The server answered, but not with a chat completion."""
 

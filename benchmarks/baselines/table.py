@@ -119,7 +119,7 @@ def rows(cells: list[Cell]) -> Iterator[tuple[str, ...]]:
                 f"{min(seeds)} to {max(seeds)}" if seeds else "-",
                 str(cell.all),
                 "-" if cell.subtask_score is None else number(cell.subtask_score),
-                f"{cell.simulated_in_vain_s:.0f} s",
+                f"{sum(one.get('simulated_s', 0.0) for one in cell.failed):.0f} s",
                 "-" if paper is None else f"{method}: {number(paper[0])} / {number(paper[1])}",
             )
 

@@ -85,11 +85,6 @@ class Cell:
         return dict(counted.most_common())
 
     @property
-    def simulated_in_vain_s(self) -> float:
-        """Simulated time of failed units [s]."""
-        return float(sum(result.get("simulated_s", 0.0) for result in self.failed))
-
-    @property
     def subtasks(self) -> list[Rate]:
         """Success rate of each subtask in order, over the units that reached it."""
         return subtask_rates(self.results)
@@ -149,10 +144,8 @@ class Cell:
             "demos_per_hour": self.demos_per_hour,
             "busy_s": self.busy_s,
             "times_s": {part: _spread(values) for part, values in self._times().items()},
-            "memory": memory_growth(self.results),
             "penetration": self._penetration(),
             "peaks": self._peaks(),
-            "simulated_in_vain_s": self.simulated_in_vain_s,
             **self._evolution(),
         }
 
@@ -224,33 +217,6 @@ def busy_s(results: Sequence[Result]) -> float:
         total += max(0.0, end - max(start, until))
         until = max(until, end)
     return total
-
-
-def memory_growth(results: Sequence[Result]) -> dict[str, object] | None:
-    """Return the memory growth of the process with the most units after its warm-up, or None.
-
-    The first ten units, or a tenth where there are fewer than a hundred, warm up caches of libraries.
-    """
-    longest = of_one_process(results)
-    if not longest:
-        return None
-    warm = longest[min(10, len(longest) // 10) :]
-    first, last = warm[0]["rss_mb"], warm[-1]["rss_mb"]
-    return {
-        "units_in_one_process": len(longest),
-        "after_warm_up_mb": first,
-        "at_the_end_mb": last,
-        "growth_percent": 100.0 * (last / first - 1.0),
-        "peak_mb": max(result["peak_rss_mb"] for result in longest),
-    }
-
-
-def of_one_process(results: Sequence[Result]) -> list[Result]:
-    """Return the results of the process with the most units, in their order."""
-    by_worker: dict[int, list[Result]] = {}
-    for result in sorted((r for r in results if "rss_mb" in r), key=lambda r: r["started_s"]):
-        by_worker.setdefault(result["worker"], []).append(result)
-    return max(by_worker.values(), key=len, default=[])
 
 
 def _rate(results: Sequence[Result]) -> Rate:
@@ -361,16 +327,9 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     if isinstance(times, dict) and times.get("elapsed"):
         elapsed = times["elapsed"]
         yield "wall time of a unit", f"median {elapsed['median']:.1f} s, largest {elapsed['largest']:.1f} s"
-        parts = ("scene", "planning", "physics", "pictures")
+        parts = ("scene", "planning", "physics")
         means = [f"{part} {times[part]['mean']:.2f} s" for part in parts if times.get(part)]
         yield "of that, mean", ", ".join(means)
-    growth = data["memory"]
-    if isinstance(growth, dict):
-        yield (
-            "memory of a process",
-            f"{growth['at_the_end_mb']:.0f} MB after {growth['units_in_one_process']} units, "
-            f"{growth['growth_percent']:+.1f} % since its warm-up, peak {growth['peak_mb']:.0f} MB",
-        )
     overlap = data["penetration"]
     if isinstance(overlap, dict):
         between = " and ".join(overlap["deepest_pair"])

@@ -28,7 +28,6 @@ class BenchSetting:
     Attributes:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         evolve: Whether failing flows are revised.
-        views: Whether pictures of three cameras are rendered for every success.
         keep_sizes: Whether handled things keep their sizes.
         full_size: Whether the robot is of full size.
         baseline: Name of what acts in place of the executor, such as those of `benchmarks.baselines`.
@@ -37,7 +36,6 @@ class BenchSetting:
 
     flows: Flows = "planned"
     evolve: StrictBool = False
-    views: StrictBool = False
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
     baseline: Annotated[str, Field(pattern="^[a-z-]{1,40}$")] | None = None
@@ -57,7 +55,7 @@ class BenchSetting:
     @property
     def name(self) -> str:
         """Short name that is valid in file names."""
-        words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes, "full-size": self.full_size}
+        words = {"evolve": self.evolve, "own-sizes": self.keep_sizes, "full-size": self.full_size}
         words[self.robot] = bool(self.robot)
         own = [self.flows] if self.baseline is None else [self.baseline]
         return "-".join([*own, *(word for word, enabled in words.items() if enabled)])
@@ -70,7 +68,6 @@ class BenchSetting:
             own = self.baseline
         words = {
             "evo": self.evolve,
-            "pictures": self.views,
             "own sizes": self.keep_sizes,
             "full-size robot": self.full_size,
             self.robot: bool(self.robot),

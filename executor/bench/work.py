@@ -70,13 +70,11 @@ def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Roll
     return story.rollout, story
 
 
-Draw = Callable[[Rollout], dict[str, object]]
 Execute = Callable[[Unit, ScenePair, ObjectActionGraph], tuple[Rollout, Evolution | None]]
 
 
 def run_unit(
     unit: Unit,
-    draw: Draw | None = None,
     *,
     ready: tuple[ScenePair, ObjectActionGraph] | None = None,
     run: Execute = execute,
@@ -85,7 +83,6 @@ def run_unit(
 
     Args:
         unit: The unit.
-        draw: Called with every success; its result is kept as `pictures`.
         ready: Pair and graph, if they are not those of `prepare`.
         run: Executes the unit.
     """
@@ -111,9 +108,6 @@ def run_unit(
     result |= describe_rollout(done) | {"taken_twice": len(done.detours)}
     if story is not None:
         result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
-    if draw is not None and done.succeeded:
-        result["pictures"] = draw(done)
-        watch.lap("pictures")
     planning_s, physics_s = done.planning_wall_s, done.simulation_wall_s
     watch.spent_s |= {"planning": planning_s, "physics": physics_s}
     del done, story

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bddl.terminal import pluralize
 from executor.cli.errors import DONE, check
@@ -99,26 +99,12 @@ def claim_wait_s() -> float:
     return CLAIM_WAIT_S if os.environ.get(RESTARTS) else 0.0
 
 
-def typed_words(command: str, options: Any, positional: str, without: Collection[str] = NOT_OF_A_PART) -> list[str]:
-    """Return the words of a command line that gives these options.
+def typed_words(command: str, options: EngineOptions, positional: str) -> list[str]:
+    """Return the words of the command line of a part of an array job, without those that Slurm gives."""
+    from executor.cli.execution import option_words
 
-    Args:
-        command: The sub-command.
-        options: Its options.
-        positional: Name of the field that is typed without a name.
-        without: Names of fields to leave out.
-    """
-    words = [sys.executable, "-m", "executor", *command.split(), *map(str, getattr(options, positional))]
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if field.name in (*without, positional) or value == field.default:
-            continue
-        name = field.name.replace("_", "-")
-        if isinstance(value, bool):
-            words.append(f"--no-{name}" if field.default is True else f"--{name}")
-        else:
-            words += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
-    return words
+    words = [sys.executable, "-m", "executor", *command.split()]
+    return [*words, *option_words(options, positional, NOT_OF_A_PART)]
 
 
 def write_array(options: EngineOptions, words: list[str], units: int, out: Path, workers: int) -> int:

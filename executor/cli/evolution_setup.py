@@ -274,26 +274,6 @@ def _by_module(given: Sequence[str]) -> dict[int, str]:
     return found
 
 
-def sampling_arguments(options: ModelOptions) -> dict[str, object]:
-    """Return the options, by name, of single modules' models and of sampling, for a command line."""
-    return {"models": list(options.models), "temperature": options.temperature, "model_seed": options.model_seed}
-
-
-def judge_arguments(options: JudgeOptions) -> dict[str, object]:
-    """Return the options, by name, that choose these judges on a command line; budgets are left out."""
-    if options.model is None:
-        return {}
-    return {
-        "model": options.model,
-        **sampling_arguments(options),
-        "views": options.views,
-        "look_back": options.look_back,
-        "no_measurements": not options.measurements,
-        "most_pictures": options.most_pictures,
-        "inspect": options.inspect,
-    }
-
-
 def parse_views(text: str) -> tuple[str, ...]:
     """Parse the cameras that an option names, in the order of `VIEWS`; "none" names none."""
     words = [word.strip().lower() for word in text.split(",") if word.strip()]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import shlex
 import textwrap
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Collection, Iterator
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import get_args, get_type_hints
 
+import tyro
 from rich.markup import escape
 from rich.status import Status
 
@@ -16,6 +18,7 @@ from bddl.terminal import pluralize
 from executor.campaign.engine import Shard
 from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene
+from executor.cli.options import CommonOptions
 from executor.cli.output import ERR, counting, print_json, say, tell, tell_warnings
 from executor.records import Event, Rollout, readable
 from executor.reports.run_folder import ResultsWriter, RunFolder
@@ -111,6 +114,42 @@ def command_line(command: str, *given: object, **options: object) -> str:
             words.append(f"--{name.replace('_', '-')}")
             words += [] if one is True else map(str, one) if isinstance(one, tuple) else [str(one)]
     return shlex.join(words)
+
+
+def typed_command(command: str, options: CommonOptions, positional: str, without: Collection[str] = ()) -> str:
+    """Return the command line that gives these options, such as the one that repeats a run.
+
+    Args:
+        command: The sub-command.
+        options: Its options.
+        positional: Name of the field that is typed without a name.
+        without: Names of fields to leave out, besides those that do not change the results.
+    """
+    return shlex.join(["scene2demo", *command.split(), *option_words(options, positional, {*_SAME_RESULTS, *without})])
+
+
+_SAME_RESULTS = ("json", "debug", "force", "resume", "max_tokens", "max_cost_usd", "max_time_s")
+
+
+def option_words(options: object, positional: str = "", without: Collection[str] = ()) -> Iterator[str]:
+    """Yield the words that give some options: the positional one, and by name all that are not at their defaults."""
+    if positional:
+        value = getattr(options, positional)
+        yield from map(str, value if isinstance(value, tuple) else (value,))
+    hints = get_type_hints(type(options), include_extras=True)
+    for field in fields(options):  # type: ignore[arg-type]
+        value = getattr(options, field.name)
+        if field.name in (*without, positional) or value == field.default:
+            continue
+        name = f"--{field.name.replace('_', '-')}"
+        if is_dataclass(value):
+            yield from option_words(value, without=without)
+        elif isinstance(value, bool):
+            yield f"--no-{name[2:]}" if field.default is True else name
+        elif tyro.conf.UseAppendAction in get_args(hints[field.name]):
+            yield from (word for one in value for word in (name, str(one)))
+        else:
+            yield from (name, *map(str, value if isinstance(value, tuple) else (value,)))
 
 
 class RolloutProgress:

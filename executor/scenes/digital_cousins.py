@@ -19,14 +19,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator
-from scipy.spatial.transform import Rotation
 
 import bddl
 from executor.assets.library import asset_for
@@ -44,11 +43,7 @@ from executor.scenes.models import (
     written_category,
 )
 from executor.scenes.placement import (
-    FLOOR_SPOT,
-    MOST_MOVED_M,
-    STANDS_M,
     Arrangement,
-    SupportSpot,
     UprightPose,
     robot_near,
 )
@@ -57,7 +52,7 @@ from oag import Scene, SceneError, SceneObject
 from oag.model.codec import load
 from oag.model.forms import Extent, OpenForm, numbers, unfit
 from oag.model.robots import DEFAULT_ROBOT
-from oag.model.scene import FLOOR, LARGEST_M, id_problem
+from oag.model.scene import LARGEST_M, id_problem
 from oag.model.symbols import Kind, kind_of
 
 _POSE_DIGITS = 1e-3  # Tolerance for rounding in a file.
@@ -73,7 +68,6 @@ class Cousin:
         extent_m: Sides of its box along its own axes, scale applied.
         T_world: (4, 4) pose in the world of its root frame, taken as the centre of its box.
         on_floor: Whether it stands on something; False for an object mounted on a wall only.
-        beneath: Id of its support by the scene graph, "floor", or None without such an entry.
     """
 
     id: str
@@ -81,7 +75,6 @@ class Cousin:
     extent_m: tuple[float, float, float]
     T_world: Array
     on_floor: bool
-    beneath: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +84,11 @@ class Reconstruction:
     Attributes:
         name: Of the scene.
         T_camera: (4, 4) pose of the camera in the world.
-        notes: Implausible entries of the scene graph, in sentences.
     """
 
     name: str
     T_camera: Array
     cousins: tuple[Cousin, ...]
-    notes: tuple[str, ...] = ()
 
     @property
     def camera_m(self) -> Array:
@@ -107,7 +98,7 @@ class Reconstruction:
 
 
 def read(path: Path) -> Reconstruction:
-    """Return a file's content; the scene graph is read from the file beside it that has the usual name.
+    """Return a file's content.
 
     Raises:
         SceneError: The file is malformed, with the place, or holds several scenes.
@@ -118,7 +109,6 @@ def read(path: Path) -> Reconstruction:
         raise document.fail((), f"holds the scenes {', '.join(document.data)}", hint)
     form = document.read(_Info)
     T_camera = form.cam_pose
-    beneath, notes = _known(_beneath(path), form.objects)
     cousins = tuple(
         Cousin(
             id=key,
@@ -126,39 +116,10 @@ def read(path: Path) -> Reconstruction:
             extent_m=one.bbox_extent,
             T_world=T_camera @ one.tf_from_cam,
             on_floor=one.mount is None or one.mount.floor is not False,
-            beneath=beneath.get(key),
         )
         for key, one in form.objects.items()
     )
-    return Reconstruction(path.stem.removesuffix("_info"), T_camera, cousins, notes)
-
-
-def _beneath(path: Path) -> dict[str, str]:
-    """Return each object's support by the scene graph; empty without a graph.
-
-    The file names the graph by its path on the machine that made it; here it is looked for beside the file.
-    """
-    graph = path.with_name(f"{path.stem.removesuffix('_info')}_graph.json")
-    if not graph.is_file():
-        return {}
-    entries = load(graph, SceneError).read(dict[str, _GraphEntry])
-    return {key: entry.objBeneath for key, entry in entries.items() if entry.objBeneath is not None}
-
-
-def _known(beneath: Mapping[str, str], objects: Collection[str]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the scene graph's entries about the file's objects, and notes on the rest."""
-    strangers = [key for key in beneath if key not in objects and key != FLOOR]
-    notes = [f"the scene graph places {key}, which is not in the file" for key in strangers]
-    known = {}
-    for key, below in beneath.items():
-        if key in strangers or key == FLOOR:
-            continue
-        if below == FLOOR or (below in objects and below != key):
-            known[key] = below
-            continue
-        why = "itself" if below == key else f"{below}, which is not in the file"
-        notes.append(f"the scene graph has {key} on {why}; its height tells what it stands on")
-    return known, tuple(notes)
+    return Reconstruction(path.stem.removesuffix("_info"), T_camera, cousins)
 
 
 def _camera(value: object) -> Array:
@@ -195,10 +156,6 @@ class _Thing(OpenForm):
 class _Info(OpenForm):
     cam_pose: Annotated[Any, BeforeValidator(_camera)]
     objects: dict[str, _Thing]
-
-
-class _GraphEntry(OpenForm):
-    objBeneath: str | None = None
 
 
 MOST_TILTED_RAD = math.radians(20.0)
@@ -248,10 +205,7 @@ def _yaw(R: Array) -> float:
     return math.atan2(-R[0, 1], R[1, 1])
 
 
-_MANY = 3  # Number of things leaning one way that indicates a tilted camera.
 _LEAN_DEG = 3.0  # Reconstructions are not exact.
-_ONE_WAY = 0.05
-_UPRIGHT = 0.99
 
 _NO_NAME = re.compile(r"[^A-Za-z0-9_.-]+")
 
@@ -276,9 +230,8 @@ class _Draft:
 def from_cousins(path: str | Path) -> SceneWithNotes:
     """Return the scene of a `scene_k_info.json`, with the most similar models of the library.
 
-    Category and size choose the model; the size stays, except for models of fixed proportions. The scene graph
-    (`scene_k_graph.json` beside the file) gives the supports, or positions do without it. The robot starts on the free
-    floor nearest to the camera.
+    Category and size choose the model; the size stays, except for models of fixed proportions. Positions tell what
+    stands on what. The robot starts on the free floor nearest to the camera.
 
     Raises:
         SceneError: The file is malformed, or some of its objects cannot be converted; the message lists them all.
@@ -287,12 +240,11 @@ def from_cousins(path: str | Path) -> SceneWithNotes:
     drafts, notes, problems = _drafts(found)
     room = Arrangement()
     if not problems:
-        problems = _arrange(room, drafts, found)
+        problems = _arrange(room, drafts.values())
     if problems:
         listed = "".join(f"\n  - {problem}" for problem in problems)
         count = f"{len(problems)} of {len(found.cousins)} objects cannot be taken over"
-        hint = _camera_hint(found)
-        raise SceneError(f"{count}{hint}; without them in its `objects` it can be read:{listed}", source=str(path))
+        raise SceneError(f"{count}; without them in its `objects` it can be read:{listed}", source=str(path))
     try:
         robot = robot_near(room.objects, (float(found.camera_m[0]), float(found.camera_m[1])))
     except NoRoom as problem:
@@ -301,7 +253,7 @@ def from_cousins(path: str | Path) -> SceneWithNotes:
     facts += [bddl.Not(bddl.Atom("open", (key,))) for key, obj in room.objects.items() if obj.kind is Kind.ARTICULATED]
     in_order = {draft.obj.id: room.objects[draft.obj.id] for draft in drafts.values()}
     scene = Scene(found.name, robot, in_order, tuple(facts), CLOSED).with_robot(DEFAULT_ROBOT.name)
-    return SceneWithNotes(scene, (*found.notes, *notes, *room.notes))
+    return SceneWithNotes(scene, (*notes, *room.notes))
 
 
 def _drafts(found: Reconstruction) -> tuple[dict[str, _Draft], list[str], list[str]]:
@@ -331,36 +283,9 @@ def _drafts(found: Reconstruction) -> tuple[dict[str, _Draft], list[str], list[s
             notes.append(f"{cousin.id!r} is called {draft.obj.id} here: ids have letters, digits, '_', '.' and '-'")
         if draft.at.turned:
             notes.append(f"{cousin.id} has its front at -y, where the camera was")
-    return drafts, [*notes, *_leans(drafts.values())], problems
-
-
-def _leans(drafts: Collection[_Draft]) -> Iterator[str]:
-    """Yield former leans of objects that were set upright: one sentence if all leaned one way."""
-    leans = np.array([draft.at.lean for draft in drafts]).reshape(-1, 2)
-    middle = leans.mean(axis=0) if len(leans) else np.zeros(2)
-    tilt_deg = math.degrees(math.asin(min(1.0, float(np.linalg.norm(middle)))))
-    if len(leans) >= _MANY and tilt_deg > _LEAN_DEG and np.linalg.norm(leans - middle, axis=1).max() < _ONE_WAY:
-        axis = int(np.argmax(np.abs(middle)))
-        towards = f"{'+' if middle[axis] > 0.0 else '-'}{'xy'[axis]}"
-        message = f"everything leans by {tilt_deg:.0f} degrees towards {towards}"
-        yield f"{message}: it was set upright; the camera's pose in the file may be tilted"
-        return
-    for draft in drafts:
         if draft.at.lean_deg > _LEAN_DEG:
-            yield f"{draft.obj.id} leans by {draft.at.lean_deg:.0f} degrees: it was set upright"
-
-
-def _camera_hint(found: Reconstruction) -> str:
-    """Return a hint if reading the camera's quaternion as w x y z would make everything upright."""
-    R_camera = found.T_camera[:3, :3]
-    w, x, y, z = Rotation.from_matrix(R_camera).as_quat()
-    R_swapped = Rotation.from_quat([x, y, z, w]).as_matrix()
-    # How upright each one's own z axis is.
-    now = [cousin.T_world[2, 2] for cousin in found.cousins]
-    then = [(R_swapped @ R_camera.T @ cousin.T_world[:3, :3])[2, 2] for cousin in found.cousins]
-    if len(now) < _MANY or min(then) < _UPRIGHT or max(now) > _UPRIGHT:
-        return ""
-    return " (cam_pose[1] looks like w x y z: everything would be upright then; expected x y z w)"
+            notes.append(f"{draft.obj.id} leans by {draft.at.lean_deg:.0f} degrees: it was set upright")
+    return drafts, notes, problems
 
 
 def _draft(cousin: Cousin, found: Reconstruction) -> _Draft:
@@ -382,60 +307,15 @@ def _draft(cousin: Cousin, found: Reconstruction) -> _Draft:
     return _Draft(cousin, obj, at)
 
 
-def _arrange(room: Arrangement, drafts: Mapping[str, _Draft], found: Reconstruction) -> list[str]:
-    """Place everything, supports and lower objects first, and return the problems."""
-    beneath = {cousin.id: cousin.beneath for cousin in found.cousins}
-    support_of = {key: _stated_support(key, drafts, beneath) for key in drafts}
-    waiting = sorted(drafts, key=lambda key: drafts[key].at.bottom_m)
+def _arrange(room: Arrangement, drafts: Collection[_Draft]) -> list[str]:
+    """Place everything, lower objects first, and return the problems."""
     problems: list[str] = []
-    there: set[str | None] = {None, FLOOR}
-    while (key := next((key for key in waiting if support_of[key] in there), None)) is not None:
-        waiting.remove(key)
-        draft = drafts[key]
+    for draft in sorted(drafts, key=lambda draft: draft.at.bottom_m):
         try:
             if draft.cousin.on_floor:
-                room.place(draft.obj, draft.at, _spot(room, draft, support_of[key], drafts))
+                room.place(draft.obj, draft.at, room.spot_below(draft.obj, draft.at))
             else:
                 room.put(draft.obj, draft.at, draft.at.centre_m[2] - draft.obj.extent_m[2] / 2)
-            there.add(key)
         except NoRoom as problem:
             problems.append(str(problem))
-    return [*problems, *(f"{key}: stands on what stands on it, or on what has no place" for key in waiting)]
-
-
-def _stated_support(key: str, drafts: Mapping[str, _Draft], beneath: Mapping[str, str | None]) -> str | None:
-    """Return a thing's support by the scene graph: an id of the file or "floor"; None if its height has to decide."""
-    if not drafts[key].cousin.on_floor:
-        return None
-    passed = {key}
-    below = beneath.get(key)
-    # Flat things were left out; their loads stand on the support below.
-    while below is not None and below not in drafts and below != FLOOR:
-        if below in passed:
-            return None
-        passed.add(below)
-        below = beneath.get(below)
-    return below
-
-
-def _spot(room: Arrangement, draft: _Draft, stated: str | None, drafts: Mapping[str, _Draft]) -> SupportSpot:
-    """Return the place of a thing: by the scene graph, unless the thing is far from that.
-
-    Raises:
-        NoRoom: There is nothing.
-    """
-    if stated is None:
-        return room.spot_below(draft.obj, draft.at)
-    if stated == FLOOR:
-        spot, most_m = FLOOR_SPOT, STANDS_M
-    else:
-        spot, most_m = room.spot_on(draft.obj, draft.at, drafts[stated].obj.id), MOST_MOVED_M
-    away_m = draft.at.bottom_m - spot.height_m
-    if abs(away_m) <= most_m:
-        return spot
-    by_height = room.spot_below(draft.obj, draft.at)
-    if by_height != spot:
-        side = "above" if away_m > 0.0 else "below"
-        message = f"the scene graph has {draft.obj.id} on {spot.name}, and it is {100 * abs(away_m):.0f} cm {side} that"
-        room.notes.append(f"{message}; by its height it is on {by_height.name}")
-    return by_height
+    return problems

@@ -449,13 +449,6 @@ class Arrangement:
             how = "lifted" if raised_m > 0.0 else "let down"
             self.notes.append(f"{obj.id} was {how} by {100 * abs(raised_m):.0f} cm onto {spot.name}")
 
-    def spot_on(self, obj: SceneObject, at: UprightPose, support: str) -> SupportSpot:
-        """Return the top or board of another thing that is nearest to a thing's height."""
-        spots = list(self._spots(obj, at, support))
-        if not spots:
-            raise NoRoom(obj.id, f"stands on {support}, which has no open place for it")
-        return min(spots, key=lambda spot: abs(spot.height_m - at.bottom_m))
-
     def spot_below(self, obj: SceneObject, at: UprightPose) -> SupportSpot:
         """Return a thing's support by its position: the nearest top, board, hollow or floor under its extent.
 

@@ -26,7 +26,6 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),
         "vision": ("transformers", "torch", "safetensors"),
-        "testing": ("hypothesis",),
         "rerun": ("rerun-sdk",),
         "ray": ("ray",),
     }

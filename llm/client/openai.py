@@ -23,7 +23,6 @@ from llm.client.completion import Unanswered, error_message, read_answer
 from llm.client.profiles import ModelProfile
 from llm.client.transport import BOUNDS, ChatReply, ChatRequest, Image, Message, Part
 from llm.errors import (
-    ModelCancelled,
     ModelConfigError,
     ModelRefused,
     ModelTimeout,
@@ -124,9 +123,6 @@ LONGEST_MESSAGE = 300
 _LONGEST_PAUSE_S = 120.0
 # Keys of local servers are words such as "none", which would be redacted in ordinary texts.
 _SHORTEST_SECRET = 8
-# Polling interval: another thread may set the caller's event without waking the waiting one.
-_LOOKS_S = 0.05
-_CANCELLED = Unanswered(ModelCancelled, "the request was cancelled")
 
 
 class OpenAITransport:
@@ -141,7 +137,6 @@ class OpenAITransport:
         profile: ModelProfile,
         *,
         retries: int = RETRIES,
-        cancel: Event | None = None,
         longest_answer_bytes: int = LONGEST_ANSWER_BYTES,
     ) -> None:
         """Read key and address from the environment; nothing is sent yet.
@@ -149,7 +144,6 @@ class OpenAITransport:
         Args:
             profile: From `llm.client.profiles.find_profile`.
             retries: How often a request with a transient failure is sent again.
-            cancel: Setting it ends a running request and all later ones.
             longest_answer_bytes: Limit at which reading an answer stops.
 
         Raises:
@@ -160,7 +154,6 @@ class OpenAITransport:
         self.longest_answer_bytes = longest_answer_bytes
         self.address = profile.address()
         self.library = _library(profile.name)
-        self._cancel = cancel
         self._key = profile.key()
         self._secret = self._key if self._key is not None and len(self._key) >= _SHORTEST_SECRET else None
 
@@ -180,7 +173,6 @@ class OpenAITransport:
             ModelTimeout: No whole reply in time; the request is not sent again.
             ModelRefused: Another 4xx.
             BadReply: An answer that is no chat completion; ReplyTooLong if it exceeds the limit.
-            ModelCancelled: The event was set.
         """
         exchange = _Exchange(self, chat_body(request, self.profile))
         # Without a limit of its own a request ends with its last attempt; this limit is for servers that drip headers.
@@ -206,8 +198,6 @@ class OpenAITransport:
 
     def _outcome(self, exchange: _Exchange, timeout_s: float) -> ChatReply | Unanswered:
         """Return the outcome of a request; a failure is a value, so that no exception of the library escapes."""
-        if self._cancel is not None and self._cancel.is_set():
-            return _CANCELLED
         try:
             exchange.connect(self._key)
         except Exception as error:
@@ -215,7 +205,7 @@ class OpenAITransport:
             problem = f"no connection can be set up: {error}"
             return Unanswered(ModelConfigError, problem, "Check HTTP_PROXY and HTTPS_PROXY")
         try:
-            return _awaited(exchange.run, timeout_s, self._cancel)
+            return _awaited(exchange.run, timeout_s)
         finally:
             exchange.close()
 
@@ -378,10 +368,8 @@ class _Exchange:
         return Unanswered(ModelUnavailable, f"the request failed: {type(error).__name__}: {error}")
 
 
-def _awaited(
-    work: Callable[[], ChatReply | Unanswered], timeout_s: float, cancel: Event | None
-) -> ChatReply | Unanswered:
-    """Run `work` in its own thread; return its outcome unless the deadline or the caller comes first.
+def _awaited(work: Callable[[], ChatReply | Unanswered], timeout_s: float) -> ChatReply | Unanswered:
+    """Run `work` in its own thread; return its outcome unless the deadline comes first.
 
     A server that sends one byte now and then defeats every socket timeout; only a deadline over the whole works. The
     thread is a daemon: work that hangs keeps no program alive.
@@ -394,14 +382,8 @@ def _awaited(
         finally:
             done.set()
 
-    deadline = time.monotonic() + timeout_s
     Thread(target=run, name="model-request", daemon=True).start()
-    while not done.wait(min(max(deadline - time.monotonic(), 0.0), _LOOKS_S)):
-        if cancel is not None and cancel.is_set():
-            return _CANCELLED
-        if time.monotonic() >= deadline:
-            return _late(timeout_s)
-    return outcome[0]
+    return outcome[0] if done.wait(timeout_s) else _late(timeout_s)
 
 
 def _late(timeout_s: float) -> Unanswered:

@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from threading import Event, Lock
+from threading import Lock
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -134,7 +134,7 @@ _ROOM_BYTES = 256_000
 _ANOTHER_RUN = "It is another run's: type that run's command, or start over with --force, which keeps the file aside"
 
 
-# Failures that belong to a run and recur in its replay; a cancelled request belongs to its caller.
+# Failures that belong to a run and recur in its replay.
 FAILURES: Mapping[str, type[ModelError]] = {
     kind.__name__: kind for kind in (ModelUnavailable, ModelTimeout, ModelRefused, BadReply, ReplyTooLong)
 }
@@ -517,7 +517,6 @@ def connect(
     record: Path | None = None,
     resume: bool = False,
     same_start: bool = True,
-    cancel: Event | None = None,
     models: Mapping[int, str] = MappingProxyType({}),
     temperature: float | None = None,
     seed: int | None = None,
@@ -533,7 +532,6 @@ def connect(
         record: A new file into which every exchange is written.
         resume: Continue the file of a run that ended early: its replies are returned first, and not asked again.
         same_start: With `resume`, refuse to ask if the run's first request is not in the file.
-        cancel: Setting it ends a running request and all later ones.
         models: Module, 1 to 5, or judge -> configuration of its own model.
         temperature, seed: Sampling of every request; None leaves it to the server. A replay needs the same values.
 
@@ -556,9 +554,9 @@ def connect(
         transport = replay = Replay(file)
         warnings = replay.warnings
         if profile is not None:
-            transport = Continued(replay, _live(profile, profiles, cancel))
+            transport = Continued(replay, _live(profile, profiles))
     else:
-        transport = _live(profile or find_profile(model), profiles, cancel)
+        transport = _live(profile or find_profile(model), profiles)
     if record is not None:
         transport = recorder = Recorder(transport, record, resume=resume, same_start=same_start)
         warnings = (*warnings, *recorder.notes)
@@ -577,8 +575,8 @@ def connect(
     )
 
 
-def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile], cancel: Event | None) -> Transport:
+def _live(profile: ModelProfile, profiles: Mapping[int, ModelProfile]) -> Transport:
     """Return a transport to a model, and to those of some modules."""
-    others = {module: OpenAITransport(served(one), cancel=cancel) for module, one in profiles.items()}
-    transport = OpenAITransport(served(profile), cancel=cancel)
+    others = {module: OpenAITransport(served(one)) for module, one in profiles.items()}
+    transport = OpenAITransport(served(profile))
     return Routed(transport, others) if others else transport

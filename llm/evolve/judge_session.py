@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from llm.client.transport import Part, Transport
-from llm.errors import CassetteError, ModelCancelled, ModelConfigError, ModelError
+from llm.errors import CassetteError, ModelConfigError, ModelError
 from llm.structured.ask import Log, ask
 from llm.structured.conversation import (
     REPLY_LIMIT,
@@ -63,7 +63,7 @@ class JudgeSession:
         """Return an answer in which `check` finds nothing wrong, or in a sentence or two why there is none.
 
         Raises:
-            ModelConfigError, CassetteError, ModelCancelled: Failures that only the caller can fix, or requested.
+            ModelConfigError, CassetteError: Failures that only the caller can fix.
         """
         if self.stopped:
             return self.stopped
@@ -76,7 +76,7 @@ class JudgeSession:
             cut_off = any(found.code == "answer/cut-off" for found in refusal.findings)
             advice = f". {REPLY_LIMIT}" if cut_off else ""
             return f"no answer held in {self.rounds} rounds; the last one: {last}{advice}"
-        except (ModelConfigError, CassetteError, ModelCancelled):
+        except (ModelConfigError, CassetteError):
             raise
         except ModelError as error:
             # Without the usage, so that a replay gives the same record.

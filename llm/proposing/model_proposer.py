@@ -380,7 +380,7 @@ class ModelProposer:
             SceneError: The scene's facts contradict each other; the model is not asked.
             QueryError: The query is empty or too long, or the model states that it cannot be executed here.
             AnswersRefused: The rounds are used up; the exception has the whole conversation.
-            ModelError: The model did not reply, the budget is spent, or the caller cancelled.
+            ModelError: The model did not reply, or the budget is spent.
         """
         if not query.strip():
             raise QueryError("empty", query, "it asks for nothing")

@@ -284,8 +284,7 @@ def ask(
     """Ask until an answer has the schema's form and `check` finds nothing wrong in it.
 
     Args:
-        transport: Transport to the model; it also keeps the budget, and raises when it is spent or the caller
-            cancels.
+        transport: Transport to the model; it also keeps the budget, and raises when it is spent.
         prompt: The question.
         schema: The answer's form.
         check: Returns the findings about an answer of that form: errors refuse it, warnings are asked about once.
@@ -296,7 +295,7 @@ def ask(
 
     Raises:
         AnswersRefused: No answer was valid; the exception has the whole conversation.
-        ModelError: The model did not reply, the budget is spent, or the caller cancelled.
+        ModelError: The model did not reply, or the budget is spent.
     """
     wire = wire_schema(schema, ids, entries)
     refused, doubts, before, repeats = objection, set[tuple[str, ...]](), list[str](), 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
-from threading import Event
 from typing import Any
 
 import pytest
@@ -34,7 +33,6 @@ def transport_to(
     monkeypatch: pytest.MonkeyPatch,
     *,
     retries: int = 2,
-    cancel: Event | None = None,
     longest_answer_bytes: int = 100_000,
     **changes: Any,
 ) -> OpenAITransport:
@@ -42,7 +40,7 @@ def transport_to(
     monkeypatch.setenv(KEY_VARIABLE, KEY)
     hurry(monkeypatch)
     profile = profile_of(server, **changes)
-    return OpenAITransport(profile, retries=retries, cancel=cancel, longest_answer_bytes=longest_answer_bytes)
+    return OpenAITransport(profile, retries=retries, longest_answer_bytes=longest_answer_bytes)
 
 
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,8 +56,6 @@ class Options(EngineOptions):
     """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
     evolve: Flag = False
     """Revise the flows that fail."""
-    views: Flag = False
-    """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
     robot: RobotName = None
@@ -86,7 +84,7 @@ def execute(options: Options) -> int:
     folder = BenchFolder(options.out)
     version = outcome_version()
     setting = BenchSetting(
-        options.flows, options.evolve, options.views, options.keep_sizes, options.full_size, robot=options.robot or ""
+        options.flows, options.evolve, options.keep_sizes, options.full_size, robot=options.robot or ""
     )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
@@ -98,7 +96,7 @@ def execute(options: Options) -> int:
     if options.slurm is not None:
         count = sum(1 for _ in pending(folder, units, again=options.again))
         return write_array(options, typed_words("bench", options, "families"), count, folder.path, options.workers)
-    engine, interrupted = engine_of(options, outcome_version, renders=options.views), False
+    engine, interrupted = engine_of(options, outcome_version, renders=False), False
     with claimed(folder, units, shard, claim_wait_s(), again=options.again) as jobs:
         left, narrow = {unit.id(version) for unit, _ in jobs}, _Narrow(folder, asked, options.until)
         try:
@@ -233,7 +231,6 @@ def _checked(options: Options) -> Shard:
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
     given = {
         "--evolve": options.evolve,
-        "--views": options.views,
         "--keep-sizes": options.keep_sizes,
         "--full-size": options.full_size,
         "--robot": options.robot,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -207,21 +207,12 @@ def _write(
     spending: Spending | None,
     stopped: str,
 ) -> None:
-    from executor.cli.evolution_setup import judge_arguments
-    from executor.cli.execution import command_line
+    from executor.cli.execution import typed_command
     from executor.rollouts.run_record import RunRecord
     from executor.system.extras import MissingExtra
 
-    command = command_line(
-        "evolve",
-        options.task,
-        scene=options.scene,
-        seed=evolution.rollout.seed,
-        limit=options.limit,
-        keep_sizes=options.keep_sizes,
-        fault=list(options.fault),
-        **judge_arguments(options.judged),
-    )
+    of_it = replace(options, seed=evolution.rollout.seed)
+    command = typed_command("evolve", of_it, "task", ("episodes", "out", "pictures"))
     with folder.filling():
         record = RunRecord(graph, graph.verify(), command=command, spending=spending, stopped=stopped)
         record = folder.write_evolution(record, evolution)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -238,14 +238,13 @@ class _Keeper:
 
     def keep(self, done: Rollout, interrupted: bool) -> None:
         """Write one episode's files."""
-        from executor.cli.execution import command_line
+        from executor.cli.execution import typed_command
         from executor.rollouts.run_record import RunRecord
 
         folder, options = self._folders.get(done.seed), self._options
         if folder is None:
             return
-        given = {"open_numbers": options.open_numbers, "keep_sizes": options.keep_sizes, "out": options.out}
-        command = command_line("rollout", options.task, scene=options.scene, seed=done.seed, **given)
+        command = typed_command("rollout", replace(options, seed=done.seed), "task", ("episodes", "workers"))
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
         with folder.filling():
             ran = folder.write_rollout(record)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -188,33 +188,10 @@ def _repair_scene(options: Options, scene: Scene, sizing: Sizing) -> Judged | No
 
 
 def _command(options: Options) -> str:
-    """Return the command line that repeats a run."""
-    from executor.cli.evolution_setup import sampling_arguments
-    from executor.cli.execution import command_line
+    """Return the command line that repeats a run; the scene of a photograph is made again."""
+    from executor.cli.execution import typed_command
 
-    return command_line(
-        "run",
-        options.query,
-        scene=options.scene if options.photo is None else None,
-        photo=options.photo,
-        **({} if options.photo is None else asdict(options.photo_inputs)),
-        seed=options.seed,
-        out=options.out,
-        model=options.asked.model,
-        **sampling_arguments(options.asked),
-        image=[] if options.asked.model is None else list(options.image),
-        keep_sizes=options.keep_sizes,
-        full_size=options.full_size,
-        robot=options.robot,
-        repair=options.repair,
-        anyway=options.anyway,
-        evolve=options.evolve,
-        limit=options.limit if options.evolve else None,
-        no_video=not options.video,
-        size=None if options.size == Options.size else options.size,
-        plain=options.plain,
-        record_hz=None if options.record_hz == Options.record_hz else f"{options.record_hz:g}",
-    )
+    return typed_command("run", options, "query", () if options.photo is None else ("scene",))
 
 
 def _prove_and_execute(

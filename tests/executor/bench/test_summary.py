@@ -17,7 +17,6 @@ from executor.bench.tables import (
     busy_s,
     detail_rows,
     main_rows,
-    memory_growth,
     subtask_score,
 )
 from executor.bench.units import BenchSetting, Series
@@ -138,7 +137,7 @@ def test_a_process_that_died_failed_its_first_subtask() -> None:
 def test_nothing_run_yet() -> None:
     cell = Cell(SERIES, [])
     assert cell.all.percent is None and cell.all.interval_percent is None and cell.demos_per_hour is None
-    assert subtask_score([]) is None and memory_growth([]) is None
+    assert subtask_score([]) is None
     assert cell.to_json()["finished"] == 0
 
 
@@ -159,12 +158,3 @@ def test_throughput_counts_successes_over_busy_time() -> None:
         unit(1, 4, started_s=100, elapsed_s=10),
     ]
     assert Cell(SERIES, results).demos_per_hour == pytest.approx(2 * 3600 / 20)
-
-
-def test_memory_is_that_of_the_process_that_ran_most() -> None:
-    used = [300.0 + 0.1 * k for k in range(200)]
-    results = [{"worker": 1, "rss_mb": mb, "peak_rss_mb": mb + 1, "started_s": float(k)} for k, mb in enumerate(used)]
-    results += [{"worker": 2, "rss_mb": 900.0, "peak_rss_mb": 900.0, "started_s": 0.0}]
-    growth = memory_growth(results)
-    assert growth is not None and growth["units_in_one_process"] == 200
-    assert growth["growth_percent"] == pytest.approx(100 * (used[-1] / used[10] - 1))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from executor.cli import app
-from executor.cli.evolution_setup import judge_arguments
-from executor.cli.execution import command_line
+from executor.cli.commands.evolve import Options
+from executor.cli.execution import typed_command
 from executor.cli.options import JudgeOptions
 from executor.scenes import library
 from executor.system import vulkan
@@ -219,9 +220,11 @@ def test_options_that_make_no_sense_are_misuse(
 
 
 def test_the_command_that_repeats_a_run_names_its_judges() -> None:
-    assert command_line("evolve", **judge_arguments(JudgeOptions())) == "scene2demo evolve"
-    told = judge_arguments(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False))
-    assert command_line("evolve", fault=["pose:a b", "grip:force_n=2"], **told) == (
-        "scene2demo evolve --fault 'pose:a b' --fault grip:force_n=2 "
-        "--model openai:gpt-5.2 --views head --look-back 1 --no-measurements"
+    plain = Options(Path("t.json"), "s.json")
+    assert typed_command("evolve", plain, "task") == "scene2demo evolve t.json --scene s.json"
+    asked = JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False, max_tokens=9)
+    told = replace(plain, fault=("pose:a b", "grip:force_n=2"), judged=asked, json=True)
+    assert typed_command("evolve", told, "task") == (
+        "scene2demo evolve t.json --scene s.json --fault 'pose:a b' --fault grip:force_n=2 "
+        "--model openai:gpt-5.2 --views head --no-measurements"
     )

@@ -58,8 +58,8 @@ def kitchen() -> dict[str, Thing]:
     }
 
 
-def write(folder: Path, objects: Mapping[str, Thing], beneath: Mapping[str, str] | None = None) -> Path:
-    """Write `scene_0_info.json`, and the scene graph beside it where there is one; returns the first one's path."""
+def write(folder: Path, objects: Mapping[str, Thing]) -> Path:
+    """Write `scene_0_info.json`, and return its path."""
     T = camera()
     info = {
         "resolution": [720, 1280],
@@ -67,10 +67,6 @@ def write(folder: Path, objects: Mapping[str, Thing], beneath: Mapping[str, str]
         "cam_pose": [list(CAMERA_M), Rotation.from_matrix(T[:3, :3]).as_quat().tolist()],
         "objects": objects,
     }
-    if beneath is not None:
-        graph = {"floor": {"objOnTop": [], "objBeneath": None, "mount": {"floor": True, "wall": False}}}
-        graph |= {key: {"objOnTop": [], "objBeneath": below, "mount": None} for key, below in beneath.items()}
-        (folder / "scene_0_graph.json").write_text(json.dumps(graph))
     path = folder / "scene_0_info.json"
     path.write_text(json.dumps(info, indent=4))
     return path

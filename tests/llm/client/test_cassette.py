@@ -29,7 +29,6 @@ from llm.client.transport import ChatReply, ChatRequest, Image, Message
 from llm.errors import (
     BadReply,
     CassetteError,
-    ModelCancelled,
     ModelError,
     ModelTimeout,
     ModelUnavailable,
@@ -84,13 +83,6 @@ def test_the_file_is_one_readable_exchange_a_line(tmp_path: Path) -> None:
     assert lines[0]["reply"]["latency_s"] == 0.25
     assert (lines[0]["reply"]["input_tokens"], lines[0]["reply"]["output_tokens"]) == (10, 5)
     assert "kitchen" not in str(lines[0]["request"]["messages"][0]["parts"][1])
-
-
-def test_a_cancelled_request_is_no_part_of_the_run(tmp_path: Path) -> None:
-    file = tmp_path / "run.jsonl"
-    with pytest.raises(ModelCancelled):
-        Recorder(Scripted(ModelCancelled("m", "the request was cancelled")), file).complete(ASK)
-    assert file.read_bytes() == b""
 
 
 def recorded(file: Path, *texts: str) -> Path:

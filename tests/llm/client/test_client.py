@@ -21,7 +21,6 @@ from llm.client.profiles import find_profile, listed, tables
 from llm.client.transport import ChatRequest, Image, Message
 from llm.errors import (
     BadReply,
-    ModelCancelled,
     ModelConfigError,
     ModelError,
     ModelRefused,
@@ -342,33 +341,6 @@ def test_a_proxy_that_cannot_be_used_is_said(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("HTTP_PROXY", "nonsense://proxy:1")
     with ModelServer() as server, pytest.raises(ModelConfigError, match="Check HTTP_PROXY and HTTPS_PROXY"):
         transport_to(server, monkeypatch).complete(ASK)
-
-
-def test_an_event_cancels_a_request_under_way_and_all_later_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    cancel = threading.Event()
-
-    def answer(_: object) -> Act:
-        cancel.set()
-        return Act(wait_s=20)
-
-    with ModelServer(decide=answer) as server:
-        transport = transport_to(server, monkeypatch, cancel=cancel)
-        for _ in range(2):
-            with pytest.raises(ModelCancelled):
-                transport.complete(ASK)
-    assert len(server.seen) == 1
-
-
-def test_an_event_cancels_the_wait_between_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
-    cancel = threading.Event()
-
-    def answer(_: object) -> Act:
-        threading.Timer(0.2, cancel.set).start()
-        return fails(503, retry_after="25")
-
-    with ModelServer(decide=answer) as server, pytest.raises(ModelCancelled):
-        transport_to(server, monkeypatch, cancel=cancel).complete(ASK)
-    assert len(server.seen) == 1
 
 
 def test_ctrl_c_ends_a_request_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,8 @@ import llm
 import oag
 from llm.client.budget import Budget
 from llm.client.recording import Recorder, connect
-from llm.client.transport import ChatReply, ChatRequest, Image
-from llm.errors import BudgetSpent, ModelCancelled
+from llm.client.transport import Image
+from llm.errors import BudgetSpent
 from llm.proposing.model_proposer import ModelProposer
 from tests.json_edits import altered
 from tests.llm.kitchens import noted
@@ -284,18 +284,6 @@ def test_the_budget_of_a_proposal_is_kept() -> None:
     assert len(script.asked) == 3
     assert asked.conversation is not None
     assert len(asked.conversation.rounds) == 3
-
-
-def test_cancelling_ends_at_once_and_keeps_the_record() -> None:
-    class Cancelled:
-        def complete(self, request: ChatRequest) -> ChatReply:
-            raise ModelCancelled("script", "the caller cancelled")
-
-    asked = proposer(Cancelled())
-    with pytest.raises(ModelCancelled):
-        asked.propose(QUERIES["T1"], SCENE)
-    assert asked.conversation is not None
-    assert asked.conversation.rounds == ()
 
 
 def test_the_conversation_is_json_and_tells_the_story() -> None:
