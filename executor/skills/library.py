@@ -167,7 +167,7 @@ def skill_of(primitive: Primitive) -> Runner:
     own = own_of(primitive)
     runner = LIBRARY[primitive] if own is None else _ADDED.get(own.row.name)
     if runner is None:
-        hint = "executor.add_skill gives it one; without, its plans are verified and not run"
+        hint = "executor.add_skill gives it one"
         raise MissingSkill(f"the robot has no skill for {primitive.name.split()[0]}; {hint}")
     return runner
 
