@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from executor.cli.errors import BadOption, check
 from executor.cli.output import tell_notes
 from executor.scenes.file import load_with_notes
 from oag import Scene, Task, TaskError
-from oag.model.codec import load, shown
-from oag.model.domain import BUILT_IN, Domain, DomainError
+from oag.model.codec import load
+from oag.model.domain import BUILT_IN, Domain
 from oag.model.robots import FULL_SIZE, chosen_robot
 
 
@@ -23,15 +22,8 @@ def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
 
 
 def domain_in(path: Path | None) -> Domain:
-    """Return the domain of a TOML or JSON file; raises DomainError for what is not as documented."""
-    if path is None:
-        return BUILT_IN
-    if path.suffix != ".json":
-        return Domain.from_toml(path)
-    data = load(path, DomainError).data
-    if not isinstance(data, Mapping):
-        raise DomainError(f"expected an object, got {shown(data)}", source=str(path))
-    return Domain.from_json(data, str(path))
+    """Return the domain of a TOML file; raises DomainError for what is not as documented."""
+    return BUILT_IN if path is None else Domain.from_toml(path)
 
 
 def task_and_scene(task_path: Path, scene: str | None, domain: Domain = BUILT_IN) -> tuple[Task, Scene]:
